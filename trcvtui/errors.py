@@ -1,0 +1,45 @@
+"""What the user can mend: a mistake in a file or an argument, and where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+MOST_SHOWN = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One mistake: where it stands, what was found there, what was expected."""
+
+    where: str
+    found: str
+    expected: str
+
+    def __str__(self) -> str:
+        """Return the one line that the user reads."""
+        return one_line(f"{self.where}: found {self.found}, expected {self.expected}")
+
+
+class UserError(Exception):
+    """A mistake the user can mend; carries one or more problems, never a traceback."""
+
+    def __init__(self, problems: Problem | Iterable[Problem]) -> None:
+        self.problems: tuple[Problem, ...] = (
+            (problems,) if isinstance(problems, Problem) else tuple(problems)
+        )
+        super().__init__("\n".join(self.lines()))
+
+    def lines(self) -> list[str]:
+        """Return at most ten lines, one a problem (contract 4.4)."""
+        return [str(problem) for problem in self.problems[:MOST_SHOWN]]
+
+
+def mistake(where: str, found: object, expected: str) -> UserError:
+    """Return a UserError of one problem."""
+    return UserError(Problem(where, str(found), expected))
+
+
+def one_line(text: str) -> str:
+    """Return text with every control character made visible, so that a message stays one line."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)

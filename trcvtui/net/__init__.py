@@ -1,0 +1,1 @@
+"""How bytes travel: the kernel seam, what stands behind it, and connections."""

@@ -1,0 +1,205 @@
+"""The seam: socket-shaped calls that a real and a simulated network both answer.
+
+Rule 1: no exception crosses the seam; every call answers with a value, WOULD_BLOCK or a Fault.
+Rule 2: a Fault names the call and the errno *name* (never a number: they differ between systems).
+Rule 3: a handle is opaque and is never used again after `abort` or `close`.
+The facts that every kernel must share are the contract suite tests/net/contract.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, NewType, Protocol
+
+Handle = NewType("Handle", int)
+
+# The calls that a fault plan can make fail. `buffer` and `queue` are the PLC's own resources (net/resources.py).
+CALLS: Final = (
+    "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "connect",
+    "recv", "send", "shutdown", "abort", "close", "buffer", "queue",
+)  # fmt: skip
+
+
+class WouldBlock(Enum):
+    """The answer "not now": nothing to read, no room to write, no verdict yet."""
+
+    WOULD_BLOCK = "WOULD_BLOCK"
+
+
+WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A call that failed: its name, the errno name, and whether a fault plan did it."""
+
+    call: str
+    error: str
+    injected: bool = False
+
+    def __str__(self) -> str:
+        """Return `bind EADDRINUSE`, with `(injected)` behind it where a plan did it."""
+        return f"{self.call} {self.error}" + (" (injected)" if self.injected else "")
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Endpoint:
+    """One end of a TCP connection: a dotted IPv4 address and a port (0..65535)."""
+
+    address: str
+    port: int
+
+    def __str__(self) -> str:
+        """Return `127.0.0.1:2000`."""
+        return f"{self.address}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class LocalAddress:
+    """One address of this machine and the port (interface) it belongs to."""
+
+    address: str
+    interface: str
+    ethernet: bool = True
+    loopback: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """A new connection taken from a listener's queue."""
+
+    handle: Handle
+    peer: Endpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Why a connection is gone. `fault` is None for the partner's FIN."""
+
+    fault: Fault | None
+    unread: int
+
+
+@dataclass(frozen=True, slots=True)
+class PathInfo:
+    """What the stack knows of a connection's send side; bytes and milliseconds."""
+
+    unacked: int
+    unsent: int
+    last_ack_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class SocketOptions:
+    """Options set before connect or listen, and again after accept.
+
+    `keep_alive_s` is the interval I in seconds: idle = interval = I, count = 2, so that a dead link is
+    found within 3 x I (status-reproduction 3.2). `user_timeout_ms` 0 leaves the system's own limit.
+    `small_buffers` asks for SNDBUF 4608 and RCVBUF 2304.
+    """
+
+    nodelay: bool = False
+    keep_alive_s: int = 10
+    user_timeout_ms: int = 0
+    small_buffers: bool = False
+
+
+class Kernel(Protocol):
+    """What a network can be asked. `owner` names the CONNECT or peer on whose behalf a handle exists."""
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        """Return the addresses of this machine, loopback among them."""
+        ...
+
+    def poll(self) -> None:
+        """Take the readiness of every handle once; `readable` answers from that picture."""
+        ...
+
+    def readable(self, handle: Handle) -> bool:
+        """Return whether the last poll saw data, a FIN, an error or a waiting client on the handle."""
+        ...
+
+    def socket(self, owner: str) -> Handle | Fault:
+        """Make a TCP socket."""
+        ...
+
+    def set_reuse(self, handle: Handle) -> Fault | None:
+        """Allow the address and port to be bound while old connections of it linger."""
+        ...
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        """Set the options; return the names of those that this system refused."""
+        ...
+
+    def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
+        """Limit how long sent data may stay unacknowledged; 0 = no own limit. Ignored where unknown."""
+        ...
+
+    def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Bind to a local end; port 0 takes a free one."""
+        ...
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
+        ...
+
+    def local_end(self, handle: Handle) -> Endpoint | None:
+        """Return the local end, or None while there is none."""
+        ...
+
+    def poll_add(self, handle: Handle) -> Fault | None:
+        """Put the handle into the poll set (8084 names its failure)."""
+        ...
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        """Take the handle out of the poll set (8087 names its failure)."""
+        ...
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        """Take one finished handshake from a listener; the new handle has the listener's owner."""
+        ...
+
+    def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Start to connect; None = pending, ask `connect_result`."""
+        ...
+
+    def connect_result(self, handle: Handle) -> None | WouldBlock | Fault:
+        """Return None when connected, WOULD_BLOCK while pending, the Fault exactly once."""
+        ...
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        """Read at most len(into) bytes; 0 = the partner's FIN. Queued bytes come before a Fault."""
+        ...
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        """Write what the stack takes now and return that count."""
+        ...
+
+    def loss(self, handle: Handle) -> Loss | None:
+        """Return why the connection is gone, without consuming data; None while it stands.
+
+        A FIN is seen even with unread data in front of it. An errno is reported to exactly one call,
+        this one or `recv` or `send`.
+        """
+        ...
+
+    def unread(self, handle: Handle) -> int:
+        """Return how many received bytes wait in the stack."""
+        ...
+
+    def path(self, handle: Handle) -> PathInfo | None:
+        """Return the send side's state, or None where the system does not say."""
+        ...
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        """Send FIN; both=False keeps reading (half-close). ENOTCONN when the partner has reset."""
+        ...
+
+    def abort(self, handle: Handle) -> Fault | None:
+        """Send RST and free the handle; leaves no TIME_WAIT. Frees the handle even when it answers a Fault."""
+        ...
+
+    def close(self, handle: Handle) -> Fault | None:
+        """Free the handle: FIN, or RST when unread data is queued. Frees it even when it answers a Fault."""
+        ...

@@ -1,0 +1,38 @@
+"""TCP_CONNECTCONFIG: the record that says who connects to whom (baosky.md section 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.net.kernel import Endpoint
+
+ANY_ADDRESS: Final = "0.0.0.0"
+SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system setting, 10 s
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectConfig:
+    """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort."""
+
+    name: str
+    active: bool = False
+    local: Endpoint = Endpoint(ANY_ADDRESS, 0)
+    remote_address: str = ANY_ADDRESS
+    remote_port: int | str = 0
+    send_delay_opt: bool = False
+    keep_alive_interval_s: int = 0
+
+    @property
+    def keep_alive_s(self) -> int:
+        """Return the keep-alive interval in seconds that is in force."""
+        return self.keep_alive_interval_s or SYSTEM_KEEP_ALIVE_S
+
+
+def parse_address(text: str) -> str | None:
+    """Return the address when it is exactly four octets 0..255, else None; never ask a resolver."""
+    octets = text.split(".")
+    if len(octets) != 4 or not all(o.isascii() and o.isdigit() and len(o) <= 3 for o in octets):
+        return None
+    numbers = [int(o) for o in octets]
+    return ".".join(map(str, numbers)) if max(numbers) <= 255 else None

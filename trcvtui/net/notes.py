@@ -1,0 +1,66 @@
+"""What happened on a connection, as frozen values: the ledger's raw material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from trcvtui.net.kernel import Fault
+
+
+class What(StrEnum):
+    """One word for each thing that can happen to a connection."""
+
+    LISTENING = "listening"
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    ATTEMPT_FAILED = "attempt failed"
+    ACCEPT_FAILED = "accept failed"
+    PARTNER_CLOSED = "partner closed"
+    LOST = "lost"
+    DISCONNECTED = "disconnected"
+    RESET = "reset"
+    STOPPED = "stopped"
+    CALL_FAILED = "call failed"
+    WRONG_PARTNER = "wrong partner reset"
+    SECOND_CLIENT = "second client reset"
+    REPLACED = "replaced by a second client"
+    OPTION_REFUSED = "option refused"
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionNote:
+    """Something happened on the CONNECT `connection`; `incarnation` counts its TCP connections from 1."""
+
+    connection: str
+    incarnation: int
+    what: What
+    local: str = ""
+    peer: str = ""
+    fault: Fault | None = None
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BytesReceived:
+    """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream."""
+
+    connection: str
+    incarnation: int
+    recv: int
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class BytesDropped:
+    """Bytes of the stream that will never reach DATA, and why. offset -1: they were still in the stack."""
+
+    connection: str
+    incarnation: int
+    offset: int
+    size: int
+    reason: str
+
+
+Note = ConnectionNote | BytesReceived | BytesDropped

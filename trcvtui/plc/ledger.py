@@ -1,0 +1,133 @@
+"""The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.blocks.cause import Cause
+from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote
+
+KEPT_LINES: Final = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class StatusEdge:
+    """The outputs of an instance differ from the scan before. `status` is the WORD, `cause` says why."""
+
+    instance: str
+    block: str
+    status: int
+    busy: bool
+    done: bool
+    error: bool
+    rcvd_len: int | None
+    condition: str
+    cause: Cause
+
+
+@dataclass(frozen=True, slots=True)
+class InputEdge:
+    """An input pin of an instance changed."""
+
+    instance: str
+    pin: str
+    value: bool | int
+
+
+@dataclass(frozen=True, slots=True)
+class JobStarted:
+    """A receive job began; `length` is what it wants (static) or its limit (ad-hoc), in bytes."""
+
+    instance: str
+    job: int
+    connection: str
+    incarnation: int
+    offset: int
+    length: int
+    adhoc: bool
+
+
+@dataclass(frozen=True, slots=True)
+class JobEnded:
+    """A receive job ended; bytes `offset` .. `offset + size` of the stream went to DATA when `done`."""
+
+    instance: str
+    job: int
+    connection: str
+    incarnation: int
+    offset: int
+    size: int
+    done: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerSent:
+    """A peer's message: its number (from 1), and where it lies in the peer's sent stream."""
+
+    peer: str
+    message: int
+    local: str
+    remote: str
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class BenchNote:
+    """Something the bench did: a peer's connection, a fault injected, the PLC stopped, DATA written."""
+
+    subject: str
+    what: str
+    detail: str = ""
+
+
+Event = (
+    StatusEdge
+    | InputEdge
+    | JobStarted
+    | JobEnded
+    | PeerSent
+    | BenchNote
+    | ConnectionNote
+    | BytesReceived
+    | BytesDropped
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of the ledger. `seq` counts from 1 without gaps; `t_ns` is the scan's time from start."""
+
+    seq: int
+    scan: int
+    t_ns: int
+    event: Event
+
+
+class Ledger:
+    """A bounded list of lines; the oldest are dropped and counted."""
+
+    def __init__(self, keep: int = KEPT_LINES) -> None:
+        self._lines: deque[Line] = deque(maxlen=keep)
+        self.last_seq = 0
+
+    def write(self, scan: int, t_ns: int, event: Event) -> None:
+        """Append one event of one scan."""
+        self.last_seq += 1
+        self._lines.append(Line(self.last_seq, scan, t_ns, event))
+
+    def since(self, seq: int) -> tuple[Line, ...]:
+        """Return the lines after `seq` that are still kept, oldest first."""
+        fresh = min(self.last_seq - seq, len(self._lines))
+        if fresh <= 0:
+            return ()
+        reversed_lines = reversed(self._lines)
+        return tuple(next(reversed_lines) for _ in range(fresh))[::-1]
+
+    def __iter__(self) -> Iterator[Line]:
+        """Return the kept lines, oldest first."""
+        return iter(self._lines)

@@ -1,0 +1,99 @@
+"""The frozen picture after a scan: all that readers get."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from trcvtui.blocks.cause import Cause
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionSnapshot:
+    """One CONNECT. `state` is closed, queued, created, establishing or connected; times in ns of the run."""
+
+    name: str
+    active: bool
+    state: str
+    local: str
+    remote: str
+    incarnation: int
+    since_scan: int
+    bytes_received: int
+    attempts: int
+    retry_in_ns: int | None
+    last_loss: str
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceSnapshot:
+    """One instance. `have` of `need` bytes are in the running job (need 0: no job). Sizes in bytes."""
+
+    name: str
+    block: str
+    connect: str
+    data: str | None
+    inputs: tuple[tuple[str, bool | int], ...]
+    outputs: tuple[tuple[str, bool | int], ...]
+    status: int
+    condition: str
+    cause: Cause
+    since_scan: int
+    busy: bool
+    done: bool
+    error: bool
+    rcvd_len: int | None
+    have: int
+    need: int
+    adhoc: bool
+    last_receive_ns: int | None
+    jobs_done: int
+    errors: int
+    last_done_scan: int | None
+    last_rcvd_len: int | None
+    last_error_status: int | None
+    last_error_scan: int | None
+
+    def pin(self, name: str) -> bool | int | None:
+        """Return the value of an input or output by its manual's name, None where it has none."""
+        for pins in (self.inputs, self.outputs):
+            for pin, value in pins:
+                if pin == name:
+                    return value
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class DataSnapshot:
+    """One global variable: its IEC type as text, its size in bytes, and how often it changed."""
+
+    name: str
+    type_name: str
+    size: int
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The PLC after scan `scan` (0 = none yet) at `t_ns` from the start of the run."""
+
+    scan: int
+    t_ns: int
+    running: bool
+    dialect: str
+    model: str
+    interval_ns: int
+    instances: tuple[InstanceSnapshot, ...]
+    connections: tuple[ConnectionSnapshot, ...]
+    data: tuple[DataSnapshot, ...]
+    ledger_seq: int
+    connections_used: int = 0
+    connections_limit: int = 0
+    faults: tuple[str, ...] = field(default=())
+
+    def instance(self, name: str) -> InstanceSnapshot | None:
+        """Return the instance of that name."""
+        return next((i for i in self.instances if i.name == name), None)
+
+    def connection(self, name: str) -> ConnectionSnapshot | None:
+        """Return the CONNECT of that name."""
+        return next((c for c in self.connections if c.name == name), None)

@@ -9,8 +9,12 @@ The facts that every kernel must share are the contract suite tests/net/contract
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Final, NewType, Protocol
+
+from trcvtui.net.answers import WOULD_BLOCK as WOULD_BLOCK
+from trcvtui.net.answers import Endpoint as Endpoint
+from trcvtui.net.answers import Fault as Fault
+from trcvtui.net.answers import WouldBlock as WouldBlock
 
 Handle = NewType("Handle", int)
 
@@ -19,40 +23,6 @@ CALLS: Final = (
     "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "connect",
     "recv", "send", "shutdown", "abort", "close", "buffer", "queue",
 )  # fmt: skip
-
-
-class WouldBlock(Enum):
-    """The answer "not now": nothing to read, no room to write, no verdict yet."""
-
-    WOULD_BLOCK = "WOULD_BLOCK"
-
-
-WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """A call that failed: its name, the errno name, and whether a fault plan did it."""
-
-    call: str
-    error: str
-    injected: bool = False
-
-    def __str__(self) -> str:
-        """Return `bind EADDRINUSE`, with `(injected)` behind it where a plan did it."""
-        return f"{self.call} {self.error}" + (" (injected)" if self.injected else "")
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Endpoint:
-    """One end of a TCP connection: a dotted IPv4 address and a port (0..65535)."""
-
-    address: str
-    port: int
-
-    def __str__(self) -> str:
-        """Return `127.0.0.1:2000`."""
-        return f"{self.address}:{self.port}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote
 
 KEPT_LINES: Final = 20_000
@@ -35,33 +36,6 @@ class InputEdge:
     instance: str
     pin: str
     value: bool | int
-
-
-@dataclass(frozen=True, slots=True)
-class JobStarted:
-    """A receive job began; `length` is what it wants (static) or its limit (ad-hoc), in bytes."""
-
-    instance: str
-    job: int
-    connection: str
-    incarnation: int
-    offset: int
-    length: int
-    adhoc: bool
-
-
-@dataclass(frozen=True, slots=True)
-class JobEnded:
-    """A receive job ended; bytes `offset` .. `offset + size` of the stream went to DATA when `done`."""
-
-    instance: str
-    job: int
-    connection: str
-    incarnation: int
-    offset: int
-    size: int
-    done: bool
-    reason: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,52 @@
+"""What is the case, in neutral words; a dialect turns each into its STATUS."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+
+class Condition(StrEnum):
+    """One word for each state and each failure that a block can show."""
+
+    NOT_CALLED = "not called"
+    NO_JOB = "no job"
+    CREATING = "creating socket"
+    CREATED = "socket created"
+    ESTABLISHING = "connecting"
+    CLOSING = "closing"
+    CONNECTED = "connected"
+    SENDING = "sending"
+    RECEIVING = "receiving"
+    CLOSED = "closed by us"
+    RECEIVED = "received"
+    SENT = "sent"
+    RESETTING = "resetting"
+    NO_SOCKET = "no socket"
+    WRONG_LOCAL_ADDRESS = "wrong LocalAddress"
+    REUSE_FAILED = "reuse refused"
+    BIND_FAILED = "bind failed"
+    POLL_ADD_FAILED = "poll add failed"
+    ACCEPT_FAILED = "accept failed"
+    POLL_DEL_FAILED = "poll remove failed"
+    CONNECT_FAILED = "connect failed"
+    NOT_CONNECTED = "not connected"
+    DISCONNECT_FAILED = "disconnect failed"
+    RESET_FAILED = "reset failed"
+    DATA_EMPTY = "DATA empty"
+    LENGTH_WRONG = "LEN wrong"
+    SHORT_FRAME = "short frame"
+    NO_BUFFER = "no buffer"
+    SEND_BUFFER_FULL = "send buffer full"
+    SEND_FAILED = "send failed"
+    RECEIVE_FAILED = "receive failed"
+    LINK_DEAD = "link dead"
+    QUEUE_FULL = "queue full"
+    CONNECT_IN_USE = "CONNECT in use"
+    PARTNER_CLOSED = "partner closed"
+
+
+BUSY: Final = frozenset({Condition.SENDING, Condition.RECEIVING})
+DONE: Final = frozenset({Condition.SENT, Condition.RECEIVED})
+# RESETTING stands above the manual's "exception" heading: it is no error (baosky.md section 4).
+ERROR: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

@@ -1,0 +1,209 @@
+"""What CONT and COM_RST do, scan by scan: the part of a _C block that it shares with every other.
+
+Rule 1: inputs are judged before the network is looked at (design 6, rows 14 and 24).
+Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from enum import Enum, auto
+from typing import Final
+
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.net.answers import Fault
+from trcvtui.net.connection import Connection, State
+from trcvtui.net.set_up import Stage, StepFault
+
+STAGE_CONDITIONS: Final = {
+    Stage.SOCKET: Condition.NO_SOCKET,
+    Stage.ADDRESS: Condition.WRONG_LOCAL_ADDRESS,
+    Stage.REUSE: Condition.REUSE_FAILED,
+    Stage.BIND: Condition.BIND_FAILED,
+    Stage.POLL_ADD: Condition.POLL_ADD_FAILED,
+    Stage.ACCEPT: Condition.ACCEPT_FAILED,
+    Stage.CONNECT: Condition.CONNECT_FAILED,
+}
+
+
+class Phase(Enum):
+    """Which stretch of the connection's life the block is showing."""
+
+    IDLE = auto()
+    STARTING = auto()
+    CONNECTING = auto()
+    CONNECTED = auto()
+
+
+class ConnectionPart:
+    """Show a connection's life on STATUS; `call` answers None when the job may decide."""
+
+    def __init__(self, env: Environment, connection: Connection) -> None:
+        self.phase = Phase.IDLE
+        self.incarnation = 0
+        self.waits = 0  # how many scans of 7002 have been shown since connecting began
+        self._env = env
+        self._connection = connection
+        self._script: deque[Outcome] = deque()
+        self.cont = False
+        self._com_rst = False
+        self._close_wanted = False
+        self._reset_wanted = False
+        self._queued = False
+
+    def call(self, cont: bool, com_rst: bool) -> Outcome | None:
+        """Answer for this scan, or None while connected and undisturbed."""
+        rose, fell = cont and not self.cont, self.cont and not cont
+        self._reset_wanted |= com_rst and not self._com_rst and self.phase is Phase.CONNECTED
+        self.cont, self._com_rst = cont, com_rst
+        if fell or (self._close_wanted and not cont):
+            return self._close()
+        if rose:
+            return self._start()
+        if not cont:
+            return self._script.popleft() if self._script else _NO_JOB
+        return self._hold()
+
+    def _hold(self) -> Outcome | None:
+        reset = self._reset() if self._reset_wanted else None
+        if reset is not None:
+            return reset
+        if self._script:
+            return self._script.popleft()
+        if self.phase is Phase.STARTING:
+            return self._go_on_starting()
+        if self.phase is Phase.CONNECTING:
+            return self._go_on_connecting()
+        return None
+
+    # -- CONT rises ---------------------------------------------------------------------------
+
+    def _start(self) -> Outcome:
+        self._script.clear()
+        self._close_wanted = self._reset_wanted = False
+        if self._connection.state is not State.CLOSED:
+            return self.wait("another block has opened the connection")
+        fault = self._connection.open()
+        self.phase, self._queued = Phase.STARTING, fault is None
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        return Outcome(Condition.CREATING, Cause(Why.INPUT, "CONT rose", pin="CONT", value=1))
+
+    def _go_on_starting(self) -> Outcome:
+        if not self._queued:
+            return self._start()
+        failed = self._connection.step(self._env.scan, self._env.now)
+        if failed is not None:
+            return self._set_up_failed(failed)
+        if self._connection.state is State.CREATED:
+            return _CREATED
+        return self.wait("the set-up has begun")
+
+    def _set_up_failed(self, failed: StepFault) -> Outcome:
+        if self.phase is Phase.STARTING:
+            self.phase, self.waits = Phase.CONNECTING, 0
+        peer = self._connection.set_up.remote if failed.stage is Stage.CONNECT else None
+        return Outcome(STAGE_CONDITIONS[failed.stage], cause_of(failed.fault, str(peer or "")))
+
+    def _go_on_connecting(self) -> Outcome:
+        failed = self._connection.step(self._env.scan, self._env.now)
+        if self._connection.state is State.CONNECTED and self.waits:
+            return self._connected()
+        if failed is not None:
+            return self._set_up_failed(failed)
+        self.waits += 1
+        return self._waiting()
+
+    def _connected(self) -> Outcome:
+        self.phase = Phase.CONNECTED
+        self.incarnation = self._connection.incarnation
+        peer = str(self._connection.peer or "")
+        return Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the partner is connected", peer=peer))
+
+    def wait(self, reason: str) -> Outcome:
+        """Show the first scan of "connecting"."""
+        self.phase, self.waits = Phase.CONNECTING, 1
+        return Outcome(Condition.ESTABLISHING, Cause(Why.SEQUENCE, reason))
+
+    def _waiting(self) -> Outcome:
+        config = self._connection.config
+        if not config.active:
+            return Outcome(
+                Condition.ESTABLISHING,
+                Cause(Why.WAITING, "no partner yet", detail=f"listening on {self._connection.local}"),
+            )
+        remote = str(self._connection.set_up.remote or "")
+        if self._connection.set_up.attempt is None:
+            return Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "before the next attempt", peer=remote))
+        return Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no answer yet", peer=remote))
+
+    # -- the connection is gone -----------------------------------------------------------------
+
+    def lost(self, shown: Iterable[Outcome], reason: str) -> Outcome:
+        """Show these, one a scan, then connecting; nothing to show is connecting at once."""
+        self._script = deque(shown)
+        if not self._script:
+            return self.wait(reason)
+        self.phase, self.waits = Phase.CONNECTING, 0
+        return self._script.popleft()
+
+    # -- CONT falls, COM_RST rises ----------------------------------------------------------------
+
+    def _close(self) -> Outcome:
+        self._script.clear()
+        self._reset_wanted = False
+        cause = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
+        fault = self._connection.queue_job() if self._has_connection() else None
+        self._close_wanted = fault is not None
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        was_up = self.phase is Phase.CONNECTED and self._connection.lost(self.incarnation) is None
+        fault = self._connection.disconnect()
+        self.phase = Phase.IDLE
+        if fault is not None:
+            return Outcome(_unless_poll_del(fault, Condition.DISCONNECT_FAILED), cause_of(fault))
+        if was_up:
+            self._script.append(Outcome(Condition.CLOSED, cause))
+        return Outcome(Condition.CLOSING, cause)
+
+    def _has_connection(self) -> bool:
+        return self._connection.state is not State.CLOSED
+
+    def _reset(self) -> Outcome | None:
+        self._reset_wanted = False
+        if self.phase is not Phase.CONNECTED or self._connection.lost(self.incarnation) is not None:
+            return None
+        fault = self._connection.queue_job()
+        if fault is not None:
+            self._reset_wanted = True
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        return self._reset_done(self._connection.reset())
+
+    def _reset_done(self, fault: Fault | None) -> Outcome:
+        self.phase, self.waits = Phase.CONNECTING, 0
+        clear = self._env.rules.com_rst_autoclear
+        if fault is not None:
+            shown = _unless_poll_del(fault, Condition.RESET_FAILED)
+            return Outcome(shown, cause_of(fault), clear_com_rst=clear)
+        cause = Cause(Why.INPUT, "COM_RST rose", pin="COM_RST", value=1)
+        self._script = deque((Outcome(Condition.CLOSING, cause), Outcome(Condition.CLOSED, cause)))
+        return Outcome(Condition.RESETTING, cause, clear_com_rst=clear)
+
+
+_NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0))
+_CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the socket is there"))
+
+
+def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
+    return Condition.POLL_DEL_FAILED if fault.call == "poll_del" else otherwise
+
+
+def cause_of(fault: Fault, peer: str = "") -> Cause:
+    """Return the cause that a failed call is; what is no kernel call is a resource of the PLC."""
+    why = Why.RESOURCE if fault.call in ("queue", "buffer", "budget") else Why.KERNEL
+    name = f"{fault.call} failed" if why is Why.KERNEL else f"{fault.call} full"
+    return Cause(why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer)

@@ -1,0 +1,30 @@
+"""DATA: the bytes of one global variable, as receive jobs and commands write them."""
+
+from __future__ import annotations
+
+
+class DataArea:
+    """One global variable: its IEC type as text and its bytes. `generation` counts the writes."""
+
+    def __init__(self, name: str, type_name: str, size: int) -> None:
+        self.name = name
+        self.type_name = type_name
+        self.content = bytearray(size)
+        self.generation = 0
+
+    @property
+    def size(self) -> int:
+        """Return the size in bytes."""
+        return len(self.content)
+
+    def write(self, offset: int, payload: bytes | memoryview) -> None:
+        """Overwrite bytes from `offset`; what would stand behind the end is left out."""
+        room = max(0, self.size - offset)
+        self.content[offset : offset + min(room, len(payload))] = payload[:room]
+        self.generation += 1
+
+    def swap(self, content: bytearray) -> bytearray:
+        """Take `content` of the same size as the new bytes and return the old ones, without a copy."""
+        old, self.content = self.content, content
+        self.generation += 1
+        return old

@@ -1,0 +1,46 @@
+"""What a block may know besides its pins: the scan, its time, the vendor's rules, the PLC's resources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trcvtui.blocks.rules import Rules
+from trcvtui.net.resources import Resources
+
+
+@dataclass(frozen=True, slots=True)
+class JobStarted:
+    """A receive job began; `length` is what it wants (static) or its limit (ad-hoc), in bytes."""
+
+    instance: str
+    job: int
+    connection: str
+    incarnation: int
+    offset: int
+    length: int
+    adhoc: bool
+
+
+@dataclass(frozen=True, slots=True)
+class JobEnded:
+    """A receive job ended; bytes `offset` .. `offset + size` of the stream went to DATA when `done`."""
+
+    instance: str
+    job: int
+    connection: str
+    incarnation: int
+    offset: int
+    size: int
+    done: bool
+    reason: str
+
+
+@dataclass(slots=True)
+class Environment:
+    """The surroundings of every block of one PLC; `scan` and `now` (ns) are those of the running scan."""
+
+    rules: Rules
+    resources: Resources
+    jobs: list[JobStarted | JobEnded]
+    scan: int = 0
+    now: int = 0

@@ -1,0 +1,37 @@
+"""What one call of a block answers: a condition, its cause, and what follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trcvtui.blocks import conditions
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The answer of one call. `rcvd_len` is non-zero only with DONE; `clear_com_rst` writes COM_RST back."""
+
+    condition: Condition
+    cause: Cause
+    rcvd_len: int = 0
+    clear_com_rst: bool = False
+
+    @property
+    def busy(self) -> bool:
+        """Return BUSY: a job is running."""
+        return self.condition in conditions.BUSY
+
+    @property
+    def done(self) -> bool:
+        """Return DONE: a job ended well, in this scan."""
+        return self.condition in conditions.DONE
+
+    @property
+    def error(self) -> bool:
+        """Return ERROR."""
+        return self.condition in conditions.ERROR
+
+
+NOT_CALLED = Outcome(Condition.NOT_CALLED, Cause(Why.NOT_CALLED, "the block has not been called"))

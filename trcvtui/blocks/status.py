@@ -1,0 +1,42 @@
+"""A vendor's STATUS table: the word, the condition behind it, and what a person should know of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from trcvtui.blocks.conditions import Condition
+
+
+class Reach(StrEnum):
+    """How a code can be brought about on this bench."""
+
+    REAL = "real"
+    LOGIC = "logic"
+    NAMESPACE = "namespace"
+    INJECTED = "injected only"
+
+
+@dataclass(frozen=True, slots=True)
+class StatusRow:
+    """One code. `manual` names the section it comes from; `blocks` are the blocks that list it."""
+
+    code: int
+    condition: Condition
+    blocks: tuple[str, ...]
+    error: bool
+    title: str
+    causes: tuple[str, ...]
+    checks: tuple[str, ...]
+    reach: Reach
+    manual: str
+
+    @property
+    def word(self) -> str:
+        """Return `16#7006`."""
+        return status_word(self.code)
+
+
+def status_word(code: int) -> str:
+    """Return a STATUS word as the field writes it: `16#7006`."""
+    return f"16#{code:04X}"

@@ -1,0 +1,51 @@
+"""What a dialect is: a name, an answered questionnaire, a STATUS table, and the layout of its UDTs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.status import StatusRow
+
+SwitchValue = str | int | bool
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """One point that the manual leaves open. `kind` is choice, bool, duration (ns) or count.
+
+    `values` are the words of a choice; `least` and `most` bound a count. `text` says what it decides.
+    """
+
+    name: str
+    kind: str
+    default: SwitchValue
+    text: str
+    values: tuple[str, ...] = ()
+    least: int = 0
+    most: int = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default."""
+
+    name: str
+    title: str
+    blocks: tuple[str, ...]
+    status: tuple[StatusRow, ...]
+    switches: tuple[Switch, ...]
+    models: Mapping[str, int]
+    default_model: str
+    layout: str
+    answer: Callable[[Mapping[str, SwitchValue]], Rules]
+
+    def row(self, code: int, block: str | None = None) -> StatusRow | None:
+        """Return the row of a code, for one block or for any."""
+        return next((r for r in self.status if r.code == code and (block is None or block in r.blocks)), None)
+
+    def row_of(self, condition: Condition) -> StatusRow | None:
+        """Return the row that shows a condition."""
+        return next((r for r in self.status if r.condition is condition), None)

@@ -1,0 +1,339 @@
+"""One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
+
+Rule 1: `step` does at most one thing a scan, whoever asks first; the others read the same answer.
+Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
+Rule 3: a FIN never overtakes bytes: while somebody receives, only his `receive` finds the loss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum, auto
+from typing import Final
+
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, Kernel, WouldBlock
+from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote, Note, What
+from trcvtui.net.resources import Resources
+from trcvtui.net.set_up import ACCEPTS_A_SCAN, Policy, SetUp, Stage, StepFault
+
+DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
+LOSSES_KEPT: Final = 8
+
+
+class State(StrEnum):
+    """Where the connection stands."""
+
+    CLOSED = "closed"
+    QUEUED = "queued"
+    CREATED = "created"
+    ESTABLISHING = "establishing"
+    CONNECTED = "connected"
+
+
+class LossKind(Enum):
+    """How an established connection ended."""
+
+    CLOSED_BY_PARTNER = auto()
+    RESET_BY_PARTNER = auto()
+    LINK_DEAD = auto()
+    FAILED = auto()
+    OURS = auto()
+
+
+# 3.2: this whole family, on an established connection, means that the link is dead.
+LINK_DEAD_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"})
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionLoss:
+    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
+
+    kind: LossKind
+    peer: str
+    fault: Fault | None = None
+    release_fault: Fault | None = None
+
+
+class Connection:
+    """One CONNECT at work. Blocks talk to this, never to the kernel."""
+
+    def __init__(
+        self,
+        config: ConnectConfig,
+        kernel: Kernel,
+        resources: Resources,
+        policy: Policy,
+        resolve: Callable[[str], int | None],
+    ) -> None:
+        self.config = config
+        self.state = State.CLOSED
+        self.incarnation = 0
+        self.peer: Endpoint | None = None
+        self.receiver: object | None = None
+        self.bytes_received = 0
+        self.recvs = 0
+        self.attempts = 0
+        self.retry_at: int | None = None
+        self.notes: list[Note] = []
+        self.handle: Handle | None = None
+        self.set_up = SetUp(config, kernel, policy, resolve, self._note)
+        self._kernel = kernel
+        self._resources = resources
+        self._policy = policy
+        self._local: Endpoint | None = None
+        self._stepped_in = -1
+        self._step_fault: StepFault | None = None
+        self._losses: dict[int, ConnectionLoss] = {}
+
+    @property
+    def local(self) -> Endpoint | None:
+        """Return the local end of the connection, or of the listener."""
+        return self._local or self.set_up.local
+
+    # -- set-up: TCON ------------------------------------------------------------------------
+
+    def open(self) -> Fault | None:
+        """Queue the set-up job; the steps follow one a scan."""
+        fault = self._resources.queue.put(self.config.name)
+        if fault is None:
+            self.state = State.QUEUED
+        return fault
+
+    def step(self, scan: int, now: int) -> StepFault | None:
+        """Take one step of the set-up, once a scan; return what failed in this scan's step."""
+        if self._stepped_in != scan:
+            self._stepped_in = scan
+            self._step_fault = self._take_step(now)
+            if self._step_fault is not None:
+                self._note_failure(self._step_fault)
+        return self._step_fault
+
+    def _take_step(self, now: int) -> StepFault | None:
+        match self.state:
+            case State.QUEUED:
+                return self._create(now)
+            case State.CREATED:
+                return self._prepare(now)
+            case State.CONNECTED:
+                return None
+            case _ if self.set_up.listener is not None:
+                return self._adopt(self.set_up.accept(), now)
+            case _ if self.set_up.attempt is not None:
+                return self._adopt(self.set_up.look(now), now)
+            case _ if self.retry_at is None or now >= self.retry_at:
+                return self._create(now) or self._prepare(now)
+        return None
+
+    def _create(self, now: int) -> StepFault | None:
+        self.retry_at = None
+        self.attempts += 1
+        self.state = State.CREATED
+        short = self._resources.budget.acquire(self.config.name)
+        failed = StepFault(Stage.SOCKET, short) if short else self.set_up.create()
+        return self._failed(failed, now) if failed else None
+
+    def _prepare(self, now: int) -> StepFault | None:
+        self.state = State.ESTABLISHING
+        failed = self.set_up.prepare(now)
+        return self._failed(failed, now) if failed else None
+
+    def _adopt(self, got: Accepted | StepFault | None, now: int) -> StepFault | None:
+        if got is None:
+            return None
+        if isinstance(got, StepFault):
+            # A failed accept leaves the listener and the waiting client where they are.
+            return got if got.stage is Stage.ACCEPT else self._failed(got, now)
+        if not self.config.active:
+            refused = self.set_up.take_over(got)
+            if refused is not None:
+                return refused
+        self._become_connected(got)
+        return None
+
+    def _become_connected(self, got: Accepted) -> None:
+        self.handle, self.peer = got.handle, got.peer
+        self.state = State.CONNECTED
+        self.incarnation += 1
+        self.bytes_received = self.recvs = 0
+        self._local = self._kernel.local_end(got.handle)
+        self._note(What.CONNECTED)
+
+    def _failed(self, failed: StepFault, now: int) -> StepFault:
+        self.set_up.free_attempt()
+        self._resources.budget.release(self.config.name)
+        self.state = State.ESTABLISHING
+        self.retry_at = now + self._policy.retry_ns
+        return failed
+
+    # -- a second client (decision 21) ------------------------------------------------------------
+
+    def service(self) -> None:
+        """Turn second clients away (communication phase); bounded work a scan."""
+        if self.state is not State.CONNECTED or self.config.active or self._policy.second_client == "queue":
+            return
+        for _ in range(ACCEPTS_A_SCAN):
+            got = self.set_up.accept()
+            if not isinstance(got, Accepted):
+                return
+            self._second_client(got)
+
+    def _second_client(self, client: Accepted) -> None:
+        if self._policy.second_client == "reject":
+            self.set_up.turn_away(client, What.SECOND_CLIENT)
+            return
+        self._note(What.REPLACED, client.peer)
+        self._lose(ConnectionLoss(LossKind.OURS, str(self.peer)))
+        if self.set_up.take_over(client) is None:
+            self._become_connected(client)
+
+    # -- data: TRCV -----------------------------------------------------------------------------
+
+    def receive(self, into: memoryview) -> int | WouldBlock | ConnectionLoss:
+        """Read at most len(into) bytes; a loss is answered behind the last queued byte, and releases."""
+        assert self.handle is not None
+        got = self._kernel.recv(self.handle, into)
+        if isinstance(got, int):
+            if got == 0:
+                return self._lose(self._loss_of(None))
+            self._count(got)
+            return got
+        if isinstance(got, Fault) and got.error != "EAGAIN":
+            return self._lose(self._loss_of(got))
+        return WOULD_BLOCK
+
+    def _count(self, size: int) -> None:
+        self.recvs += 1
+        offset = self.bytes_received
+        self.bytes_received = offset + size
+        self.notes.append(BytesReceived(self.config.name, self.incarnation, self.recvs, offset, size))
+
+    def check_loss(self, asking: object = None) -> ConnectionLoss | None:
+        """Look for a loss without consuming data; release the connection when there is one.
+
+        While somebody else than `asking` receives, the loss is left to him (rule 3).
+        """
+        if self.receiver not in (None, asking) or self.handle is None:
+            return None
+        seen = self._kernel.loss(self.handle)
+        return None if seen is None else self._lose(self._loss_of(seen.fault))
+
+    def lost(self, incarnation: int) -> ConnectionLoss | None:
+        """Return how that incarnation ended, None while it stands."""
+        if self.state is State.CONNECTED and self.incarnation == incarnation:
+            return None
+        return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
+
+    @property
+    def last_loss(self) -> ConnectionLoss | None:
+        """Return how the newest lost incarnation ended."""
+        return self._losses[max(self._losses)] if self._losses else None
+
+    def unread(self) -> int:
+        """Return how many received bytes wait in the stack."""
+        return 0 if self.handle is None else self._kernel.unread(self.handle)
+
+    def drop(self, offset: int, size: int, reason: str) -> None:
+        """Note bytes that will never reach DATA; offset -1: they were still in the stack."""
+        if size:
+            self.notes.append(BytesDropped(self.config.name, self.incarnation, offset, size, reason))
+
+    def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
+        if fault is None:
+            kind = LossKind.CLOSED_BY_PARTNER
+        elif fault.error == "ECONNRESET":
+            kind = LossKind.RESET_BY_PARTNER
+        elif fault.error in LINK_DEAD_ERRORS:
+            kind = LossKind.LINK_DEAD
+        else:
+            kind = LossKind.FAILED
+        return ConnectionLoss(kind, str(self.peer), fault)
+
+    def _lose(self, loss: ConnectionLoss) -> ConnectionLoss:
+        assert self.handle is not None
+        self.drop(-1, self.unread(), "connection lost")
+        loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))
+        self._kernel.close(self.handle)
+        fin = loss.kind is LossKind.CLOSED_BY_PARTNER
+        self._note(What.PARTNER_CLOSED if fin else What.LOST, fault=loss.fault)
+        if loss.release_fault is not None:
+            self._note(What.CALL_FAILED, fault=loss.release_fault)
+        self._end_incarnation(loss, State.ESTABLISHING)
+        return loss
+
+    # -- close and reset: TDISCON, T_RESET ----------------------------------------------------------
+
+    def queue_job(self) -> Fault | None:
+        """Queue a disconnect or reset job; it runs in the same scan when there is room."""
+        return self._resources.queue.put(self.config.name)
+
+    def disconnect(self) -> Fault | None:
+        """Close the connection and the listener (TDISCON); return the first call that failed.
+
+        ENOTCONN of shutdown means that the partner's RST was quicker (80A2). All is freed either way.
+        """
+        fault = None
+        if self.handle is not None:
+            fault = self._close_orderly(self.handle)
+            self._note(What.DISCONNECTED, fault=fault)
+            self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
+        fault = self.set_up.free() or fault
+        self._resources.budget.release(self.config.name)
+        self.state, self.retry_at = State.CLOSED, None
+        return fault
+
+    def reset(self) -> Fault | None:
+        """Abort the connection with RST (T_RESET); the listener stays; the next attempt starts at once."""
+        assert self.handle is not None
+        removed = self._kernel.poll_del(self.handle)
+        # On Linux SO_LINGER and close succeed on a dead socket: only this probe can fail (2.3, 80A3).
+        probed = self._kernel.shutdown(self.handle)
+        self.drop(-1, self.unread(), "COM_RST")
+        freed = self._kernel.abort(self.handle)
+        fault = removed or probed or freed
+        self._note(What.RESET, fault=fault)
+        self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.ESTABLISHING)
+        return fault
+
+    def stop(self) -> None:
+        """Free everything without a word to any block (PLC STOP)."""
+        if self.state is not State.CLOSED:
+            self.disconnect()
+            self._note(What.STOPPED)
+        self.set_up.forget()
+
+    def _close_orderly(self, handle: Handle) -> Fault | None:
+        removed = self._kernel.poll_del(handle)
+        closed = self._kernel.shutdown(handle)
+        self._drain(handle)
+        freed = self._kernel.close(handle)
+        return removed or closed or freed
+
+    def _drain(self, handle: Handle) -> None:
+        waste = memoryview(bytearray(65536))
+        drained = 0
+        while drained < DRAIN_BYTES:
+            got = self._kernel.recv(handle, waste)
+            if not isinstance(got, int) or got == 0:
+                break
+            drained += got
+        self.drop(-1, drained, "disconnected")
+
+    def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
+        self._losses[self.incarnation] = loss
+        if len(self._losses) > LOSSES_KEPT:
+            del self._losses[min(self._losses)]
+        self.handle, self.receiver, self.retry_at = None, None, None
+        self.peer, self._local = None, None
+        self.state = state
+
+    # -- notes ------------------------------------------------------------------------------------
+
+    def _note(self, what: What, peer: Endpoint | None = None, fault: Fault | None = None) -> None:
+        local, other = str(self.local or ""), str(peer or self.peer or "")
+        self.notes.append(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault))
+
+    def _note_failure(self, failed: StepFault) -> None:
+        what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED
+        self._note(what, self.set_up.remote, failed.fault)

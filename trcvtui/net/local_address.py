@@ -1,0 +1,23 @@
+"""Whether LocalAddress is a usable address of this PLC: decided from the address list, not from errno (8081)."""
+
+from __future__ import annotations
+
+from trcvtui.net.connect_config import ANY_ADDRESS
+from trcvtui.net.kernel import LocalAddress
+
+
+def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
+    """Return why the address cannot be used, or "" when it can; strict refuses loopback too."""
+    first = int(address.split(".", 1)[0])
+    if address == ANY_ADDRESS:
+        return "0.0.0.0 names no port of the PLC"
+    if 224 <= first <= 239:
+        return f"{address} is a multicast address"
+    if address == "255.255.255.255":
+        return f"{address} is the broadcast address"
+    if first == 127:
+        return f"{address} is loopback, no Ethernet port" if strict else ""
+    mine = next((a for a in own if a.address == address), None)
+    if mine is None:
+        return f"{address} is no address of this machine"
+    return "" if mine.ethernet else f"{address} is on {mine.interface}, which is no Ethernet port"

@@ -1,0 +1,239 @@
+"""How a connection comes up: from socket to the first partner (TCON), one call at a time.
+
+Every failure names its Stage, because each vendor has a code for each; nothing here knows a code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Final
+
+from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.kernel import (
+    WOULD_BLOCK,
+    Accepted,
+    Endpoint,
+    Fault,
+    Handle,
+    Kernel,
+    SocketOptions,
+    WouldBlock,
+)
+from trcvtui.net.local_address import wrong_local_address
+from trcvtui.net.notes import What
+
+BACKLOG: Final = 4
+ACCEPTS_A_SCAN: Final = 16  # a flood of clients costs bounded work a scan
+PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
+
+
+class Stage(Enum):
+    """Which part of the set-up failed."""
+
+    SOCKET = auto()
+    ADDRESS = auto()
+    REUSE = auto()
+    BIND = auto()
+    POLL_ADD = auto()
+    ACCEPT = auto()
+    CONNECT = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class StepFault:
+    """A set-up step that failed."""
+
+    stage: Stage
+    fault: Fault
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What a dialect decides about connections; times in ns."""
+
+    retry_ns: int = 1_000_000_000
+    attempt_limit_ns: int = 5_000_000_000
+    strict_local_address: bool = False
+    check_remote_ip: bool = True
+    check_remote_port: bool = False
+    second_client: str = "reject"
+    small_buffers: bool = False
+
+
+class SetUp:
+    """The listener or the running attempt of one CONNECT."""
+
+    def __init__(
+        self,
+        config: ConnectConfig,
+        kernel: Kernel,
+        policy: Policy,
+        resolve: Callable[[str], int | None],
+        note: Callable[[What, Endpoint | None], None],
+    ) -> None:
+        self.config = config
+        self.listener: Handle | None = None
+        self.attempt: Handle | None = None
+        self.local: Endpoint | None = None
+        self.remote: Endpoint | None = None
+        self._kernel = kernel
+        self._policy = policy
+        self._resolve = resolve
+        self._note = note
+        self._verdict: Fault | None = None
+        self._deadline = 0
+        self._kept_port = config.local.port
+
+    def create(self) -> StepFault | None:
+        """Make the socket of a new attempt."""
+        made = self._kernel.socket(self.config.name)
+        if isinstance(made, Fault):
+            return StepFault(Stage.SOCKET, made)
+        self.attempt = made
+        return None
+
+    def prepare(self, now: int) -> StepFault | None:
+        """Bind the socket, then listen or start to connect."""
+        assert self.attempt is not None
+        self._kernel.set_options(self.attempt, self.options())
+        return self._bind(self.attempt) or (
+            self._connect(self.attempt, now) if self.config.active else self._listen(self.attempt)
+        )
+
+    def _bind(self, handle: Handle) -> StepFault | None:
+        local = Endpoint(self.config.local.address, self._kept_port)
+        own = self._kernel.local_addresses()
+        wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
+        if wrong:
+            return StepFault(Stage.ADDRESS, Fault("address", wrong))
+        fault = self._kernel.set_reuse(handle)
+        if fault is not None:
+            return StepFault(Stage.REUSE, fault)
+        fault = self._kernel.bind(handle, local)
+        if fault is None:
+            return None
+        return StepFault(Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND, fault)
+
+    def _listen(self, handle: Handle) -> StepFault | None:
+        fault = self._kernel.listen(handle, BACKLOG)
+        if fault is not None:
+            return StepFault(Stage.BIND, fault)  # EADDRINUSE of listen is a taken port too (3.1)
+        fault = self._kernel.poll_add(handle)
+        if fault is not None:
+            return StepFault(Stage.POLL_ADD, fault)
+        self.listener, self.attempt = handle, None
+        self.local = self._kernel.local_end(handle)
+        if self.local is not None:
+            self._kept_port = self.local.port  # LocalPort 0 keeps the port it got until STOP
+        self._note(What.LISTENING, None)
+        return None
+
+    def _connect(self, handle: Handle, now: int) -> StepFault | None:
+        fault = self._kernel.poll_add(handle)
+        if fault is not None:
+            return StepFault(Stage.POLL_ADD, fault)
+        self.local = self._kernel.local_end(handle)
+        self._deadline = now + self._policy.attempt_limit_ns
+        # A refusal by the call itself is held until the next look: a first attempt shows 7002 before 80A0.
+        self._verdict = self._start_connect(handle)
+        self._note(What.CONNECTING, self.remote)
+        return None
+
+    def _start_connect(self, handle: Handle) -> Fault | None:
+        port = self._remote_port()
+        if port is None:
+            return Fault("connect", "ECONNREFUSED")
+        self.remote = Endpoint(self.config.remote_address, port)
+        # 3.1 traps: 0.0.0.0 would silently mean loopback; a socket can connect to itself.
+        if self.config.remote_address == ANY_ADDRESS or self.remote == self.local:
+            return Fault("connect", "EINVAL")
+        return self._kernel.connect(handle, self.remote)
+
+    def _remote_port(self) -> int | None:
+        port = self.config.remote_port
+        return self._resolve(port) if isinstance(port, str) else port
+
+    def look(self, now: int) -> Accepted | StepFault | None:
+        """Ask how the running attempt of an active CONNECT stands."""
+        assert self.attempt is not None
+        verdict: Fault | WouldBlock | None = self._verdict
+        if verdict is None:
+            verdict = self._kernel.connect_result(self.attempt)
+        if verdict is WOULD_BLOCK:
+            if now < self._deadline:
+                return None
+            verdict = Fault("connect", "ETIMEDOUT")
+        if isinstance(verdict, Fault):
+            taken = self.config.local.port and verdict.error in PORT_TAKEN_ERRORS
+            return StepFault(Stage.BIND if taken else Stage.CONNECT, verdict)
+        assert self.remote is not None
+        handle, self.attempt = self.attempt, None
+        return Accepted(handle, self.remote)
+
+    def accept(self) -> Accepted | StepFault | None:
+        """Take the next client that may be the partner; others are reset (decision 21)."""
+        for _ in range(ACCEPTS_A_SCAN):
+            got = self._accept_any()
+            if not isinstance(got, Accepted) or not self._is_wrong_partner(got.peer):
+                return got
+            self.turn_away(got, What.WRONG_PARTNER)
+        return None
+
+    def _accept_any(self) -> Accepted | StepFault | None:
+        if self.listener is None or not self._kernel.readable(self.listener):
+            return None
+        got = self._kernel.accept(self.listener)
+        if isinstance(got, Accepted):
+            return got
+        return StepFault(Stage.ACCEPT, got) if isinstance(got, Fault) else None
+
+    def _is_wrong_partner(self, peer: Endpoint) -> bool:
+        address, port = self.config.remote_address, self._remote_port()
+        if self._policy.check_remote_ip and address not in (ANY_ADDRESS, peer.address):
+            return True
+        return bool(self._policy.check_remote_port and port and port != peer.port)
+
+    def turn_away(self, client: Accepted, what: What) -> None:
+        """Reset a client at once; its bytes never reach DATA."""
+        self._kernel.abort(client.handle)
+        self._note(what, client.peer)
+
+    def take_over(self, client: Accepted) -> StepFault | None:
+        """Put an accepted client into the poll set and give it the CONNECT's options."""
+        fault = self._kernel.poll_add(client.handle)
+        if fault is not None:
+            self._kernel.abort(client.handle)
+            return StepFault(Stage.POLL_ADD, fault)
+        self._kernel.set_options(client.handle, self.options())
+        return None
+
+    def options(self) -> SocketOptions:
+        """Return the socket options of this CONNECT (5.5)."""
+        return SocketOptions(
+            nodelay=self.config.send_delay_opt,
+            keep_alive_s=self.config.keep_alive_s,
+            small_buffers=self._policy.small_buffers,
+        )
+
+    def free(self) -> Fault | None:
+        """Close the listener and withdraw the attempt."""
+        fault = None
+        if self.listener is not None:
+            fault = self._kernel.close(self.listener)
+            self.listener = None
+        return self.free_attempt() or fault
+
+    def free_attempt(self) -> Fault | None:
+        """Withdraw the attempt without TIME_WAIT, so that a fixed LocalPort is free again."""
+        if self.attempt is None:
+            return None
+        fault = self._kernel.abort(self.attempt)
+        self.attempt, self._verdict = None, None
+        return fault
+
+    def forget(self) -> None:
+        """Give up a port got by LocalPort 0 (PLC STOP)."""
+        self._kept_port = self.config.local.port
+        self.local = self.remote = None

@@ -1,0 +1,1 @@
+"""One scan: inputs, program, outputs, communication."""

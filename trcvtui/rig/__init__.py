@@ -1,0 +1,1 @@
+"""What stands around the PLC: the peer, the clock, the engine process, the scenario runner."""

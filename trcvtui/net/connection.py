@@ -75,6 +75,7 @@ class Connection:
         self.bytes_received = 0
         self.recvs = 0
         self.attempts = 0
+        self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.notes: list[Note] = []
         self.handle: Handle | None = None
@@ -150,6 +151,7 @@ class Connection:
             if refused is not None:
                 return refused
         self._become_connected(got)
+        self.since_scan = self._stepped_in
         return None
 
     def _become_connected(self, got: Accepted) -> None:

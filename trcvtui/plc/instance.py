@@ -1,0 +1,216 @@
+"""One block instance: its block, its inputs, its outputs, and what has become of its jobs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trcvtui.blocks import parameters
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.outcome import NOT_CALLED, Outcome
+from trcvtui.blocks.trcv_c import TrcvC, TrcvCInputs
+from trcvtui.net.connection import Connection
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+
+PinValue = bool | int
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes."""
+
+    instance: str
+    block: str
+    status: int
+    busy: bool
+    done: bool
+    error: bool
+    rcvd_len: int
+
+
+class Instance:
+    """One instance; `scan` calls its block once, `outputs` is what the program reads afterwards."""
+
+    def __init__(
+        self,
+        name: str,
+        block: str,
+        env: Environment,
+        connection: Connection,
+        data: DataArea | None,
+        inputs: tuple[tuple[str, PinValue], ...],
+    ) -> None:
+        self.name = name
+        self.block_name = block
+        self.connection = connection
+        self.data = data
+        self.inputs: dict[str, PinValue] = {
+            pin.name: False if pin.is_bool else 0 for pin in parameters.inputs_of(block)
+        }
+        self.inputs.update(inputs)
+        self._env = env
+        self._pulsed: list[str] = []
+        self._blinking: list[str] = []
+        self.fresh()
+
+    def fresh(self) -> None:
+        """Begin anew, as after STOP and RUN; inputs and DATA keep their values."""
+        self._block = TrcvC(self._env, self.connection, self.data, self.name)
+        self._frozen: TrcvCInputs | None = None
+        self.outcome = NOT_CALLED
+        self.outputs = self._outputs_of(NOT_CALLED)
+        self.called = False
+        self.since_scan = self._env.scan
+        self.jobs_done = self.errors = 0
+        self.last_done: tuple[int, int] | None = None
+        self.last_error: tuple[int, int] | None = None
+
+    # -- inputs ------------------------------------------------------------------------------------
+
+    def set_input(self, pin: str, value: PinValue) -> bool:
+        """Write one input; return whether it changed."""
+        if pin in self._blinking:
+            self._blinking.remove(pin)
+        return self._write(pin, value)
+
+    def pulse(self, pin: str) -> bool:
+        """Make the pin TRUE for the next call alone; return whether it changed."""
+        if pin not in self._pulsed:
+            self._pulsed.append(pin)
+        return self._write(pin, True)
+
+    def blink(self, pin: str) -> None:
+        """Toggle the pin at every call from now on."""
+        if pin not in self._blinking:
+            self._blinking.append(pin)
+
+    def toggle_blinking(self) -> list[str]:
+        """Toggle what blinks, before a call; return the pins."""
+        for pin in self._blinking:
+            self._write(pin, not self.inputs[pin])
+        return self._blinking
+
+    def _write(self, pin: str, value: PinValue) -> bool:
+        if self.inputs[pin] == value:
+            return False
+        self.inputs[pin] = value
+        self._frozen = None
+        return True
+
+    # -- one call ------------------------------------------------------------------------------------
+
+    def scan(self) -> bool:
+        """Call the block once; return whether any output differs from the scan before."""
+        if self._frozen is None:
+            self._frozen = self._freeze()
+        outcome = self._block.call(self._frozen)
+        if self._pulsed:
+            self._end_pulses()
+        if outcome.clear_com_rst:
+            self._write("COM_RST", False)
+        first, self.called = not self.called, True
+        if outcome is self.outcome and not first:
+            return False
+        return self._take(outcome) or first
+
+    def _freeze(self) -> TrcvCInputs:
+        pins = self.inputs
+        return TrcvCInputs(
+            en_r=bool(pins["EN_R"]),
+            cont=bool(pins["CONT"]),
+            len=int(pins["LEN"]),
+            adhoc=bool(pins["ADHOC"]),
+            com_rst=bool(pins["COM_RST"]),
+        )
+
+    def _end_pulses(self) -> None:
+        for pin in self._pulsed:
+            self._write(pin, False)
+        self._pulsed.clear()
+
+    def _take(self, outcome: Outcome) -> bool:
+        before, self.outcome = self.outputs, outcome
+        self.outputs = self._outputs_of(outcome)
+        if outcome.done:
+            self.jobs_done += 1
+            self.last_done = (self._env.scan, outcome.rcvd_len)
+        if outcome.error:
+            self.errors += 1
+            self.last_error = (self._env.scan, self.outputs.status)
+        if self.outputs == before:
+            return False
+        if self.outputs.status != before.status:
+            self.since_scan = self._env.scan
+        return True
+
+    def stop(self) -> None:
+        """Show what a stopped PLC shows: STATUS 0000, outputs FALSE."""
+        self._block.job.abandon("PLC STOP")
+        self.outcome, self.outputs = NOT_CALLED, self._outputs_of(NOT_CALLED)
+        self.called = False
+        self.since_scan = self._env.scan
+
+    def _outputs_of(self, outcome: Outcome) -> Outputs:
+        status = self._env.rules.status[outcome.condition]
+        return Outputs(
+            self.name, self.block_name, status, outcome.busy, outcome.done, outcome.error, outcome.rcvd_len
+        )
+
+    # -- for readers -----------------------------------------------------------------------------------
+
+    def edge(self) -> StatusEdge:
+        """Return the ledger's line for the outputs as they are now."""
+        out = self.outputs
+        return StatusEdge(
+            self.name,
+            self.block_name,
+            out.status,
+            out.busy,
+            out.done,
+            out.error,
+            out.rcvd_len,
+            str(self.outcome.condition),
+            self.outcome.cause,
+        )
+
+    def partial(self) -> bytes:
+        """Return a copy of what the running job has collected."""
+        return self._block.job.partial()
+
+    def snapshot(self) -> InstanceSnapshot:
+        """Return the frozen picture of this instance."""
+        job, out = self._block.job, self.outputs
+        done, error = self.last_done or (None, None), self.last_error or (None, None)
+        return InstanceSnapshot(
+            name=self.name,
+            block=self.block_name,
+            connect=self.connection.config.name,
+            data=self.data.name if self.data else None,
+            inputs=tuple(self.inputs.items()),
+            outputs=(
+                ("DONE", out.done),
+                ("BUSY", out.busy),
+                ("ERROR", out.error),
+                ("STATUS", out.status),
+                ("RCVD_LEN", out.rcvd_len),
+            ),
+            status=out.status,
+            condition=str(self.outcome.condition),
+            cause=self.outcome.cause,
+            since_scan=self.since_scan,
+            busy=out.busy,
+            done=out.done,
+            error=out.error,
+            rcvd_len=out.rcvd_len,
+            have=job.have,
+            need=job.need if job.running else 0,
+            adhoc=job.adhoc,
+            last_receive_ns=job.last_receive,
+            jobs_done=self.jobs_done,
+            errors=self.errors,
+            last_done_scan=done[0],
+            last_rcvd_len=done[1],
+            last_error_scan=error[0],
+            last_error_status=error[1],
+        )

@@ -1,0 +1,122 @@
+"""A project as frozen values: what stands in a project file, checked and typed (contract 4.2).
+
+Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the blocks judge it by STATUS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.blocks.parameters import PINS, Pin
+from trcvtui.blocks.rules import Rules
+from trcvtui.dialects.dialect import Dialect, SwitchValue
+from trcvtui.net.answers import Endpoint
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.types import Type
+
+if TYPE_CHECKING:
+    from trcvtui.udt.formats import TypeSet
+    from trcvtui.udt.layout import Layout
+
+DEFAULT_INTERVAL_NS: Final = 10_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One task: its instances are called every `interval_ns`; the smallest `priority` goes first."""
+
+    name: str = "MAIN"
+    interval_ns: int = DEFAULT_INTERVAL_NS
+    priority: int = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DataDecl:
+    """One global variable: its type as written and as laid out; size in bytes."""
+
+    name: str
+    type_name: str
+    type: Type
+    layout: Layout
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceDecl:
+    """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name."""
+
+    name: str
+    block: str
+    connect: str
+    data: str | None
+    task: str
+    inputs: tuple[tuple[str, bool | int], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PeerDecl:
+    """One partner. `end`: an active peer connects to it (`@C1`: where C1 listens), a passive one listens on it.
+
+    `source` is the local end of an active peer, where the file gives one.
+    """
+
+    name: str
+    active: bool
+    end: Endpoint | str
+    source: Endpoint | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SimDecl:
+    """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports."""
+
+    addresses: tuple[str, ...] = ()
+    not_ethernet: tuple[str, ...] = ()
+    seed: int = 0
+    latency_ns: int = 0
+    fragment: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Project:
+    """Everything that a project file says. Instances stand in call order."""
+
+    path: Path
+    dialect: Dialect
+    model: str
+    connection_limit: int
+    options: Mapping[str, SwitchValue]
+    rules: Rules
+    layout: LayoutRules
+    types: TypeSet
+    tasks: tuple[Task, ...] = (Task(),)
+    data: tuple[DataDecl, ...] = ()
+    connects: tuple[ConnectConfig, ...] = ()
+    instances: tuple[InstanceDecl, ...] = ()
+    peers: tuple[PeerDecl, ...] = ()
+    start: str = ""
+    sim: SimDecl = SimDecl()
+
+    def pins(self, block: str) -> tuple[Pin, ...]:
+        """Return the pins of a block, in the order of the manual."""
+        return PINS[block]
+
+    def instance(self, name: str) -> InstanceDecl | None:
+        """Return the instance of that name."""
+        return next((i for i in self.instances if i.name == name), None)
+
+    def data_decl(self, name: str) -> DataDecl | None:
+        """Return the global variable of that name."""
+        return next((d for d in self.data if d.name == name), None)
+
+    def connect(self, name: str) -> ConnectConfig | None:
+        """Return the CONNECT of that name."""
+        return next((c for c in self.connects if c.name == name), None)
+
+    def peer(self, name: str) -> PeerDecl | None:
+        """Return the peer of that name."""
+        return next((p for p in self.peers if p.name == name), None)

@@ -1,0 +1,265 @@
+"""The bench commands as frozen values: one class a command of contract 4.3, one a condition.
+
+What a command was resolved from (`text`) is kept for display and saving; equality is decided by the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from trcvtui.rig.trace_pattern import TracePattern
+from trcvtui.udt.coding import Value
+
+DEFAULT_LIMIT_NS: Final = 10_000_000_000
+FOREVER: Final = 0  # FaultOn.times
+PEER_STATES: Final = ("connected", "listening", "closed", "reset", "refused")
+
+PinValue = bool | int
+
+
+@dataclass(frozen=True, slots=True)
+class Set:
+    """`set TRCV_C_1 CONT=1 EN_R=1 REQ=blink`: write inputs."""
+
+    instance: str
+    pins: tuple[tuple[str, PinValue | Literal["blink"]], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Pulse:
+    """`pulse TSEND_C_1 REQ`: TRUE for one call, then FALSE."""
+
+    instance: str
+    pin: str
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """`write rx hex 01 02`, `write rx+4 hex 03`, `write rx.speed 12.5`: write bytes of a DATA variable."""
+
+    data: str
+    offset: int
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PlcStop:
+    """`plc stop`: CPU STOP."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlcRun:
+    """`plc run`: CPU RUN."""
+
+
+@dataclass(frozen=True, slots=True)
+class PeerConnect:
+    """`peer P1 connect`: one attempt of an active peer."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerListen:
+    """`peer P1 listen`: a passive peer opens its listener, where it has none."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerClose:
+    """`peer P1 close`: FIN."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerRst:
+    """`peer P1 rst`: RST."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerShutdown:
+    """`peer P1 shutdown`: FIN, but keep reading (half-close)."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerSend:
+    """`peer P1 send hex 01 02 split=1 gap=T#20ms repeat=10 every=T#50ms`.
+
+    `split` are the sizes of the first chunks in bytes; times in ns, 0 = at once. `text` is `hex 01 02`.
+    """
+
+    peer: str
+    payload: bytes
+    split: tuple[int, ...] = ()
+    gap_ns: int = 0
+    repeat: int = 1
+    every_ns: int = 0
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PeerStall:
+    """`peer P1 stall`: stop reading, so that the window closes."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerResume:
+    """`peer P1 resume`: read again."""
+
+    peer: str
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it speaks again."""
+
+    connect: str
+    up: bool
+
+
+@dataclass(frozen=True, slots=True)
+class FaultOn:
+    """`fault bind EADDRINUSE on C1 nth=1 times=1`: a kernel call fails.
+
+    `error` None: the usual error of that call. `on` None: any CONNECT. `times` FOREVER (0): until cleared.
+    """
+
+    call: str
+    error: str | None = None
+    on: str | None = None
+    nth: int = 1
+    times: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class FaultClear:
+    """`fault clear`: forget all faults."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunScans:
+    """`run 5`: let scans of the fastest task pass."""
+
+    scans: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunFor:
+    """`run T#200ms`: let the scans pass that fit; time in ns."""
+
+    ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class PinsAre:
+    """`TRCV_C_1 STATUS=7008 DONE=1`: pins, inputs too, have these values."""
+
+    instance: str
+    pins: tuple[tuple[str, PinValue], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PeerIs:
+    """`peer P1 connected`: see `Peer.is_in`."""
+
+    peer: str
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerReceived:
+    """`peer P1 received hex 01 02`: see `Peer.has_received`."""
+
+    peer: str
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class DataIs:
+    """`rx hex 01 02` or `rx+4 hex 01`: the variable holds these bytes from `offset` on."""
+
+    data: str
+    offset: int
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class MemberIs:
+    """`rx.speed 12.5`: the member at `path` (empty: the variable itself) decodes to `value`."""
+
+    data: str
+    path: str
+    value: Value
+
+
+Condition = PinsAre | PeerIs | PeerReceived | DataIs | MemberIs
+
+
+@dataclass(frozen=True, slots=True)
+class Wait:
+    """`wait TRCV_C_1 STATUS=7004 within T#2s`: let scans pass until it holds; time in ns."""
+
+    condition: Condition
+    within_ns: int = DEFAULT_LIMIT_NS
+
+
+@dataclass(frozen=True, slots=True)
+class Expect:
+    """`expect ...`: holds now, or within a time in ns."""
+
+    condition: Condition
+    within_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectTrace:
+    """`expect TRCV_C_1 trace 0001 7001 7002+`: the STATUS per scan since the previous trace."""
+
+    instance: str
+    pattern: TracePattern
+
+
+BenchCommand = (
+    Set
+    | Pulse
+    | Write
+    | PlcStop
+    | PlcRun
+    | PeerConnect
+    | PeerListen
+    | PeerClose
+    | PeerRst
+    | PeerShutdown
+    | PeerSend
+    | PeerStall
+    | PeerResume
+    | Link
+    | FaultOn
+    | FaultClear
+    | RunScans
+    | RunFor
+    | Wait
+    | Expect
+    | ExpectTrace
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One command of a script: its 1-based number, its line, its value."""
+
+    number: int
+    line: str
+    command: BenchCommand

@@ -59,7 +59,7 @@ class InstanceDecl:
 
 @dataclass(frozen=True, slots=True)
 class PeerDecl:
-    """One partner. `end`: an active peer connects to it (`@C1`: where C1 listens), a passive one listens on it.
+    """One partner. `end` is what an active peer connects to (`@C1`: where C1 listens), else where it listens.
 
     `source` is the local end of an active peer, where the file gives one.
     """
@@ -86,6 +86,7 @@ class Project:
     """Everything that a project file says. Instances stand in call order."""
 
     path: Path
+    base: Path  # relative file names start here
     dialect: Dialect
     model: str
     connection_limit: int

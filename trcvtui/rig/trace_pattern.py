@@ -1,7 +1,7 @@
 """The pattern of `expect X trace ...`: the STATUS of every scan, matched as a whole.
 
-Rule: work grows with atoms x scans / 64. The places that the first atoms can reach are the bits of one number,
-and each atom moves all of them at once, so no pattern can make the match backtrack.
+Rule: work grows with atoms x scans / 64. The places that the first atoms can reach are the bits of one
+number, and each atom moves all of them at once, so no pattern can make the match backtrack.
 """
 
 from __future__ import annotations

@@ -1,0 +1,43 @@
+"""Names in project files and commands: IEC identifiers, and the known name nearest to a wrong one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Final
+
+IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that begins with no digit"
+MOST_LISTED: Final = 12
+_IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def is_identifier(text: str) -> bool:
+    """Return whether the text is an IEC identifier."""
+    return _IDENTIFIER.fullmatch(text) is not None
+
+
+def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
+    """Return what was expected instead of a wrong name: the nearest known one, or the list of all.
+
+    `what` says what the names are, such as `CONNECT`.
+    """
+    names = list(known)
+    near = nearest(wrong, names)
+    if near is not None:
+        return f"{near} (the nearest {what})"
+    if not names:
+        return f"the name of a {what}, of which there is none"
+    listed = ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
+    return f"{what}: {listed}" if len(names) == 1 else f"{what}, one of {listed}"
+
+
+def nearest(wrong: str, known: Iterable[str]) -> str | None:
+    """Return the known name that the wrong one was most likely meant to be, None when none is near."""
+    folded = {name.casefold(): name for name in known}
+    if wrong.casefold() in folded:
+        return folded[wrong.casefold()]
+    # Imported here: a file without mistakes does not pay for it.
+    import difflib
+
+    found = difflib.get_close_matches(wrong.casefold()[:100], folded, n=1)
+    return folded[found[0]] if found else None

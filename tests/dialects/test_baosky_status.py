@@ -1,0 +1,76 @@
+"""The Baosky STATUS table against the code lists of manual 7.15.1 and 7.15.2."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from trcvtui.blocks.conditions import ERROR, Condition
+from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.dialects.baosky_status import STATUS
+
+# fmt: off
+RECEIVE_CODES = [
+    0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7006, 0x7007, 0x7008, 0x8000,
+    0x8080, 0x8081, 0x8082, 0x8083, 0x8084, 0x8086, 0x8087,
+    0x80A0, 0x80A1, 0x80A2, 0x80A3, 0x80A4, 0x80A5, 0x80A6, 0x80A7, 0x80AA, 0x80AB, 0x80AC, 0x80C3, 0x80C5,
+]
+SEND_CODES = [
+    0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7005, 0x7007, 0x7009, 0x8000,
+    0x8080, 0x8081, 0x8082, 0x8083, 0x8084, 0x8086, 0x8087,
+    0x80A0, 0x80A1, 0x80A2, 0x80A3, 0x80A4, 0x80A5, 0x80A7, 0x80A8, 0x80A9, 0x80AB, 0x80AC, 0x80C3, 0x80C5,
+]
+# fmt: on
+SEND_ONLY = {Condition.SENDING, Condition.SENT, Condition.SEND_BUFFER_FULL, Condition.SEND_FAILED}
+RECEIVE_ONLY = {Condition.RECEIVING, Condition.RECEIVED, Condition.SHORT_FRAME, Condition.RECEIVE_FAILED}
+
+
+@pytest.mark.parametrize(("block", "codes"), [("TRCV_C", RECEIVE_CODES), ("TSEND_C", SEND_CODES)])
+def test_a_block_lists_exactly_the_codes_of_its_manual_page_in_order(block: str, codes: list[int]) -> None:
+    assert [row.code for row in STATUS if block in row.blocks] == codes
+
+
+@pytest.mark.parametrize(("block", "foreign"), [("TRCV_C", SEND_ONLY), ("TSEND_C", RECEIVE_ONLY)])
+def test_each_condition_that_a_block_can_show_has_exactly_one_row(
+    block: str, foreign: set[Condition]
+) -> None:
+    rows = Counter(row.condition for row in STATUS if block in row.blocks)
+    assert rows == Counter(set(Condition) - foreign)
+
+
+def test_no_two_rows_have_the_same_code() -> None:
+    codes = Counter(row.code for row in STATUS)
+    assert [code for code, rows in codes.items() if rows > 1] == []
+
+
+@pytest.mark.parametrize("row", STATUS, ids=lambda row: row.word)
+def test_the_error_flag_of_a_row_is_that_of_its_condition(row: StatusRow) -> None:
+    assert row.error == (row.condition in ERROR)
+
+
+def test_a_reset_in_progress_is_no_error() -> None:
+    row = next(row for row in STATUS if row.code == 0x8000)
+    assert not row.error
+
+
+@pytest.mark.parametrize("row", STATUS, ids=lambda row: row.word)
+def test_a_row_says_what_it_means_and_what_to_look_at_next(row: StatusRow) -> None:
+    assert 3 < len(row.title) <= 46
+    for said in (row.causes, row.checks):
+        assert 2 <= len(said) <= 4
+        assert len(set(said)) == len(said)
+        assert all(15 < len(line) <= 130 and line.isprintable() and line == line.strip() for line in said)
+    assert "7.15." in row.manual
+
+
+@pytest.mark.parametrize(
+    ("reach", "codes"),
+    [
+        (Reach.LOGIC, [0x0000, 0x0001, 0x7000, 0x80A1, 0x80A4, 0x80A5, 0x80A7, 0x80AC, 0x80C3]),
+        (Reach.NAMESPACE, [0x80AB]),
+        (Reach.INJECTED, [0x8082, 0x8084, 0x8087]),
+    ],
+)
+def test_what_plain_traffic_cannot_bring_about_is_marked(reach: Reach, codes: list[int]) -> None:
+    assert [row.code for row in STATUS if row.reach is reach] == codes

@@ -1,0 +1,100 @@
+"""`status` as text and as JSON: codes in every spelling, all dialects or one, all blocks or one."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from trcvtui.dialects.baosky import BAOSKY
+from trcvtui.dialects.status_report import as_json, as_table, as_text, chosen_dialects, explain, parse_code
+from trcvtui.errors import UserError
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["80C5", "80c5", "16#80C5", "W#16#80C5", "w#16#80c5", "WORD#16#80C5", "0x80c5", "0X80C5", " 80C5 "],
+)
+def test_a_code_may_be_written_in_every_usual_way(text: str) -> None:
+    assert parse_code(text) == 0x80C5
+
+
+@pytest.mark.parametrize(("text", "code"), [("0", 0), ("1", 1), ("0001", 1), ("16#7006", 0x7006)])
+def test_leading_zeros_may_be_left_out(text: str, code: int) -> None:
+    assert parse_code(text) == code
+
+
+@pytest.mark.parametrize(
+    "text", ["", "80G5", "180C5", "80C5h", "-1", "W#80C5", "16#", "8 0", "٣", "7" * 10_000]
+)
+def test_what_is_no_code_is_a_mistake_of_one_line(text: str) -> None:
+    with pytest.raises(UserError) as raised:
+        parse_code(text)
+    [line] = raised.value.lines()
+    assert line.endswith("expected a STATUS word such as 80C5, 16#80C5, W#16#80C5 or 0x80c5")
+    assert len(line) < 160
+
+
+def test_json_has_exactly_the_keys_of_the_contract() -> None:
+    [one] = json.loads(as_json(explain([BAOSKY], 0x80C5, None)))
+    assert list(one) == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
+    assert one["code"] == "16#80C5"
+    assert one["dialect"] == "baosky"
+    assert one["blocks"] == ["TRCV_C", "TSEND_C"]
+    assert one["error"] is True
+    assert one["causes"] and one["checks"]
+
+
+def test_the_card_names_code_title_error_blocks_causes_and_checks() -> None:
+    row = BAOSKY.row(0x7006)
+    assert row is not None
+    card = as_text(explain([BAOSKY], 0x7006, None)).splitlines()
+    assert card[0] == "16#7006  Receiving, or ready and waiting"
+    assert card[1] == "  no error · TRCV_C · baosky, manual 7.15.1, 7.15.9"
+    assert [line[6:] for line in card if line.startswith("    - ")] == [*row.causes, *row.checks]
+
+
+def test_without_a_code_the_whole_table_is_one_line_a_code() -> None:
+    lines = as_table(explain([BAOSKY], None, None)).splitlines()
+    assert len(lines) == len(BAOSKY.status)
+    assert lines[0] == "baosky  16#0000    TRCV_C TSEND_C  Not called"
+    assert lines[-1] == "baosky  16#80C5 !  TRCV_C TSEND_C  The partner closed during the job"
+
+
+def test_a_block_narrows_the_table() -> None:
+    codes = [one.row.code for one in explain([BAOSKY], None, "tsend_c")]
+    assert 0x7005 in codes
+    assert 0x7006 not in codes
+
+
+def test_all_dialects_are_asked_unless_one_is_named() -> None:
+    assert chosen_dialects([BAOSKY], None) == (BAOSKY,)
+    assert chosen_dialects([BAOSKY], "Baosky") == (BAOSKY,)
+
+
+@pytest.mark.parametrize(
+    ("code", "block", "line"),
+    [
+        (
+            0x1234,
+            None,
+            "CODE: found 16#1234, expected a code in the table of baosky, see `trcvtui status`",
+        ),
+        (
+            0x7006,
+            "TSEND_C",
+            "CODE: found 16#7006, expected a code in the table of TSEND_C (baosky), see `trcvtui status`",
+        ),
+        (None, "TRVC_C", "--block: found 'TRVC_C', expected one of TRCV_C, TSEND_C"),
+    ],
+)
+def test_what_is_in_no_table_is_a_mistake_of_one_line(code: int | None, block: str | None, line: str) -> None:
+    with pytest.raises(UserError) as raised:
+        explain([BAOSKY], code, block)
+    assert raised.value.lines() == [line]
+
+
+def test_an_unknown_dialect_is_answered_with_the_names_that_exist() -> None:
+    with pytest.raises(UserError) as raised:
+        chosen_dialects([BAOSKY], "siemnes")
+    assert raised.value.lines() == ["--dialect: found 'siemnes', expected one of baosky"]

@@ -1,0 +1,118 @@
+"""Explain STATUS words as text and as JSON: pure functions from rows to what stands on stdout."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.dialects.dialect import Dialect
+from trcvtui.errors import mistake
+
+CODE: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.IGNORECASE | re.ASCII)
+REACH_TEXT: Final = {
+    Reach.REAL: "by real traffic, also on this machine alone",
+    Reach.LOGIC: "by the pins alone: no network has a part in it",
+    Reach.NAMESPACE: "by a dead link: on the simulated network, or live between two machines",
+    Reach.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Explained:
+    """One row and the dialect that it belongs to."""
+
+    dialect: str
+    row: StatusRow
+
+
+def parse_code(text: str) -> int:
+    """Return the code of `80C5`, `16#80C5`, `W#16#80C5` or `0x80c5`; raise UserError when it is none."""
+    found = CODE.fullmatch(text) if len(text) <= 32 else None
+    if found is None:
+        raise mistake("CODE", f"'{text[:32]}'", "a STATUS word such as 80C5, 16#80C5, W#16#80C5 or 0x80c5")
+    return int(found.group(1), 16)
+
+
+def chosen_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dialect, ...]:
+    """Return the dialect of that name, or all of them; raise UserError for an unknown name."""
+    chosen = tuple(d for d in dialects if name is None or d.name == name.casefold())
+    if not chosen:
+        raise mistake("--dialect", f"'{name}'", "one of " + ", ".join(d.name for d in dialects))
+    return chosen
+
+
+def explain(dialects: Sequence[Dialect], code: int | None, block: str | None) -> list[Explained]:
+    """Return the rows of a code (None: all) that a block (None: any) lists; at least one, or UserError."""
+    wanted = None if block is None else _known_block(dialects, block)
+    found = [
+        Explained(dialect.name, row)
+        for dialect in dialects
+        for row in dialect.status
+        if code in (None, row.code) and (wanted is None or wanted in row.blocks)
+    ]
+    if not found:
+        names = ", ".join(dialect.name for dialect in dialects)
+        table = f"the table of {names}" if wanted is None else f"the table of {wanted} ({names})"
+        raise mistake("CODE", f"16#{code:04X}", f"a code in {table}, see `trcvtui status`")
+    return found
+
+
+def _known_block(dialects: Sequence[Dialect], block: str) -> str:
+    known = sorted({name for dialect in dialects for row in dialect.status for name in row.blocks})
+    if block.upper() not in known:
+        raise mistake("--block", f"'{block}'", "one of " + ", ".join(known))
+    return block.upper()
+
+
+def as_json(found: Iterable[Explained]) -> str:
+    """Return a JSON list of objects with exactly the keys of contract 4.1."""
+    return json.dumps([_as_object(one) for one in found], indent=2)
+
+
+def _as_object(one: Explained) -> dict[str, object]:
+    row = one.row
+    return {
+        "code": row.word,
+        "dialect": one.dialect,
+        "blocks": list(row.blocks),
+        "error": row.error,
+        "title": row.title,
+        "causes": list(row.causes),
+        "checks": list(row.checks),
+    }
+
+
+def as_text(found: Iterable[Explained]) -> str:
+    """Return a card for each row: what it means, likely causes, what to look at next."""
+    return "\n\n".join(_card(one) for one in found)
+
+
+def _card(one: Explained) -> str:
+    row = one.row
+    lines = [
+        f"{row.word}  {row.title}",
+        f"  {'ERROR=1' if row.error else 'no error'} · {', '.join(row.blocks)}"
+        f" · {one.dialect}, manual {row.manual}",
+        "  likely causes",
+        *(f"    - {cause}" for cause in row.causes),
+        "  look at",
+        *(f"    - {check}" for check in row.checks),
+        f"  can be brought about {REACH_TEXT[row.reach]}",
+    ]
+    return "\n".join(lines)
+
+
+def as_table(found: Iterable[Explained]) -> str:
+    """Return one line a row: dialect, code, `!` for ERROR=1, blocks, title."""
+    rows = list(found)
+    name = max(len(one.dialect) for one in rows)
+    blocks = max(len(" ".join(one.row.blocks)) for one in rows)
+    return "\n".join(
+        f"{one.dialect:{name}}  {one.row.word} {'!' if one.row.error else ' '}  "
+        f"{' '.join(one.row.blocks):{blocks}}  {one.row.title}"
+        for one in rows
+    )

@@ -1,0 +1,80 @@
+"""The IPv4 addresses of this machine: getifaddrs of the C library, which also finds secondary addresses."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from trcvtui.net.kernel import LocalAddress
+
+AF_INET: Final = 2  # the same number on Linux, macOS and Windows
+ARPHRD_ETHER: Final = 1  # also veth, bridge, macvlan, VLAN and WLAN; tun is 65534, loopback 772
+IFF_LOOPBACK: Final = 0x8
+IFF_POINTOPOINT: Final = 0x10
+LOOPBACK_ONLY: Final = (LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True),)
+
+
+class _IfAddrs(ctypes.Structure):
+    """The head of `struct ifaddrs`, which Linux and the BSDs share; the rest is not read."""
+
+
+_IfAddrs._fields_ = [
+    ("next", ctypes.POINTER(_IfAddrs)),
+    ("name", ctypes.c_char_p),
+    ("flags", ctypes.c_uint),
+    ("address", ctypes.c_void_p),
+]
+
+
+def interface_addresses() -> tuple[LocalAddress, ...]:
+    """Return every IPv4 address with its interface; only 127.0.0.1 where the system does not say."""
+    try:
+        library = ctypes.CDLL(ctypes.util.find_library("c") or None, use_errno=True)
+        ask, free = library.getifaddrs, library.freeifaddrs
+    except (OSError, AttributeError, TypeError):
+        return LOOPBACK_ONLY
+    head = ctypes.POINTER(_IfAddrs)()
+    if ask(ctypes.byref(head)) != 0:
+        return LOOPBACK_ONLY
+    try:
+        return tuple(_entries(head)) or LOOPBACK_ONLY
+    finally:
+        free(head)
+
+
+def _entries(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
+    while entry:
+        item = entry.contents
+        address = _ipv4(item.address)
+        if address is not None:
+            yield _local_address(address, item.name.decode(errors="replace"), item.flags)
+        entry = item.next
+
+
+def _ipv4(address: int | None) -> str | None:
+    """Return the dotted text of a `struct sockaddr`, None when it is of another family."""
+    if not address:
+        return None
+    head = ctypes.string_at(address, 2)
+    # Linux begins with a 16-bit family, the BSDs with a length byte and an 8-bit family.
+    family = int.from_bytes(head, sys.byteorder) if sys.platform.startswith("linux") else head[1]
+    if family != AF_INET:
+        return None
+    return ".".join(str(octet) for octet in ctypes.string_at(address + 4, 4))
+
+
+def _local_address(address: str, interface: str, flags: int) -> LocalAddress:
+    loopback = bool(flags & IFF_LOOPBACK)
+    return LocalAddress(address, interface, _is_ethernet(interface, flags), loopback)
+
+
+def _is_ethernet(interface: str, flags: int) -> bool:
+    device = interface.partition(":")[0]  # eth0:1 is a label of eth0
+    try:
+        return int(Path("/sys/class/net", device, "type").read_text()) == ARPHRD_ETHER
+    except (OSError, ValueError):
+        return not flags & (IFF_LOOPBACK | IFF_POINTOPOINT)

@@ -1,0 +1,380 @@
+"""The real network: non-blocking IPv4 sockets behind the Kernel seam.
+
+A handle is the socket's descriptor. What `poll` saw is one picture for the whole scan: a handle of the poll
+set that it did not see costs no system call until the next poll; a handle outside the set is always tried.
+Without RDHUP (not Linux) a FIN is seen only once the data in front of it has been read.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+import struct
+import sys
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.net.kernel import (
+    WOULD_BLOCK,
+    Accepted,
+    Endpoint,
+    Fault,
+    Handle,
+    LocalAddress,
+    Loss,
+    PathInfo,
+    SocketOptions,
+    WouldBlock,
+)
+from trcvtui.net.os_addresses import interface_addresses
+from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, TCP, apply_options, limit_unacknowledged
+from trcvtui.net.os_poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
+
+try:
+    import fcntl
+    import termios
+except ImportError:  # Windows
+    CAN_ASK = False
+else:
+    CAN_ASK = True
+
+Socket = socket.socket  # inside the class `socket` is the call
+
+SAME_ERROR: Final = {"EWOULDBLOCK": "EAGAIN", "ENOTSUP": "EOPNOTSUPP"}
+# A stack reports these to one call only; Linux answers 0 and EPIPE afterwards, so every system does here.
+TOLD_ONCE: Final = frozenset(
+    {"ECONNRESET", "ECONNREFUSED", "ECONNABORTED", "ETIMEDOUT", "ENETRESET"}
+    | {"EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"}
+)
+PEEK_BYTES: Final = 65536
+# struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent.
+LAST_ACK_AT: Final = 56
+UNSENT_AT: Final = 144
+TCP_INFO_BYTES: Final = 160
+
+
+class OsKernel:
+    """The Kernel of this machine. Call `close_all` at the end."""
+
+    def __init__(self) -> None:
+        self._sockets: dict[int, Socket] = {}
+        self._polls: PollSet | None = None
+        self._polled: set[int] = set()
+        self._ready: dict[int, int] = {}
+        self._held: dict[int, str] = {}  # an error found behind bytes that were answered first
+        self._told: set[int] = set()  # handles whose error one call has answered
+
+    def close_all(self) -> None:
+        """Free every handle and the poll set."""
+        for handle in list(self._sockets):
+            self.close(Handle(handle))
+        if self._polls is not None:
+            self._polls.close()
+            self._polls = None
+
+    def leaks(self) -> tuple[str, ...]:
+        """Return a line for every handle that is still open."""
+        return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        """Return the addresses of this machine, loopback among them."""
+        own = interface_addresses()
+        if sys.platform == "win32":
+            named = socket.gethostbyname_ex(socket.gethostname())[2]
+            own += tuple(LocalAddress(address, "") for address in named)
+        return own
+
+    # -- the poll set ------------------------------------------------------------------------------
+
+    def poll(self) -> None:
+        """Take the readiness of the whole poll set in one system call."""
+        if self._polls is not None and self._polled:
+            self._ready = dict(self._polls.poll(0, len(self._polled)))
+
+    def readable(self, handle: Handle) -> bool:
+        """Return whether the last poll saw something to read; a handle outside the set is looked at now."""
+        if handle in self._polled:
+            return handle in self._ready
+        return bool(self._look(handle, IN))
+
+    def _look(self, handle: int, mask: int) -> int:
+        """Return the events of one handle now."""
+        seen = look_at({handle: mask | RDHUP}) if handle in self._sockets else []
+        return seen[0][1] if seen else 0
+
+    def poll_add(self, handle: Handle) -> Fault | None:
+        """Put the handle into the poll set."""
+        return self._do("poll_add", handle, self._register)
+
+    def _register(self, sock: Socket) -> None:
+        if self._polls is None:  # made here, not at the start, so that EMFILE has a block to show it (8084)
+            self._polls = new_poll_set()
+        self._polls.register(sock.fileno(), IN | RDHUP)
+        self._polled.add(sock.fileno())
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        """Take the handle out of the poll set."""
+        self._polled.discard(handle)
+        self._ready.pop(handle, None)
+        return self._do("poll_del", handle, self._unregister)
+
+    def _unregister(self, sock: Socket) -> None:
+        if self._polls is None:
+            raise OSError(errno.ENOENT, "no poll set")
+        self._polls.unregister(sock.fileno())
+
+    # -- set-up --------------------------------------------------------------------------------------
+
+    def socket(self, owner: str) -> Handle | Fault:
+        """Make a non-blocking TCP socket."""
+        try:
+            return self._keep(Socket(socket.AF_INET, socket.SOCK_STREAM))
+        except OSError as problem:
+            return Fault("socket", error_name(problem))
+
+    def _keep(self, made: Socket) -> Handle:
+        made.setblocking(False)
+        handle = Handle(made.fileno())
+        self._sockets[handle] = made
+        return handle
+
+    def set_reuse(self, handle: Handle) -> Fault | None:
+        """Allow the address and port to be bound while old connections of it linger."""
+        return self._do("set_reuse", handle, lambda sock: sock.setsockopt(BASE, REUSE, 1))
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        """Set the options; return the names of those that this system refused."""
+        sock = self._sockets.get(handle)
+        return () if sock is None else apply_options(sock, options)
+
+    def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
+        """Limit how long sent data may stay unacknowledged; 0 = no own limit. Ignored where unknown."""
+        sock = self._sockets.get(handle)
+        if sock is not None:
+            limit_unacknowledged(sock, milliseconds)
+
+    def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Bind to a local end; port 0 takes a free one."""
+        return self._do("bind", handle, lambda sock: sock.bind(_pair(end)))
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
+        return self._do("listen", handle, lambda sock: sock.listen(backlog))
+
+    def local_end(self, handle: Handle) -> Endpoint | None:
+        """Return the local end, or None while there is none."""
+        sock = self._sockets.get(handle)
+        try:
+            address, port = sock.getsockname() if sock else ("", 0)
+        except (OSError, ValueError):
+            return None
+        return Endpoint(address, port) if port else None
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        """Take one finished handshake from a listener."""
+        if handle in self._polled and handle not in self._ready:
+            return WOULD_BLOCK
+        try:
+            made, (address, port) = self._sockets[handle].accept()
+        except BlockingIOError:
+            return WOULD_BLOCK
+        except (OSError, ValueError, KeyError) as problem:
+            return Fault("accept", error_name(problem))
+        return Accepted(self._keep(made), Endpoint(address, port))
+
+    def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Start to connect; None = pending, also where the stack has decided already."""
+        fault = self._do("connect", handle, lambda sock: sock.connect(_pair(end)))
+        return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        """Return the verdict: connected only when writable, without error and with a partner (3.3)."""
+        sock = self._sockets.get(handle)
+        if sock is None:
+            return Fault("connect", "EBADF")
+        if not self._look(handle, OUT) & VERDICT:
+            return WOULD_BLOCK
+        error = self._take_error(handle, sock)
+        return Fault("connect", error) if error else self._do("connect", handle, Socket.getpeername)
+
+    # -- data ----------------------------------------------------------------------------------------
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        """Read straight into the view until it is full or the stack is empty; 0 = the partner's FIN."""
+        if handle in self._polled and handle not in self._ready:
+            return WOULD_BLOCK
+        if handle in self._held:
+            return self._tell_held("recv", handle)
+        try:
+            taken = self._sockets[handle].recv_into(into)
+        except BlockingIOError:
+            return WOULD_BLOCK
+        except (OSError, ValueError, KeyError) as problem:
+            return self._failed("recv", handle, problem) or 0
+        return taken if taken == len(into) or not taken else self._drain(handle, into, taken)
+
+    def _drain(self, handle: int, into: memoryview, taken: int) -> int:
+        """Read on behind a first short read: the sender may have refilled the window meanwhile."""
+        sock = self._sockets[handle]
+        while taken < len(into):
+            try:
+                more = sock.recv_into(into[taken:])
+            except BlockingIOError:
+                break
+            except (OSError, ValueError) as problem:
+                self._held[handle] = error_name(problem)
+                break
+            if not more:
+                break
+            taken += more
+        return taken
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        """Write what the stack takes now and return that count."""
+        if handle in self._held:
+            return self._tell_held("send", handle)
+        try:
+            return self._sockets[handle].send(data)
+        except BlockingIOError:
+            return WOULD_BLOCK
+        except (OSError, ValueError, KeyError) as problem:
+            return self._failed("send", handle, problem) or Fault("send", "EPIPE")
+
+    def loss(self, handle: Handle) -> Loss | None:
+        """Return why the connection is gone, without consuming data; None while it stands."""
+        polled = handle in self._polled
+        if polled and handle not in self._ready:
+            return None
+        sock = self._sockets.get(handle)
+        if sock is None:
+            return Loss(Fault("recv", "EBADF"), 0)
+        mask = self._ready[handle] if polled else self._look(handle, IN)
+        if not mask & GONE and (RDHUP or not self._peeks_the_end(handle, sock)):
+            return None
+        error = self._take_error(handle, sock)
+        # A RST behind a FIN is EPIPE: the FIN came first, and recv answers 0 too.
+        fault = Fault("recv", error) if error and error != "EPIPE" else None
+        return Loss(fault, self.unread(handle))
+
+    def _peeks_the_end(self, handle: int, sock: Socket) -> bool:
+        """Return whether the next recv would find a FIN or an error (systems without RDHUP)."""
+        try:
+            return not sock.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except (OSError, ValueError) as problem:
+            if handle not in self._told:
+                self._held[handle] = error_name(problem)
+            return True
+
+    def unread(self, handle: Handle) -> int:
+        """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
+        sock = self._sockets.get(handle)
+        try:
+            if sock is None:
+                return 0
+            return _ask(sock, termios.FIONREAD) if CAN_ASK else len(sock.recv(PEEK_BYTES, socket.MSG_PEEK))
+        except (OSError, ValueError):
+            return 0
+
+    def path(self, handle: Handle) -> PathInfo | None:
+        """Return the send side's state from TCP_INFO, or None where the system does not say."""
+        sock = self._sockets.get(handle)
+        if sock is None or sys.platform != "linux":
+            return None
+        try:
+            info = sock.getsockopt(TCP, socket.TCP_INFO, TCP_INFO_BYTES).ljust(TCP_INFO_BYTES, b"\0")
+            queued = _ask(sock, termios.TIOCOUTQ)
+        except (OSError, ValueError):
+            return None
+        (last_ack_ms,) = struct.unpack_from("=I", info, LAST_ACK_AT)
+        (unsent,) = struct.unpack_from("=I", info, UNSENT_AT)
+        return PathInfo(max(0, queued - unsent), unsent, last_ack_ms)
+
+    # -- the end -------------------------------------------------------------------------------------
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        """Send FIN; both=False keeps reading (half-close)."""
+        how = socket.SHUT_RDWR if both else socket.SHUT_WR
+        return self._do("shutdown", handle, lambda sock: sock.shutdown(how))
+
+    def abort(self, handle: Handle) -> Fault | None:
+        """Send RST and free the handle."""
+        fault = self._do("abort", handle, lambda s: s.setsockopt(BASE, socket.SO_LINGER, RESET_ON_CLOSE))
+        freed = self._free("abort", handle)
+        return fault or freed
+
+    def close(self, handle: Handle) -> Fault | None:
+        """Free the handle: FIN, or RST when unread data is queued."""
+        return self._free("close", handle)
+
+    def _free(self, call: str, handle: int) -> Fault | None:
+        if handle in self._polled:
+            self._polled.discard(handle)
+            self._ready.pop(handle, None)
+            if isinstance(self._polls, PollList):  # epoll forgets a closed descriptor by itself
+                self._polls.unregister(handle)
+        self._held.pop(handle, None)
+        self._told.discard(handle)
+        fault = self._do(call, handle, Socket.close)
+        self._sockets.pop(handle, None)
+        return fault
+
+    # -- errors --------------------------------------------------------------------------------------
+
+    def _do(self, call: str, handle: int, act: Callable[[Socket], object]) -> Fault | None:
+        """Do one call on the handle's socket; EBADF when there is none."""
+        try:
+            act(self._sockets[handle])
+        except (OSError, ValueError, KeyError) as problem:
+            return Fault(call, error_name(problem))
+        return None
+
+    def _failed(self, call: str, handle: int, problem: OSError | ValueError | KeyError) -> Fault | None:
+        """Return the fault of a data call, None when another call has answered this error before."""
+        name = error_name(problem)
+        if name in TOLD_ONCE:
+            if handle in self._told:
+                return None
+            self._told.add(handle)
+        return Fault(call, name)
+
+    def _tell_held(self, call: str, handle: int) -> Fault:
+        self._told.add(handle)
+        return Fault(call, self._held.pop(handle))
+
+    def _take_error(self, handle: int, sock: Socket) -> str:
+        """Return the pending error's name and clear it; "" when there is none."""
+        held = self._held.pop(handle, "")
+        try:
+            number = sock.getsockopt(BASE, socket.SO_ERROR)
+        except (OSError, ValueError) as problem:
+            return error_name(problem)
+        error = held or (error_name(OSError(number, "")) if number else "")
+        if error:
+            self._told.add(handle)
+        return error
+
+
+def error_name(problem: OSError | ValueError | KeyError) -> str:
+    """Return the POSIX name of a failure; an unknown handle and a closed socket object are EBADF."""
+    if not isinstance(problem, OSError):
+        return "EBADF"
+    name = errno.errorcode.get(problem.errno or 0, f"E{problem.errno}").removeprefix("WSA")
+    return SAME_ERROR.get(name, name)
+
+
+def _pair(end: Endpoint) -> tuple[str, int]:
+    """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
+    octets = end.address.split(".")
+    if len(octets) != 4 or not all(o.isascii() and o.isdigit() and int(o) < 256 for o in octets):
+        raise OSError(errno.EINVAL, "not a dotted IPv4 address")
+    if not 0 <= end.port < 65536:
+        raise OSError(errno.EINVAL, "not a port")
+    return end.address, end.port
+
+
+def _ask(sock: Socket, request: int) -> int:
+    """Return the int that an ioctl answers."""
+    (number,) = struct.unpack("i", fcntl.ioctl(sock.fileno(), request, b"\0\0\0\0"))
+    return int(number)

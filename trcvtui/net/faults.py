@@ -1,0 +1,270 @@
+"""Faults at the seam: a plan of which call fails when and with which errno, and a kernel that obeys it.
+
+The plan's faults carry `injected=True`, so that nobody takes them for the network's own.
+"""
+
+from __future__ import annotations
+
+import errno
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.net.kernel import (
+    CALLS,
+    Accepted,
+    Endpoint,
+    Fault,
+    Handle,
+    Kernel,
+    LocalAddress,
+    Loss,
+    PathInfo,
+    SocketOptions,
+    WouldBlock,
+)
+
+# The errno of a call when the plan names none: what status-reproduction 2.2 and 2.3 found for it.
+DEFAULT_ERROR: Final = {
+    "socket": "EMFILE",
+    "set_reuse": "EPERM",
+    "bind": "EADDRINUSE",
+    "listen": "EADDRINUSE",
+    "poll_add": "ENOSPC",
+    "poll_del": "ENOENT",
+    "accept": "EMFILE",
+    "connect": "ECONNREFUSED",
+    "recv": "ECONNRESET",
+    "send": "ECONNRESET",
+    "shutdown": "ENOTCONN",
+    "abort": "ENOTCONN",
+    "close": "EIO",
+    "buffer": "ENOMEM",
+    "queue": "EAGAIN",
+}
+# This system's names and those of the connection errors that another system may not have.
+KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
+    *DEFAULT_ERROR.values(),
+    *("EACCES", "EADDRNOTAVAIL", "EALREADY", "EBADF", "ECONNABORTED", "EEXIST", "EHOSTDOWN", "EHOSTUNREACH"),
+    *("EINVAL", "EISCONN", "ENETDOWN", "ENETRESET", "ENETUNREACH", "ENFILE", "ENOBUFS", "ENOPROTOOPT"),
+    *("ENOTSOCK", "EPIPE", "ETIMEDOUT"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedFault:
+    """One line of the plan: from the nth such call on, `times` calls fail; None = until cleared."""
+
+    call: str
+    error: str
+    on: str | None = None
+    nth: int = 1
+    times: int | None = 1
+    seen: int = 0
+
+    def __str__(self) -> str:
+        """Return it as the bench command `fault` writes it."""
+        parts = ["fault", self.call, self.error]
+        parts += [f"on {self.on}"] if self.on is not None else []
+        parts += [f"nth={self.nth}"] if self.nth != 1 else []
+        parts += [f"times={self.times}"] if self.times != 1 and self.times is not None else []
+        return " ".join(parts)
+
+
+class FaultPlan:
+    """Which calls fail. `active` is False while nothing is planned."""
+
+    def __init__(self) -> None:
+        self.active = False
+        self._entries: list[PlannedFault] = []
+
+    def add(
+        self,
+        call: str,
+        error: str | None = None,
+        on: str | None = None,
+        nth: int = 1,
+        times: int | None = 1,
+    ) -> None:
+        """Plan a fault; `nth` counts from now. Raise UserError for what no call or errno is."""
+        if call not in CALLS:
+            raise mistake("fault", call, "one of " + ", ".join(CALLS))
+        name = error if error is not None else DEFAULT_ERROR[call]
+        if name not in KNOWN_ERRORS:
+            raise mistake(f"fault {call}", name, "an errno name such as " + DEFAULT_ERROR[call])
+        if nth < 1:
+            raise mistake(f"fault {call} nth", str(nth), "1 or more")
+        if times is not None and times < 1:
+            raise mistake(f"fault {call} times", str(times), "1 or more")
+        self._entries.append(PlannedFault(call, name, on, nth, times))
+        self.active = True
+
+    def clear(self) -> None:
+        """Drop the whole plan."""
+        self._entries.clear()
+        self.active = False
+
+    def entries(self) -> tuple[PlannedFault, ...]:
+        """Return what is still to come, in the order of adding."""
+        return tuple(self._entries)
+
+    def take(self, call: str, owner: str) -> Fault | None:
+        """Count this call of owner; return the Fault that it must answer, or None."""
+        if not self.active:
+            return None
+        fault: Fault | None = None
+        left: list[PlannedFault] = []
+        for entry in self._entries:
+            if entry.call == call and entry.on in (None, owner):
+                entry = replace(entry, seen=entry.seen + 1)
+                # An entry whose turn another one took fires at the next such call.
+                if fault is None and entry.seen >= entry.nth:
+                    fault = Fault(call, entry.error, injected=True)
+                    entry = replace(entry, times=None if entry.times is None else entry.times - 1)
+            if entry.times != 0:
+                left.append(entry)
+        self._entries, self.active = left, bool(left)
+        return fault
+
+
+class FaultyKernel:
+    """A Kernel around any kernel, whose calls fail as planned; what is not planned passes through."""
+
+    def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
+        self.inner = inner
+        self.plan = plan
+        self._owners: dict[Handle, str] = {}
+        self._held: dict[Handle, Accepted] = {}  # clients whose accept was made to fail
+
+    def _take(self, call: str, handle: Handle) -> Fault | None:
+        return self.plan.take(call, self._owners.get(handle, "")) if self.plan.active else None
+
+    # -- never made to fail ------------------------------------------------------------------------
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        """Return the addresses of this machine, loopback among them."""
+        return self.inner.local_addresses()
+
+    def poll(self) -> None:
+        """Take the readiness of every handle once."""
+        self.inner.poll()
+
+    def readable(self, handle: Handle) -> bool:
+        """Return whether the last poll saw something, or a client still waits behind a planned fault."""
+        return self.inner.readable(handle) or handle in self._held
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        """Set the options; return the names of those that this system refused."""
+        return self.inner.set_options(handle, options)
+
+    def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
+        """Limit how long sent data may stay unacknowledged; 0 = no own limit."""
+        self.inner.set_user_timeout(handle, milliseconds)
+
+    def local_end(self, handle: Handle) -> Endpoint | None:
+        """Return the local end, or None while there is none."""
+        return self.inner.local_end(handle)
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        """Return the verdict of a connect that was not made to fail."""
+        return self.inner.connect_result(handle)
+
+    def loss(self, handle: Handle) -> Loss | None:
+        """Return why the connection is gone, without consuming data."""
+        return self.inner.loss(handle)
+
+    def unread(self, handle: Handle) -> int:
+        """Return how many received bytes wait in the stack."""
+        return self.inner.unread(handle)
+
+    def path(self, handle: Handle) -> PathInfo | None:
+        """Return the send side's state, or None where the system does not say."""
+        return self.inner.path(handle)
+
+    # -- fail as planned -----------------------------------------------------------------------------
+
+    def socket(self, owner: str) -> Handle | Fault:
+        """Make a TCP socket."""
+        fault = self.plan.take("socket", owner)
+        made = fault or self.inner.socket(owner)
+        if not isinstance(made, Fault):
+            self._owners[made] = owner
+        return made
+
+    def set_reuse(self, handle: Handle) -> Fault | None:
+        """Allow the address and port to be bound while old connections of it linger."""
+        return self._take("set_reuse", handle) or self.inner.set_reuse(handle)
+
+    def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Bind to a local end; port 0 takes a free one."""
+        return self._take("bind", handle) or self.inner.bind(handle, end)
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        """Start to listen."""
+        return self._take("listen", handle) or self.inner.listen(handle, backlog)
+
+    def poll_add(self, handle: Handle) -> Fault | None:
+        """Put the handle into the poll set."""
+        return self._take("poll_add", handle) or self.inner.poll_add(handle)
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        """Take the handle out of the poll set."""
+        return self._take("poll_del", handle) or self.inner.poll_del(handle)
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        """Take one finished handshake; no client is no attempt, and a planned fault leaves him waiting."""
+        held = self._held.pop(handle, None)
+        got = held or self.inner.accept(handle)
+        if not isinstance(got, Accepted):
+            return got
+        fault = self._take("accept", handle)
+        if fault is not None:
+            self._held[handle] = got
+            return fault
+        self._owners[got.handle] = self._owners.get(handle, "")
+        return got
+
+    def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Start to connect; None = pending."""
+        return self._take("connect", handle) or self.inner.connect(handle, end)
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        """Read at most len(into) bytes; 0 = the partner's FIN."""
+        if self.plan.active:
+            fault = self._take("recv", handle)
+            if fault is not None:
+                return fault
+        return self.inner.recv(handle, into)
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        """Write what the stack takes now and return that count."""
+        if self.plan.active:
+            fault = self._take("send", handle)
+            if fault is not None:
+                return fault
+        return self.inner.send(handle, data)
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        """Send FIN; a planned fault sends none."""
+        return self._take("shutdown", handle) or self.inner.shutdown(handle, both)
+
+    def abort(self, handle: Handle) -> Fault | None:
+        """Send RST and free the handle, also when it is made to fail."""
+        fault = self._take("abort", handle)
+        self._forget(handle)
+        answer = self.inner.abort(handle)
+        return fault or answer
+
+    def close(self, handle: Handle) -> Fault | None:
+        """Free the handle, also when it is made to fail."""
+        fault = self._take("close", handle)
+        self._forget(handle)
+        answer = self.inner.close(handle)
+        return fault or answer
+
+    def _forget(self, handle: Handle) -> None:
+        """Forget the handle; a client that waits at a closed listener is reset."""
+        self._owners.pop(handle, None)
+        waiting = self._held.pop(handle, None)
+        if waiting is not None:
+            self.inner.abort(waiting.handle)

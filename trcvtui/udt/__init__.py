@@ -1,0 +1,1 @@
+"""What the bytes mean: UDT types, their layout in DATA, decode, encode, and the source formats."""

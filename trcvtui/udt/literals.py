@@ -1,0 +1,212 @@
+"""IEC literals both ways: durations, dates, times of day and whole numbers.
+
+Rule: whole nanoseconds throughout; no float touches a time, so every stored count comes back exactly.
+"""
+
+from __future__ import annotations
+
+import re
+
+from trcvtui.errors import mistake
+from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, Elementary, Kind
+
+# IEC 61131-3 table 8: largest first, each at most once.
+UNITS = (
+    ("d", DAY),
+    ("h", 3600 * SECOND),
+    ("m", 60 * SECOND),
+    ("s", SECOND),
+    ("ms", MS),
+    ("us", 1000),
+    ("ns", 1),
+)
+UNIT_NS = dict(UNITS)
+PREFIXES = {
+    "TIME": "T#",
+    "LTIME": "LTIME#",
+    "DATE": "D#",
+    "LDATE": "LDATE#",
+    "TOD": "TOD#",
+    "LTOD": "LTOD#",
+    "DT": "DT#",
+    "LDT": "LDT#",
+}
+EXPECTED = {
+    Kind.DURATION: "a duration such as T#1s500ms",
+    Kind.DATE: "a date such as D#2024-01-31",
+    Kind.TIME_OF_DAY: "a time of day such as TOD#12:30:15.250",
+    Kind.DATE_AND_TIME: "a date and time such as DT#2024-01-31-12:30:15",
+}
+
+_LONGEST = 64  # no literal of these types is longer; what is longer is refused unread
+_DIGITS = r"(\d{1,20})(?:\.(\d{1,9}))?"
+_PART = re.compile(_DIGITS + r"(ms|us|ns|d|h|m|s)_?", re.ASCII)
+_DURATION = re.compile(r"(?:T|TIME|LT|LTIME)#(-?)(.+)", re.IGNORECASE)
+_DATE_TEXT = r"(\d{4,20})-(\d{1,2})-(\d{1,2})"
+_CLOCK_TEXT = r"(\d{1,20}):(\d{1,2})(?::(\d{1,2})(?:\.(\d{1,9}))?)?"
+_DATE = re.compile(r"(?:D|DATE|LD|LDATE)#" + _DATE_TEXT, re.IGNORECASE | re.ASCII)
+_CLOCK = re.compile(r"(?:TOD|TIME_OF_DAY|LTOD|LTIME_OF_DAY)#" + _CLOCK_TEXT, re.IGNORECASE | re.ASCII)
+_DATE_CLOCK = re.compile(
+    r"(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME)#" + _DATE_TEXT + "-" + _CLOCK_TEXT, re.IGNORECASE | re.ASCII
+)
+_INTEGER = re.compile(
+    r"(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)", re.IGNORECASE | re.ASCII
+)
+
+
+def parse_time(text: str, where: str = "duration") -> int:
+    """Return the nanoseconds of an IEC duration such as `T#1s500ms`; raise UserError when it is none."""
+    ns = _duration(text)
+    if ns is None:
+        raise mistake(where, _quoted(text), EXPECTED[Kind.DURATION])
+    return ns
+
+
+def format_time(ns: int, prefix: str = "T#") -> str:
+    """Return nanoseconds as an IEC duration, largest unit first: 1_500_000_000 is `T#1s500ms`."""
+    parts = []
+    rest = abs(ns)
+    for unit, size in UNITS:
+        count, rest = divmod(rest, size)
+        if count:
+            parts.append(f"{count}{unit}")
+    return f"{prefix}{'-' if ns < 0 else ''}{''.join(parts) or '0ms'}"
+
+
+def format_literal(row: Elementary, count: int) -> str:
+    """Return the literal of a TIME-like type for its stored count, such as `TOD#12:30:15.25`."""
+    prefix = PREFIXES[row.name]
+    ns = count * row.unit_ns
+    match row.kind:
+        case Kind.DURATION:
+            return format_time(ns, prefix)
+        case Kind.DATE:
+            return prefix + _date_text(ns // DAY)
+        case Kind.TIME_OF_DAY:
+            return prefix + _clock_text(ns)
+        case _:
+            return f"{prefix}{_date_text(ns // DAY)}-{_clock_text(ns % DAY)}"
+
+
+def parse_literal(row: Elementary, text: str) -> int | None:
+    """Return the count that a TIME-like type stores for a literal; None when it is no such literal."""
+    ns = _READ[row.kind](text)
+    if ns is None or ns % row.unit_ns:
+        return None
+    return ns // row.unit_ns
+
+
+def parse_integer(text: str) -> int | None:
+    """Return the number of an IEC integer literal (`-5`, `16#FF`, `1_000`, `INT#5`), None when it is none."""
+    found = _INTEGER.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    if found is None:
+        return None
+    type_name, sign, base, digits = found.groups()
+    row = ELEMENTARY.get((type_name or "INT").upper())
+    if row is None or row.kind not in (Kind.INTEGER, Kind.BITS):
+        return None
+    try:
+        number = int(digits, int(base or 10))
+    except ValueError:
+        return None
+    return -number if sign == "-" else number
+
+
+def _quoted(text: str) -> str:
+    return f"'{text}'" if len(text) <= _LONGEST else f"'{text[:_LONGEST]}...'"
+
+
+def _duration(text: str) -> int | None:
+    found = _DURATION.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    if found is None:
+        return None
+    sign, parts = found.group(1), found.group(2).lower()
+    ns, at, ceiling = 0, 0, DAY + 1
+    while at < len(parts):
+        part = _PART.match(parts, at)
+        if part is None or UNIT_NS[part.group(3)] >= ceiling:
+            return None
+        whole, fraction, unit = part.groups()
+        ceiling, at = UNIT_NS[unit], part.end()
+        ns += int(whole) * ceiling
+        if fraction:
+            # Only the last part may have a fraction, and it must be whole nanoseconds.
+            small, rest = divmod(int(fraction) * ceiling, 10 ** len(fraction))
+            if rest or at < len(parts):
+                return None
+            ns += small
+    if parts.endswith("_"):
+        return None
+    return -ns if sign else ns
+
+
+def _date(text: str) -> int | None:
+    found = _DATE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    return None if found is None else _day_ns(*found.groups())
+
+
+def _clock(text: str) -> int | None:
+    found = _CLOCK.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    return None if found is None else _clock_ns(*found.groups())
+
+
+def _date_clock(text: str) -> int | None:
+    found = _DATE_CLOCK.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    if found is None:
+        return None
+    day, clock = _day_ns(*found.groups()[:3]), _clock_ns(*found.groups()[3:])
+    return None if day is None or clock is None or clock >= DAY else day + clock
+
+
+_READ = {
+    Kind.DURATION: _duration,
+    Kind.DATE: _date,
+    Kind.TIME_OF_DAY: _clock,
+    Kind.DATE_AND_TIME: _date_clock,
+}
+
+
+def _clock_ns(hour: str, minute: str, second: str | None, fraction: str | None) -> int | None:
+    if int(minute) > 59 or int(second or 0) > 59:
+        return None
+    seconds = (int(hour) * 60 + int(minute)) * 60 + int(second or 0)
+    return seconds * SECOND + int((fraction or "0").ljust(9, "0"))
+
+
+def _clock_text(ns: int) -> str:
+    # A stored count past midnight is shown as it is (TOD#25:00:00): bytes from the wire never fail.
+    seconds, fraction = divmod(ns, SECOND)
+    text = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+    return text + (f".{fraction:09d}".rstrip("0") if fraction else "")
+
+
+# Days to dates by counting from 1 March of year 0 in eras of 400 years. Not `datetime`: it ends in the year
+# 9999, where an unsigned count of days does not, and its import is dear for one command line.
+_ERA_DAYS = 146_097
+_MARCH_0_TO_1970 = 719_468
+
+
+def _date_text(days: int) -> str:
+    era, day = divmod(days + _MARCH_0_TO_1970, _ERA_DAYS)
+    year = (day - day // 1460 + day // 36_524 - day // 146_096) // 365
+    day -= 365 * year + year // 4 - year // 100
+    month = (5 * day + 2) // 153
+    date = day - (153 * month + 2) // 5 + 1
+    month = month + 3 if month < 10 else month - 9
+    return f"{era * 400 + year + (month <= 2):04d}-{month:02d}-{date:02d}"
+
+
+def _days(year: int, month: int, date: int) -> int:
+    era, year = divmod(year - (month <= 2), 400)
+    day = (153 * (month - 3 if month > 2 else month + 9) + 2) // 5 + date - 1
+    return era * _ERA_DAYS + year * 365 + year // 4 - year // 100 + day - _MARCH_0_TO_1970
+
+
+def _day_ns(year: str, month: str, date: str) -> int | None:
+    if not 1 <= int(month) <= 12:
+        return None
+    days = _days(int(year), int(month), int(date))
+    # 31 April would come back as 1 May: a date that does not come back as itself is none.
+    if _date_text(days) != f"{int(year):04d}-{int(month):02d}-{int(date):02d}":
+        return None
+    return days * DAY

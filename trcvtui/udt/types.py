@@ -1,0 +1,157 @@
+"""IEC types as frozen values: elementary types (one table row each), STRING, ARRAY, STRUCT, enumeration.
+
+Rule: a type says nothing about places. Sizes, gaps and byte order come from `layout.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+MS = 1_000_000
+SECOND = 1_000 * MS
+DAY = 86_400 * SECOND
+
+
+class Kind(Enum):
+    """How the bytes of an elementary type become a value."""
+
+    BOOL = "BOOL"
+    INTEGER = "integer"
+    BITS = "bit string"
+    REAL = "real"
+    CHARACTER = "character"
+    DURATION = "duration"
+    DATE = "date"
+    TIME_OF_DAY = "time of day"
+    DATE_AND_TIME = "date and time"
+
+
+@dataclass(frozen=True, slots=True)
+class Elementary:
+    """One elementary type: size and natural alignment in bytes, `struct` code, nanoseconds per count."""
+
+    name: str
+    size: int
+    align: int
+    code: str
+    kind: Kind
+    unit_ns: int = 0
+
+    @property
+    def limits(self) -> tuple[int, int]:
+        """Return the smallest and the largest whole number that the type holds."""
+        bits = 8 * self.size
+        return (-(1 << bits - 1), (1 << bits - 1) - 1) if self.code.islower() else (0, (1 << bits) - 1)
+
+
+# Sizes: udt.md 2.1 and baosky.md 8. Signed TIME and LTIME and DATE in days are Baosky's. What no page of
+# Baosky states (the epoch of DATE; TOD, DT and the L-forms) follows CODESYS and is shown as unverified.
+ROWS = (
+    Elementary("BOOL", 1, 1, "?", Kind.BOOL),
+    Elementary("BYTE", 1, 1, "B", Kind.BITS),
+    Elementary("WORD", 2, 2, "H", Kind.BITS),
+    Elementary("DWORD", 4, 4, "I", Kind.BITS),
+    Elementary("LWORD", 8, 8, "Q", Kind.BITS),
+    Elementary("SINT", 1, 1, "b", Kind.INTEGER),
+    Elementary("INT", 2, 2, "h", Kind.INTEGER),
+    Elementary("DINT", 4, 4, "i", Kind.INTEGER),
+    Elementary("LINT", 8, 8, "q", Kind.INTEGER),
+    Elementary("USINT", 1, 1, "B", Kind.INTEGER),
+    Elementary("UINT", 2, 2, "H", Kind.INTEGER),
+    Elementary("UDINT", 4, 4, "I", Kind.INTEGER),
+    Elementary("ULINT", 8, 8, "Q", Kind.INTEGER),
+    Elementary("REAL", 4, 4, "f", Kind.REAL),
+    Elementary("LREAL", 8, 8, "d", Kind.REAL),
+    Elementary("CHAR", 1, 1, "B", Kind.CHARACTER),
+    Elementary("WCHAR", 2, 2, "H", Kind.CHARACTER),
+    Elementary("TIME", 4, 4, "i", Kind.DURATION, MS),
+    Elementary("LTIME", 8, 8, "q", Kind.DURATION, 1),
+    Elementary("DATE", 4, 4, "I", Kind.DATE, DAY),
+    Elementary("LDATE", 8, 8, "q", Kind.DATE, 1),
+    Elementary("TOD", 4, 4, "I", Kind.TIME_OF_DAY, MS),
+    Elementary("LTOD", 8, 8, "Q", Kind.TIME_OF_DAY, 1),
+    Elementary("DT", 4, 4, "I", Kind.DATE_AND_TIME, SECOND),
+    Elementary("LDT", 8, 8, "q", Kind.DATE_AND_TIME, 1),
+)
+SYNONYMS = {
+    "TIME_OF_DAY": "TOD",
+    "LTIME_OF_DAY": "LTOD",
+    "DATE_AND_TIME": "DT",
+    "LDATE_AND_TIME": "LDT",
+}
+UNVERIFIED = frozenset({"DATE", "LDATE", "TOD", "LTOD", "DT", "LDT", "WCHAR"})
+
+ELEMENTARY = {row.name: row for row in ROWS}
+ELEMENTARY |= {synonym: ELEMENTARY[name] for synonym, name in SYNONYMS.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """STRING or WSTRING of `length` characters; None is the default length of the layout."""
+
+    length: int | None = None
+    wide: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """ARRAY with its declared bounds, first index first; the last index runs fastest."""
+
+    bounds: tuple[tuple[int, int], ...]
+    element: Type
+
+    @property
+    def count(self) -> int:
+        """Return the number of elements."""
+        count = 1
+        for low, high in self.bounds:
+            count *= high - low + 1
+        return count
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Member:
+    """One member of a STRUCT."""
+
+    name: str
+    type: Type = field(repr=False)
+
+
+# eq=False: two UDTs are the same type when they are the same declaration, as in IEC 61131-3; and
+# comparing by value would walk a shared type once for each way that leads to it.
+@dataclass(frozen=True, slots=True, eq=False)
+class Struct:
+    """STRUCT with its members in declared order; `name` is empty for one written in place."""
+
+    name: str
+    members: tuple[Member, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Enumeration:
+    """Enumeration: base type and (name, number) pairs; None is a number the reader could not work out."""
+
+    name: str
+    base: Elementary
+    values: tuple[tuple[str, int | None], ...]
+
+
+Type = Elementary | Text | Array | Struct | Enumeration
+LeafType = Elementary | Text | Enumeration
+
+
+def type_text(type_: Type) -> str:
+    """Return the type as a declaration names it, such as `ARRAY[0..9] OF STRING[20]`."""
+    match type_:
+        case Elementary():
+            return type_.name
+        case Text(length=length, wide=wide):
+            return ("WSTRING" if wide else "STRING") + ("" if length is None else f"[{length}]")
+        case Array(bounds=bounds, element=element):
+            ranges = ",".join(f"{low}..{high}" for low, high in bounds)
+            return f"ARRAY[{ranges}] OF {type_text(element)}"
+        case Struct(name=name):
+            return name or "STRUCT"
+        case Enumeration(name=name, base=base):
+            return name or base.name

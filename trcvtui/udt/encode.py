@@ -1,0 +1,46 @@
+"""Values to bytes, the inverse of decode: little more than a table look-up and a list of refusals."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+
+from trcvtui.errors import Problem, UserError
+from trcvtui.udt.coding import Refused
+from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
+
+
+def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
+    """Return the bytes of values by path; what is missing or None, and every gap, is 0.
+
+    Raise UserError with one problem for each unknown path and each value out of range.
+    """
+    data = bytearray(layout.size)
+    problems: list[Problem] = []
+    for path, value in values.items():
+        try:
+            number = layout.number_of(path)
+            if value is not None:
+                put(layout, data, number, value)
+        except UserError as refused:
+            problems.extend(refused.problems)
+    if problems:
+        raise UserError(problems)
+    return bytes(data)
+
+
+def put(layout: Layout, data: bytearray, number: int, value: object) -> None:
+    """Write one leaf into the bytes of the whole layout; raise UserError when the value does not fit."""
+    leaf = layout.leaf(number)
+    data[leaf.offset : leaf.offset + leaf.size] = encode_leaf(layout, leaf, value)
+
+
+def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
+    """Return the bytes of one leaf: from a JSON value or a text such as `16#FF`, `T#5s`, `TRUE`."""
+    try:
+        raw = leaf.coding.to_raw(value)
+    except Refused as refused:
+        found = repr(value) if len(repr(value)) <= 60 else repr(value)[:60] + "..."
+        where = f"{layout.name}.{leaf.path}" if leaf.path else layout.name
+        raise UserError(Problem(where, found, str(refused))) from None
+    return struct.pack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, raw)

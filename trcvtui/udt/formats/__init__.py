@@ -1,0 +1,73 @@
+"""Source formats of UDTs: file suffix -> reader, and the one way from a file to its types."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.udt.declared import Declarations
+from trcvtui.udt.formats.st import read_st
+from trcvtui.udt.type_set import TypeSet, join
+
+Path = str | os.PathLike[str]
+Reader = Callable[[str, str], Declarations]
+
+READERS: dict[str, Reader] = {
+    ".st": read_st,
+    ".iecst": read_st,
+    ".txt": read_st,
+}
+LARGEST_FILE = 10 * 1024 * 1024
+BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
+
+
+def read_file(path: Path) -> TypeSet:
+    """Return the types of a file, good and bad; raise UserError when it cannot be read at all."""
+    return join([_declarations(path)], str(path))
+
+
+def read_files(paths: Iterable[Path]) -> TypeSet:
+    """Return the types of several files, which may use each other's; raise UserError as read_file does."""
+    files: list[Declarations] = []
+    problems: list[Problem] = []
+    paths = list(paths)
+    for path in paths:
+        try:
+            files.append(_declarations(path))
+        except UserError as refused:
+            problems.extend(refused.problems)
+    if problems:
+        raise UserError(problems)
+    return join(files, ", ".join(map(str, paths)))
+
+
+def decode_text(data: bytes) -> str:
+    """Return the text of a source file: by its mark, else UTF-8, else Windows-1252; never fails."""
+    for mark, codec in BYTE_ORDER_MARKS:
+        if data.startswith(mark):
+            return data[len(mark) :].decode(codec, "replace")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
+
+
+def _declarations(path: Path) -> Declarations:
+    suffix = os.path.splitext(path)[1]
+    reader = READERS.get(suffix.lower())
+    if reader is None:
+        raise mistake(str(path), f"suffix '{suffix}'", "a file of type " + ", ".join(READERS))
+    return reader(decode_text(_content(path)), str(path))
+
+
+def _content(path: Path) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as failed:
+        reason = getattr(failed, "strerror", None) or str(failed)
+        raise mistake(str(path), reason, "a file that can be read") from None
+    if len(data) > LARGEST_FILE:
+        raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes of source text")
+    return data

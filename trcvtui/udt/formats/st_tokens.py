@@ -1,0 +1,109 @@
+"""IEC ST text cut into tokens; comments and pragmas are left out, positions are kept.
+
+Rule: every text can be cut; what is no token becomes one that no grammar rule takes.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from enum import Enum
+from typing import NamedTuple
+
+from trcvtui.errors import UserError, mistake
+
+
+class Shape(Enum):
+    """What a token is."""
+
+    WORD = "word"
+    NUMBER = "number"
+    QUOTED = "quoted text"
+    SYMBOL = "symbol"
+    UNCLOSED = "unclosed"
+    STRAY = "stray character"
+    END = "end"
+
+
+class Token(NamedTuple):
+    """One token: its text, where it begins, and `upper` to compare keywords and symbols with."""
+
+    shape: Shape
+    text: str
+    place: int
+    upper: str
+
+
+CLOSERS = {"(*": "*)", "/*": "*/", "{": "}", "'": "'", '"': '"'}
+
+# Quotes in a pragma hide a brace only when they close on their line: `{don't}` ends where it seems to.
+_TOKEN = re.compile(
+    r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?:'[^'\r\n]*'|"[^"\r\n]*"|[^}])*+\})
+    |(?P<NESTED>\(\*)
+    |(?P<WORD>[^\W\d]\w*)
+    |(?P<NUMBER>\d[\d_]*(?:\#\w+|\.\d[\d_]*(?:[eE][+-]?\d+)?)?)
+    |(?P<QUOTED>'(?:\$.|[^'$\r\n])*'|"(?:\$.|[^"$\r\n])*")
+    |(?P<UNCLOSED>/\*|[{'"])
+    |(?P<SYMBOL>:=|\.\.|[;:,.()\[\]\#+\-*/=])
+    |(?P<STRAY>.)""",
+    re.VERBOSE | re.DOTALL,
+)
+_COMMENT_MARK = re.compile(r"\(\*|\*\)")
+_LINE_END = re.compile(r"\r\n|\r|\n")
+
+
+class Source:
+    """A text with a name, and the tokens in it."""
+
+    def __init__(self, name: str, text: str) -> None:
+        self.name, self.text = name, text
+        self.nested = True
+        self.lines = [0, *(end.end() for end in _LINE_END.finditer(text))]
+        self.tokens = self.cut()
+
+    def where(self, place: int) -> str:
+        """Return file, line and column of a place, both from 1."""
+        line = bisect_right(self.lines, place)
+        return f"{self.name}:{line}:{place - self.lines[line - 1] + 1}"
+
+    def refusal(self, token: Token, expected: str) -> UserError:
+        """Return the UserError of a token that the grammar does not take."""
+        found = "the end of the text" if token.shape is Shape.END else f"'{token.text[:40]}'"
+        if token.shape is Shape.UNCLOSED:
+            found, expected = f"{found} without an end", f"'{CLOSERS[token.text]}'"
+        return mistake(self.where(token.place), found, expected)
+
+    def cut(self) -> list[Token]:
+        """Return all tokens, the last one an END."""
+        tokens: list[Token] = []
+        place, end = 0, len(self.text)
+        while place < end:
+            found = _TOKEN.match(self.text, place)
+            assert found is not None and found.lastgroup is not None  # STRAY takes any character
+            group, text, begin, place = found.lastgroup, found.group(), place, found.end()
+            if group == "NESTED":
+                place = self.comment_end(begin)
+                group = "GAP" if place else "UNCLOSED"
+            if group != "GAP":
+                tokens.append(Token(Shape[group], text, begin, text.upper()))
+            if group == "UNCLOSED":
+                place = self.after_unclosed(text, begin)
+        tokens.append(Token(Shape.END, "", end, ""))
+        return tokens
+
+    def comment_end(self, place: int) -> int:
+        """Return where the comment ends that begins here, 0 if nowhere; comments nest while that works."""
+        depth = 0
+        for mark in _COMMENT_MARK.finditer(self.text, place) if self.nested else ():
+            depth += 1 if mark.group() == "(*" else -1
+            if depth == 0:
+                return mark.end()
+        # Real files hold `(* a (* b *)` too (udt.md section 5): from here on the first end closes.
+        self.nested = False
+        first = self.text.find("*)", place + 2)
+        return first + 2 if first >= 0 else 0
+
+    def after_unclosed(self, text: str, place: int) -> int:
+        """Return where to go on: text in quotes ends with its line, anything else with the file."""
+        line_end = _LINE_END.search(self.text, place) if text in "'\"" else None
+        return line_end.start() if line_end else len(self.text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from trcvtui.blocks.rules import Rules
@@ -37,10 +38,13 @@ class JobEnded:
 
 @dataclass(slots=True)
 class Environment:
-    """The surroundings of every block of one PLC; `scan` and `now` (ns) are those of the running scan."""
+    """The surroundings of every block of one PLC; `scan` and `now` (ns) are those of the running scan.
+
+    `write` puts a note into the ledger.
+    """
 
     rules: Rules
     resources: Resources
-    jobs: list[JobStarted | JobEnded]
+    write: Callable[[JobStarted | JobEnded], None]
     scan: int = 0
     now: int = 0

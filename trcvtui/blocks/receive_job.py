@@ -16,7 +16,12 @@ from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.answers import WouldBlock
 from trcvtui.net.connection import Connection, ConnectionLoss
 
-_ARMED = Cause(Why.BYTES, "nothing received yet")
+# (some bytes are there, the job is complete) -> what the block is doing
+_RECEIVING = {
+    (False, False): "nothing received yet",
+    (True, False): "bytes are missing",
+    (True, True): "the frame is complete and shows in the next scan",
+}
 
 
 class ReceiveJob:
@@ -43,7 +48,9 @@ class ReceiveJob:
     def refuse(self, data: DataArea | None, length: int) -> Outcome | None:
         """Return why no job can start, in the manual's order: 80A4, 80A5, 80C3, then a buffer."""
         if data is None or data.size == 0:
-            return Outcome(Condition.DATA_EMPTY, Cause(Why.PARAMETER, "DATA has no byte", pin="DATA", value=0))
+            return Outcome(
+                Condition.DATA_EMPTY, Cause(Why.PARAMETER, "DATA has no byte", pin="DATA", value=0)
+            )
         if length > data.size or (length or data.size) > self._env.rules.max_len:
             return self._wrong_length(data, length)
         if self._connection.receiver not in (None, self._owner):
@@ -71,7 +78,7 @@ class ReceiveJob:
             self._buffer = bytearray(self.need)
         self._view = memoryview(self._buffer)
         self._first_offset = self._connection.bytes_received
-        self._env.jobs.append(
+        self._env.write(
             JobStarted(
                 self._instance,
                 self.number,
@@ -106,8 +113,9 @@ class ReceiveJob:
     def receiving(self) -> Outcome:
         """Return the outcome of a job that waits; the same object while nothing changes."""
         if self._waiting is None:
-            cause = Cause(Why.BYTES, "bytes are missing", have=self.have, need=self.need)
-            self._waiting = Outcome(Condition.RECEIVING, cause if self.have else _ARMED)
+            name = _RECEIVING[self.have > 0, self.complete]
+            cause = Cause(Why.BYTES, name, have=self.have, need=self.need)
+            self._waiting = Outcome(Condition.RECEIVING, cause)
         return self._waiting
 
     def deliver(self, data: DataArea) -> Outcome:
@@ -141,7 +149,7 @@ class ReceiveJob:
         self._env.resources.buffers.release()
         self.running = False
         incarnation, name = self._connection.incarnation, self._connection.config.name
-        self._env.jobs.append(
+        self._env.write(
             JobEnded(
                 self._instance, self.number, name, incarnation, self._first_offset, self.have, done, reason
             )

@@ -74,7 +74,9 @@ class TrcvC:
         if rule is NotConnected.PULSE and not self._armed:
             return waiting
         self._armed = False
-        cause = Cause(Why.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1, peer=waiting.cause.peer)
+        cause = Cause(
+            Why.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1, peer=waiting.cause.peer
+        )
         return Outcome(Condition.NOT_CONNECTED, cause)
 
     # -- connected ------------------------------------------------------------------------------------

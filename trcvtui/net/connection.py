@@ -66,6 +66,7 @@ class Connection:
         resources: Resources,
         policy: Policy,
         resolve: Callable[[str], int | None],
+        write: Callable[[Note], None],
     ) -> None:
         self.config = config
         self.state = State.CLOSED
@@ -77,12 +78,12 @@ class Connection:
         self.attempts = 0
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
-        self.notes: list[Note] = []
         self.handle: Handle | None = None
         self.set_up = SetUp(config, kernel, policy, resolve, self._note)
         self._kernel = kernel
         self._resources = resources
         self._policy = policy
+        self._write = write
         self._local: Endpoint | None = None
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
@@ -209,7 +210,7 @@ class Connection:
         self.recvs += 1
         offset = self.bytes_received
         self.bytes_received = offset + size
-        self.notes.append(BytesReceived(self.config.name, self.incarnation, self.recvs, offset, size))
+        self._write(BytesReceived(self.config.name, self.incarnation, self.recvs, offset, size))
 
     def check_loss(self, asking: object = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.
@@ -239,7 +240,7 @@ class Connection:
     def drop(self, offset: int, size: int, reason: str) -> None:
         """Note bytes that will never reach DATA; offset -1: they were still in the stack."""
         if size:
-            self.notes.append(BytesDropped(self.config.name, self.incarnation, offset, size, reason))
+            self._write(BytesDropped(self.config.name, self.incarnation, offset, size, reason))
 
     def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
         if fault is None:
@@ -334,7 +335,7 @@ class Connection:
 
     def _note(self, what: What, peer: Endpoint | None = None, fault: Fault | None = None) -> None:
         local, other = str(self.local or ""), str(peer or self.peer or "")
-        self.notes.append(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault))
+        self._write(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault))
 
     def _note_failure(self, failed: StepFault) -> None:
         what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED

@@ -84,6 +84,7 @@ class SetUp:
         self._note = note
         self._verdict: Fault | None = None
         self._deadline = 0
+        self._resolved_port: int | None = None
         self._kept_port = config.local.port
 
     def create(self) -> StepFault | None:
@@ -144,7 +145,7 @@ class SetUp:
     def _start_connect(self, handle: Handle) -> Fault | None:
         port = self._remote_port()
         if port is None:
-            return Fault("connect", "ECONNREFUSED")
+            return Fault("resolve", f"{self.config.remote_port} does not listen")
         self.remote = Endpoint(self.config.remote_address, port)
         # 3.1 traps: 0.0.0.0 would silently mean loopback; a socket can connect to itself.
         if self.config.remote_address == ANY_ADDRESS or self.remote == self.local:
@@ -152,8 +153,12 @@ class SetUp:
         return self._kernel.connect(handle, self.remote)
 
     def _remote_port(self) -> int | None:
+        """Return RemotePort; for `@NAME` where that listens now, else where it listened last."""
         port = self.config.remote_port
-        return self._resolve(port) if isinstance(port, str) else port
+        if isinstance(port, int):
+            return port
+        self._resolved_port = self._resolve(port) or self._resolved_port
+        return self._resolved_port
 
     def look(self, now: int) -> Accepted | StepFault | None:
         """Ask how the running attempt of an active CONNECT stands."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from trcvtui.blocks import parameters
@@ -10,7 +11,7 @@ from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.trcv_c import TrcvC, TrcvCInputs
 from trcvtui.net.connection import Connection
-from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 
 PinValue = bool | int
@@ -40,6 +41,7 @@ class Instance:
         connection: Connection,
         data: DataArea | None,
         inputs: tuple[tuple[str, PinValue], ...],
+        note: Callable[[InputEdge], None],
     ) -> None:
         self.name = name
         self.block_name = block
@@ -50,6 +52,7 @@ class Instance:
         }
         self.inputs.update(inputs)
         self._env = env
+        self._note = note
         self._pulsed: list[str] = []
         self._blinking: list[str] = []
         self.fresh()
@@ -68,40 +71,35 @@ class Instance:
 
     # -- inputs ------------------------------------------------------------------------------------
 
-    def set_input(self, pin: str, value: PinValue) -> bool:
-        """Write one input; return whether it changed."""
+    def set_input(self, pin: str, value: PinValue) -> None:
+        """Write one input; it holds until changed, and no longer blinks."""
         if pin in self._blinking:
             self._blinking.remove(pin)
-        return self._write(pin, value)
+        self._write(pin, value)
 
-    def pulse(self, pin: str) -> bool:
-        """Make the pin TRUE for the next call alone; return whether it changed."""
+    def pulse(self, pin: str) -> None:
+        """Make the pin TRUE for the next call alone."""
         if pin not in self._pulsed:
             self._pulsed.append(pin)
-        return self._write(pin, True)
+        self._write(pin, True)
 
     def blink(self, pin: str) -> None:
         """Toggle the pin at every call from now on."""
         if pin not in self._blinking:
             self._blinking.append(pin)
 
-    def toggle_blinking(self) -> list[str]:
-        """Toggle what blinks, before a call; return the pins."""
-        for pin in self._blinking:
-            self._write(pin, not self.inputs[pin])
-        return self._blinking
-
-    def _write(self, pin: str, value: PinValue) -> bool:
-        if self.inputs[pin] == value:
-            return False
-        self.inputs[pin] = value
-        self._frozen = None
-        return True
+    def _write(self, pin: str, value: PinValue) -> None:
+        if self.inputs[pin] != value:
+            self.inputs[pin] = value
+            self._frozen = None
+            self._note(InputEdge(self.name, pin, value))
 
     # -- one call ------------------------------------------------------------------------------------
 
     def scan(self) -> bool:
         """Call the block once; return whether any output differs from the scan before."""
+        for pin in self._blinking:
+            self._write(pin, not self.inputs[pin])
         if self._frozen is None:
             self._frozen = self._freeze()
         outcome = self._block.call(self._frozen)

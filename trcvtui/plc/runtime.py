@@ -10,12 +10,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.rules import Rules
-from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.resources import Resources
@@ -29,42 +26,9 @@ from trcvtui.plc.commands import (
     WriteData,
 )
 from trcvtui.plc.instance import Instance, Outputs
-from trcvtui.plc.ledger import BenchNote, Event, InputEdge, Ledger
+from trcvtui.plc.ledger import BenchNote, Event, Ledger
+from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """One task: its interval in ns; a larger interval than the fastest is called every so many scans."""
-
-    name: str
-    interval_ns: int
-    priority: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """One instance to call: its name, block, CONNECT, DATA, task and the initial values of its inputs."""
-
-    name: str
-    block: str
-    connect: str
-    data: str | None
-    task: str
-    inputs: tuple[tuple[str, bool | int], ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Programme:
-    """What a PLC is loaded with. `data` is (name, IEC type as text, size in bytes)."""
-
-    dialect: str
-    model: str
-    rules: Rules
-    tasks: tuple[Task, ...]
-    data: tuple[tuple[str, str, int], ...]
-    connects: tuple[ConnectConfig, ...]
-    calls: tuple[Call, ...]
 
 
 class Runtime:
@@ -72,7 +36,7 @@ class Runtime:
 
     def __init__(
         self,
-        programme: Programme,
+        project: Project,
         kernel: Kernel,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
@@ -81,31 +45,33 @@ class Runtime:
         self.running = True
         self.called: tuple[Outputs, ...] = ()
         self.changed: tuple[Outputs, ...] = ()
-        self.interval_ns = min(task.interval_ns for task in programme.tasks)
-        self._programme = programme
+        self._changed: Sequence[Instance] = ()
+        self._stopped_outputs: tuple[Outputs, ...] = ()
+        self.interval_ns = min(task.interval_ns for task in project.tasks)
+        self._project = project
         self._kernel = kernel
         self._resources = resources
-        self._env = Environment(programme.rules, resources, [])
+        self._env = Environment(project.rules, resources, self._note)
         self._commands: deque[Command] = deque()
-        self._data = {name: DataArea(name, text, size) for name, text, size in programme.data}
+        self._data = {d.name: DataArea(d.name, d.type_name, d.size) for d in project.data}
         self._connections = {
             config.name: Connection(
-                config, kernel, resources, programme.rules.policy, self._resolver(resolve_peer)
+                config, kernel, resources, project.rules.policy, self._resolver(resolve_peer), self._note
             )
-            for config in programme.connects
+            for config in project.connects
         }
-        self._instances = {call.name: self._instance(call) for call in programme.calls}
-        self._every = self._call_periods(programme)
+        self._instances = {decl.name: self._instance(decl) for decl in project.instances}
+        self._every = self._call_periods(project)
 
-    def _instance(self, call: Call) -> Instance:
-        data = self._data[call.data] if call.data is not None else None
-        return Instance(
-            call.name, call.block, self._env, self._connections[call.connect], data, call.inputs
-        )
+    def _instance(self, decl: InstanceDecl) -> Instance:
+        data = self._data[decl.data] if decl.data is not None else None
+        connection = self._connections[decl.connect]
+        return Instance(decl.name, decl.block, self._env, connection, data, decl.inputs, self._note)
 
-    def _call_periods(self, programme: Programme) -> tuple[tuple[Instance, int], ...]:
-        periods = {task.name: max(1, round(task.interval_ns / self.interval_ns)) for task in programme.tasks}
-        return tuple((self._instances[call.name], periods[call.task]) for call in programme.calls)
+    def _call_periods(self, project: Project) -> tuple[tuple[Instance, int], ...]:
+        """Return each instance, in call order, with the number of scans between two calls of it."""
+        periods = {task.name: max(1, round(task.interval_ns / self.interval_ns)) for task in project.tasks}
+        return tuple((self._instances[decl.name], periods[decl.task]) for decl in project.instances)
 
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:
@@ -169,18 +135,11 @@ class Runtime:
     def _execute_program(self) -> Sequence[Instance]:
         turn = self._env.scan - 1
         called = [instance for instance, every in self._every if turn % every == 0]
-        changed = []
-        for instance in called:
-            for pin in instance.toggle_blinking():
-                self._note(InputEdge(instance.name, pin, instance.inputs[pin]))
-            if instance.scan():
-                changed.append(instance)
-        self._changed = changed
+        self._changed = [instance for instance in called if instance.scan()]
         return called
 
     def _write_outputs(self, called: Sequence[Instance]) -> None:
         self.called = tuple([instance.outputs for instance in called])
-        self._write_notes()
         if called:
             for instance in self._changed:
                 self._note(instance.edge())
@@ -188,17 +147,6 @@ class Runtime:
         else:
             self.changed = self._stopped_outputs
         self._stopped_outputs = ()
-
-    def _write_notes(self) -> None:
-        for connection in self._connections.values():
-            if connection.notes:
-                for note in connection.notes:
-                    self._note(note)
-                connection.notes.clear()
-        if self._env.jobs:
-            for job in self._env.jobs:
-                self._note(job)
-            self._env.jobs.clear()
 
     def _service_communication(self) -> None:
         self._resources.queue.serve()
@@ -210,17 +158,12 @@ class Runtime:
 
     # -- commands --------------------------------------------------------------------------------------------
 
-    _changed: Sequence[Instance] = ()
-    _stopped_outputs: tuple[Outputs, ...] = ()
-
     def _apply(self, command: Command) -> None:
         match command:
             case SetInput(name, pin, value):
-                if self._instances[name].set_input(pin, value):
-                    self._note(InputEdge(name, pin, value))
+                self._instances[name].set_input(pin, value)
             case PulseInput(name, pin):
-                if self._instances[name].pulse(pin):
-                    self._note(InputEdge(name, pin, True))
+                self._instances[name].pulse(pin)
             case BlinkInput(name, pin):
                 self._instances[name].blink(pin)
             case WriteData(name, offset, payload):
@@ -264,8 +207,8 @@ class Runtime:
             scan=self._env.scan,
             t_ns=self._env.now,
             running=self.running,
-            dialect=self._programme.dialect,
-            model=self._programme.model,
+            dialect=self._project.dialect.name,
+            model=self._project.model,
             interval_ns=self.interval_ns,
             instances=self._instance_snapshots(),
             connections=tuple(self._connection_snapshot(c) for c in self._connections.values()),

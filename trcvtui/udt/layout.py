@@ -138,7 +138,7 @@ class Layout:
 
 def lay_out(type_: Type, rules: LayoutRules, name: str = "") -> Layout:
     """Return the layout of a type; raise UserError when it or a STRING in it is too long."""
-    name = name or type_text(type_)
+    name = _spelled(type_, name) or type_text(type_)
     return Layout(name, type_, rules, _Placing(rules).place(type_, name))
 
 
@@ -178,6 +178,12 @@ class _Placing:
             members.append((member.name, offset, node))
             end, align = offset + node.size, max(align, step)
         return _checked(PlacedStruct(members, _up(end, align), align), where)
+
+
+def _spelled(type_: Type, name: str) -> str:
+    # Names are the same in any case (IEC 61131-3); shown is the one in the declaration.
+    own = type_.name if isinstance(type_, Struct | Enumeration) else name
+    return own if own.casefold() == name.casefold() else name
 
 
 def _up(offset: int, align: int) -> int:

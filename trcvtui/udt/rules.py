@@ -33,7 +33,8 @@ class LayoutRules:
     """Where members of a STRUCT lie; alignments in bytes, each a power of two.
 
     `cap` is the largest alignment, `member_floor` the smallest start of a member, `struct_floor` the smallest
-    alignment of a STRUCT as a whole. `rows` replaces elementary types that this layout stores in its own way.
+    alignment of a STRUCT as a whole. `rows` replaces elementary types that this layout stores in its own way;
+    `unverified` names the types whose bytes no page of the vendor describes.
     """
 
     name: str
@@ -43,6 +44,7 @@ class LayoutRules:
     byte_order: str = "little"
     text: TextForm = TextForm()
     rows: tuple[Elementary, ...] = ()
+    unverified: frozenset[str] = frozenset()
 
     def row(self, type_: Elementary) -> Elementary:
         """Return the elementary type as this layout stores it."""
@@ -53,15 +55,16 @@ class LayoutRules:
 
 
 # baosky.md section 9 and udt.md 3.3: the manual prints one example, {DINT, DINT, CHAR} = 12 bytes, and each
-# of these readings but the last two fits it; cap4 is the decision. STRING: 82 bytes for 80 characters [M].
+# of these readings but `packed` fits it; cap4 is the decision. STRING: 82 bytes for 80 characters [M].
+BAOSKY_UNVERIFIED = frozenset({"STRING", "WSTRING", "WCHAR", "DATE", "LDATE", "TOD", "LTOD", "DT", "LDT"})
 LAYOUTS = {
     rules.name: rules
     for rules in (
-        LayoutRules("baosky", cap=4, struct_floor=4),
-        LayoutRules("baosky-slot4", cap=4, member_floor=4, struct_floor=4),
-        LayoutRules("baosky-pack4", cap=4),
-        LayoutRules("natural8", cap=8, struct_floor=4),
-        LayoutRules("packed", cap=1),
+        LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED),
+        LayoutRules("baosky-slot4", cap=4, member_floor=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED),
+        LayoutRules("baosky-pack4", cap=4, unverified=BAOSKY_UNVERIFIED),
+        LayoutRules("natural8", cap=8, struct_floor=4, unverified=BAOSKY_UNVERIFIED),
+        LayoutRules("packed", cap=1, unverified=BAOSKY_UNVERIFIED),
     )
 }
 LAYOUT_ALIASES = {"cap4": "baosky"}

@@ -80,7 +80,6 @@ SYNONYMS = {
     "DATE_AND_TIME": "DT",
     "LDATE_AND_TIME": "LDT",
 }
-UNVERIFIED = frozenset({"DATE", "LDATE", "TOD", "LTOD", "DT", "LDT", "WCHAR"})
 
 ELEMENTARY = {row.name: row for row in ROWS}
 ELEMENTARY |= {synonym: ELEMENTARY[name] for synonym, name in SYNONYMS.items()}

@@ -1,0 +1,110 @@
+"""Hex and JSON from the argument, from a file and from stdin, and what can be wrong with them."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.udt import given
+from trcvtui.udt.given import given_bytes, given_values
+
+
+def refusal(read: object, argument: str) -> str:
+    assert callable(read)
+    with pytest.raises(UserError) as raised:
+        read(argument)
+    [line] = raised.value.lines()
+    return line
+
+
+def put_on_stdin(monkeypatch: pytest.MonkeyPatch, content: bytes) -> None:
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))
+
+
+def test_hex_may_stand_in_the_argument() -> None:
+    assert given_bytes("01 0x02,16#03") == b"\x01\x02\x03"
+
+
+def test_hex_may_stand_in_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "rx.hex"
+    file.write_text("01 02\n03\n")
+    assert given_bytes(f"@{file}") == b"\x01\x02\x03"
+
+
+def test_hex_may_come_on_stdin(monkeypatch: pytest.MonkeyPatch) -> None:
+    put_on_stdin(monkeypatch, b"\xef\xbb\xbf01 02\r\n03")
+    assert given_bytes("-") == b"\x01\x02\x03"
+
+
+def test_values_may_stand_in_a_file_or_come_on_stdin(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    file = tmp_path / "values.json"
+    file.write_text('{"speed": 12.5}')
+    put_on_stdin(monkeypatch, b'{"id": 1}')
+    assert given_values(str(file)) == {"speed": 12.5}
+    assert given_values("-") == {"id": 1}
+
+
+def test_wrong_hex_in_a_file_is_named_with_line_and_column(tmp_path: Path) -> None:
+    file = tmp_path / "rx.hex"
+    file.write_text("01 02\n03 zz\n")
+    expected = f"{file}, line 2, column 4: found 'z', expected hex bytes such as 01 02 0A"
+    assert refusal(given_bytes, f"@{file}") == expected
+
+
+@pytest.mark.parametrize("read", [given_bytes, given_values])
+def test_binary_data_is_no_text(read: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    put_on_stdin(monkeypatch, b"01\xff\x00")
+    assert refusal(read, "-").startswith("stdin: found binary data (byte 2 is 16#FF), expected text")
+
+
+@pytest.mark.parametrize("read", [given_bytes, given_values])
+def test_a_closed_stdin_is_a_mistake(read: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", None)
+    assert refusal(read, "-") == "stdin: found nothing, it is closed, expected text that can be read"
+
+
+def test_a_stdin_that_cannot_be_read_is_a_mistake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with (tmp_path / "write-only").open("w") as write_only:
+        monkeypatch.setattr(
+            sys, "stdin", io.TextIOWrapper(io.FileIO(write_only.fileno(), "rb", closefd=False))
+        )
+        assert refusal(given_bytes, "-") == "stdin: found Bad file descriptor, expected text that can be read"
+
+
+@pytest.mark.parametrize(("name", "reason"), [("nix", "No such file or directory"), (".", "Is a directory")])
+def test_a_file_that_is_not_there_or_a_directory_is_a_mistake(name: str, reason: str, tmp_path: Path) -> None:
+    path = str(tmp_path / name)
+    expected = f"{tmp_path / name}: found {reason}, expected text that can be read"
+    assert refusal(given_values, path) == expected
+
+
+def test_a_file_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(given, "LARGEST", 1000)
+    assert (
+        refusal(given_bytes, "@/dev/zero") == "/dev/zero: found more than that, expected at most 1000 bytes"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ('{"a": }', "stdin, line 1, column 7: found no JSON ("),
+        ("", "stdin, line 1, column 1: found no JSON ("),
+        ('{\n"a" 1}', "stdin, line 2, column 5: found no JSON ("),
+        ("[1]", "stdin: found JSON, but a list"),
+        ("12.5", "stdin: found JSON, but a number"),
+        ("null", "stdin: found JSON, but null"),
+        ('{"a": ' + "9" * 5000 + "}", "stdin: found a number of too many digits"),
+        ("[" * 200_000, "stdin: found brackets nested too deeply"),
+    ],
+    ids=["value", "empty", "colon", "list", "number", "null", "digits", "brackets"],
+)
+def test_what_is_no_json_object_is_a_mistake(text: str, found: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    put_on_stdin(monkeypatch, text.encode())
+    line = refusal(given_values, "-")
+    assert line.startswith(found)
+    assert line.endswith('expected a JSON object such as {"speed": 12.5}')

@@ -1,0 +1,300 @@
+"""The only door: run | scenario | status | udt. Arguments and exit codes; stdout is data, stderr is talk.
+
+Rule 1: a command imports what it needs inside its own function, so that headless commands start fast.
+Rule 2: the screen library is imported by `run` alone, and only after the engine process has been started.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Final, NoReturn
+
+from trcvtui import __version__
+from trcvtui.errors import UserError, mistake, one_line
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from trcvtui.udt.layout import Layout
+
+GOOD: Final = 0
+WRONG_INPUT: Final = 2
+INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
+PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
+KERNELS: Final = ("sim", "live")
+
+Command = Callable[[argparse.Namespace], int]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line; return 0 good, 1 an expectation failed, 2 the user's mistake, 130, 141."""
+    try:
+        code = _run_command(argv)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        _forget_stdout()
+        return PIPE_CLOSED
+    except OSError as failed:
+        if failed.errno != errno.ENOSPC:
+            raise
+        _forget_stdout()
+        sys.stderr.write(f"stdout: found '{failed.strerror}', expected room for the output\n")
+        return WRONG_INPUT
+
+
+def _run_command(argv: Sequence[str] | None) -> int:
+    try:
+        _never_fail_to_print()
+        args = _parser().parse_args(argv)
+        command: Command = args.command
+        return command(args)
+    except SystemExit as ended:  # argparse: 0 after --help, 2 after a mistake
+        return ended.code if isinstance(ended.code, int) else GOOD
+    except UserError as error:
+        sys.stderr.write("".join(line + "\n" for line in error.lines()))
+        return WRONG_INPUT
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+# -- stdout ---------------------------------------------------------------------------------------------
+
+
+def _never_fail_to_print() -> None:
+    """Let text that the terminal's encoding lacks be escaped, not refused."""
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(errors="backslashreplace")
+
+
+def _print(text: str) -> int:
+    sys.stdout.write(text + "\n")
+    return GOOD
+
+
+def _print_json(record: dict[str, object]) -> int:
+    import json
+
+    return _print(json.dumps(record, indent=2, allow_nan=False))  # ASCII: bytes from a wire stay data
+
+
+def _forget_stdout() -> None:
+    """Point stdout at nothing, so that the interpreter's own last flush is quiet."""
+    import os
+
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+# -- run --------------------------------------------------------------------------------------------------
+
+
+def _demo(args: argparse.Namespace) -> int:
+    from trcvtui.rig import demo_path
+
+    return _open_screen(demo_path(), "live")
+
+
+def _run(args: argparse.Namespace) -> int:
+    return _open_screen(_path(args.project), args.kernel)
+
+
+def _open_screen(path: Path, kernel: str) -> int:
+    import os
+
+    from trcvtui.plc.project_file import load_project
+
+    project = load_project(path)
+    if not (os.isatty(0) and os.isatty(1)):
+        raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
+    from trcvtui.rig.driver import start_engine
+
+    driver = start_engine(path, kernel)
+    try:
+        from trcvtui.tui.app import run_app
+
+        return run_app(driver, project)
+    finally:
+        driver.close()
+
+
+# -- scenario, status ---------------------------------------------------------------------------------------
+
+
+def _scenario(args: argparse.Namespace) -> int:
+    from trcvtui.rig.scenario_command import run_files
+
+    out = None if args.out is None else _path(args.out)
+    return run_files([_path(file) for file in args.files], args.kernel, args.format, out, args.set)
+
+
+def _status(args: argparse.Namespace) -> int:
+    from trcvtui.dialects import DIALECTS
+    from trcvtui.dialects.status_report import (
+        as_json,
+        as_table,
+        as_text,
+        chosen_dialects,
+        explain,
+        parse_code,
+    )
+
+    code = None if args.code is None else parse_code(args.code)
+    found = explain(chosen_dialects(tuple(DIALECTS.values()), args.dialect), code, args.block)
+    if args.format == "json":
+        return _print(as_json(found))
+    return _print(as_table(found) if code is None else as_text(found))
+
+
+def _dialect_names() -> str:
+    from trcvtui.dialects import DIALECTS
+
+    return "dialects: " + ", ".join(f"{dialect.name} ({dialect.title})" for dialect in DIALECTS.values())
+
+
+# -- udt ----------------------------------------------------------------------------------------------------
+
+
+def _udt_show(args: argparse.Namespace) -> int:
+    from trcvtui.udt.report import show_json, show_text
+
+    layout = _layout(args)
+    return _print_json(show_json(layout)) if args.format == "json" else _print(show_text(layout))
+
+
+def _udt_decode(args: argparse.Namespace) -> int:
+    from trcvtui.udt.given import given_bytes
+    from trcvtui.udt.report import decode_json, decode_text
+
+    layout = _layout(args)
+    payload = given_bytes(" ".join(args.hex))
+    if args.format == "json":
+        return _print_json(decode_json(layout, payload))
+    return _print(decode_text(layout, payload))
+
+
+def _udt_encode(args: argparse.Namespace) -> int:
+    from trcvtui.udt.given import given_values
+    from trcvtui.udt.report import encode_values
+
+    layout = _layout(args)
+    return _print(encode_values(layout, given_values(args.values)).hex(" "))
+
+
+def _layout(args: argparse.Namespace) -> Layout:
+    from trcvtui.udt.formats import read_file
+    from trcvtui.udt.layout import lay_out, rules_for
+
+    rules = rules_for(args.layout, args.byte_order)
+    types = read_file(_path(args.file))
+    name = args.type or types.only()
+    return lay_out(types.named(name, "--type"), rules, name)
+
+
+def _layout_names() -> str:
+    from trcvtui.udt.layout import LAYOUT_ALIASES, LAYOUTS
+
+    return "layouts: " + ", ".join([*LAYOUTS, *LAYOUT_ALIASES])
+
+
+def _path(text: str) -> Path:
+    from pathlib import Path
+
+    return Path(text)
+
+
+# -- the arguments -----------------------------------------------------------------------------------------
+
+
+class _Help(argparse.HelpFormatter):
+    """Help for 80 columns; asking the terminal for its width would cost an import at every start."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=78)
+
+
+class _Parser(argparse.ArgumentParser):
+    """One line for a mistake; the last lines of the help are made when somebody asks for them."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(formatter_class=_Help, allow_abbrev=False, **settings)
+        self.last_words: Callable[[], str] | None = None
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong in one line and leave with 2."""
+        self.exit(WRONG_INPUT, one_line(f"{self.prog}: {message}") + "\n")
+
+    def format_help(self) -> str:
+        """Return the help, with the names that only an import can tell."""
+        if self.last_words is not None:
+            self.epilog = self.last_words()
+        return super().format_help()
+
+
+def _parser() -> _Parser:
+    parser = _Parser(
+        prog="trcvtui",
+        description="A soft PLC on a test bench: TRCV_C on real sockets, scan by scan. "
+        "Without a command: the built-in demo.",
+    )
+    parser.set_defaults(command=_demo)
+    parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND")
+    _add_run(commands.add_parser("run", help="open the screen on a project"))
+    _add_scenario(commands.add_parser("scenario", help="run without a screen"))
+    _add_status(commands.add_parser("status", help="explain a STATUS code"))
+    _add_udt(commands.add_parser("udt", help="show, decode, encode a UDT"))
+    return parser
+
+
+def _add_run(parser: _Parser) -> None:
+    parser.set_defaults(command=_run)
+    parser.add_argument("project", metavar="PROJECT.toml")
+    parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
+
+
+def _add_scenario(parser: _Parser) -> None:
+    parser.set_defaults(command=_scenario)
+    parser.add_argument("files", metavar="FILE.toml", nargs="+")
+    parser.add_argument("--kernel", choices=KERNELS, default="sim", help="default: sim")
+    parser.add_argument("--format", choices=("text", "jsonl", "junit"), default="text", help="default: text")
+    parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
+    parser.add_argument(
+        "--set", metavar="PATH=VALUE", action="append", default=[], help="such as options.retry=T#100ms"
+    )
+
+
+def _add_status(parser: _Parser) -> None:
+    parser.set_defaults(command=_status)
+    parser.last_words = _dialect_names
+    parser.add_argument("code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5")
+    parser.add_argument("--dialect", metavar="NAME", help="default: all")
+    parser.add_argument("--block", metavar="BLOCK", help="such as TRCV_C; default: all")
+    parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
+
+
+def _add_udt(parser: _Parser) -> None:
+    parser.set_defaults(command=None)
+    commands = parser.add_subparsers(metavar="WHAT", required=True)
+    show = commands.add_parser("show", help="members with offset, size, type; padding")
+    _add_type(show, _udt_show)
+    decode = commands.add_parser("decode", help="bytes to values, as far as they go")
+    _add_type(decode, _udt_decode)
+    decode.add_argument("hex", metavar="HEX|@FILE|-", nargs="+", help="hex, a file of hex, or stdin")
+    encode = commands.add_parser("encode", help="values to bytes, as hex on stdout")
+    _add_type(encode, _udt_encode)
+    encode.add_argument("values", metavar="VALUES.json|-", help="an object of path: value")
+    for each in (show, decode):
+        each.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
+
+
+def _add_type(parser: _Parser, command: Command) -> None:
+    parser.set_defaults(command=command)
+    parser.last_words = _layout_names
+    parser.add_argument("file", metavar="FILE", help="the file that declares the type")
+    parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type")
+    parser.add_argument("--layout", metavar="NAME", default="baosky", help="default: baosky")
+    parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout")

@@ -1,0 +1,75 @@
+"""What a user hands to `udt decode` and `udt encode`: hex and JSON, as an argument, a file or stdin.
+
+Rule: every mistake is one line with its place; what is no text, or too large, is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.udt.hexadecimal import parse_hex
+
+STDIN: Final = "-"
+LARGEST: Final = 16 * 1024 * 1024  # bytes of a file or of stdin; a job has 65535
+EXPECTED_JSON: Final = 'a JSON object such as {"speed": 12.5}'
+
+
+def given_bytes(given: str) -> bytes:
+    """Return the bytes of hex text: the argument itself, the content of `@FILE`, or stdin for `-`."""
+    if given == STDIN:
+        return parse_hex(_text(STDIN), "stdin")
+    if given.startswith("@"):
+        return parse_hex(_text(given[1:]), given[1:])
+    return parse_hex(given, "HEX")
+
+
+def given_values(name: str) -> dict[str, object]:
+    """Return the JSON object that stands in a file, or on stdin for `-`."""
+    where, text = _where(name), _text(name)
+    try:
+        values = json.loads(text)
+    except json.JSONDecodeError as wrong:
+        place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
+        raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
+    except ValueError:  # Python reads no number of more than 4300 digits
+        raise mistake(where, "a number of too many digits", EXPECTED_JSON) from None
+    except RecursionError:
+        raise mistake(where, "brackets nested too deeply", EXPECTED_JSON) from None
+    if not isinstance(values, dict):
+        raise mistake(where, f"JSON, but {_KINDS.get(type(values), 'a number')}", EXPECTED_JSON)
+    return values
+
+
+_KINDS: Final = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}
+
+
+def _where(name: str) -> str:
+    return "stdin" if name == STDIN else name
+
+
+def _text(name: str) -> str:
+    try:
+        data = _content(name)
+    except (OSError, ValueError) as failed:
+        reason = getattr(failed, "strerror", None) or str(failed)
+        raise mistake(_where(name), reason, "text that can be read") from None
+    if len(data) > LARGEST:
+        raise mistake(_where(name), "more than that", f"at most {LARGEST} bytes")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as wrong:
+        found = f"binary data (byte {wrong.start} is 16#{data[wrong.start]:02X})"
+        raise mistake(_where(name), found, "text; `xxd -p` makes hex text of a binary file") from None
+
+
+def _content(name: str) -> bytes:
+    if name == STDIN:
+        stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
+        if stdin is None:
+            raise OSError("nothing, it is closed")
+        return bytes(stdin.read(LARGEST + 1))
+    with open(name, "rb") as file:
+        return file.read(LARGEST + 1)

@@ -44,10 +44,11 @@ def coding_of(type_: LeafType, rules: LayoutRules) -> Coding:
 
 def _bool(row: Elementary) -> Coding:
     def to_raw(value: object) -> bool:
-        found = BOOL_TEXTS.get(str(value).upper()) if isinstance(value, bool | int | str) else None
-        if found is None:
-            raise Refused("true or false")
-        return found
+        if isinstance(value, str) and value.upper() in BOOL_TEXTS:
+            return BOOL_TEXTS[value.upper()]
+        if isinstance(value, int) and value in (0, 1):
+            return bool(value)
+        raise Refused("true or false")
 
     return Coding(row.code, None, to_raw)
 

@@ -9,6 +9,8 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.udt.coding import Refused
 from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
 
+LONGEST_SHOWN = 60
+
 
 def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     """Return the bytes of values by path; what is missing or None, and every gap, is 0.
@@ -40,7 +42,13 @@ def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
     try:
         raw = leaf.coding.to_raw(value)
     except Refused as refused:
-        found = repr(value) if len(repr(value)) <= 60 else repr(value)[:60] + "..."
         where = f"{layout.name}.{leaf.path}" if leaf.path else layout.name
-        raise UserError(Problem(where, found, str(refused))) from None
+        raise UserError(Problem(where, _shown(value), str(refused))) from None
     return struct.pack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, raw)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, int) and value.bit_length() > 128:  # Python writes no number of 4301 digits
+        return f"a number of {value.bit_length()} bits"
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."

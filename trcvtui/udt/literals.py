@@ -39,19 +39,16 @@ EXPECTED = {
 }
 
 _LONGEST = 64  # no literal of these types is longer; what is longer is refused unread
-_DIGITS = r"(\d{1,20})(?:\.(\d{1,9}))?"
-_PART = re.compile(_DIGITS + r"(ms|us|ns|d|h|m|s)_?", re.ASCII)
-_DURATION = re.compile(r"(?:T|TIME|LT|LTIME)#(-?)(.+)", re.IGNORECASE)
-_DATE_TEXT = r"(\d{4,20})-(\d{1,2})-(\d{1,2})"
-_CLOCK_TEXT = r"(\d{1,20}):(\d{1,2})(?::(\d{1,2})(?:\.(\d{1,9}))?)?"
-_DATE = re.compile(r"(?:D|DATE|LD|LDATE)#" + _DATE_TEXT, re.IGNORECASE | re.ASCII)
-_CLOCK = re.compile(r"(?:TOD|TIME_OF_DAY|LTOD|LTIME_OF_DAY)#" + _CLOCK_TEXT, re.IGNORECASE | re.ASCII)
-_DATE_CLOCK = re.compile(
-    r"(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME)#" + _DATE_TEXT + "-" + _CLOCK_TEXT, re.IGNORECASE | re.ASCII
-)
-_INTEGER = re.compile(
-    r"(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)", re.IGNORECASE | re.ASCII
-)
+
+# Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
+_PART = r"(?ai)(\d{1,20})(?:\.(\d{1,9}))?(ms|us|ns|d|h|m|s)_?"
+_DURATION = r"(?ai)(?:T|TIME|LT|LTIME)#(-?)((?:[\d.]+[a-z]+_?)+)"
+_DAY_PART = r"(\d{4,20})-(\d{1,2})-(\d{1,2})"
+_CLOCK_PART = r"(\d{1,20}):(\d{1,2})(?::(\d{1,2})(?:\.(\d{1,9}))?)?"
+_DATE = r"(?ai)(?:D|DATE|LD|LDATE)#" + _DAY_PART
+_CLOCK = r"(?ai)(?:TOD|TIME_OF_DAY|LTOD|LTIME_OF_DAY)#" + _CLOCK_PART
+_DATE_CLOCK = rf"(?ai)(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME)#{_DAY_PART}-{_CLOCK_PART}"
+_INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 
 def parse_time(text: str, where: str = "duration") -> int:
@@ -98,7 +95,7 @@ def parse_literal(row: Elementary, text: str) -> int | None:
 
 def parse_integer(text: str) -> int | None:
     """Return the number of an IEC integer literal (`-5`, `16#FF`, `1_000`, `INT#5`), None when it is none."""
-    found = _INTEGER.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    found = _match(_INTEGER, text)
     if found is None:
         return None
     type_name, sign, base, digits = found.groups()
@@ -116,18 +113,22 @@ def _quoted(text: str) -> str:
     return f"'{text}'" if len(text) <= _LONGEST else f"'{text[:_LONGEST]}...'"
 
 
+def _match(pattern: str, text: str) -> re.Match[str] | None:
+    return re.fullmatch(pattern, text.strip()) if len(text) <= _LONGEST else None
+
+
 def _duration(text: str) -> int | None:
-    found = _DURATION.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    found = _match(_DURATION, text)
     if found is None:
         return None
     sign, parts = found.group(1), found.group(2).lower()
     ns, at, ceiling = 0, 0, DAY + 1
     while at < len(parts):
-        part = _PART.match(parts, at)
+        part = re.match(_PART, parts[at:])
         if part is None or UNIT_NS[part.group(3)] >= ceiling:
             return None
         whole, fraction, unit = part.groups()
-        ceiling, at = UNIT_NS[unit], part.end()
+        ceiling, at = UNIT_NS[unit], at + part.end()
         ns += int(whole) * ceiling
         if fraction:
             # Only the last part may have a fraction, and it must be whole nanoseconds.
@@ -141,17 +142,17 @@ def _duration(text: str) -> int | None:
 
 
 def _date(text: str) -> int | None:
-    found = _DATE.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    found = _match(_DATE, text)
     return None if found is None else _day_ns(*found.groups())
 
 
 def _clock(text: str) -> int | None:
-    found = _CLOCK.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    found = _match(_CLOCK, text)
     return None if found is None else _clock_ns(*found.groups())
 
 
 def _date_clock(text: str) -> int | None:
-    found = _DATE_CLOCK.fullmatch(text.strip()) if len(text) <= _LONGEST else None
+    found = _match(_DATE_CLOCK, text)
     if found is None:
         return None
     day, clock = _day_ns(*found.groups()[:3]), _clock_ns(*found.groups()[3:])

@@ -140,18 +140,18 @@ def leaf_number_at(node: Node, place: int) -> int | None:
     return None if below is None else before + below
 
 
-_STEP = re.compile(r"\.?([^\W\d]\w*)|\[([^\[\]]*)\]")
-_INDEX = re.compile(r"\s*(-?\d{1,19})\s*", re.ASCII)
+_STEP = r"\.?([^\W\d]\w*)|\[([^\[\]]*)\]"
+_INDEX = r"(?a)\s*(-?\d{1,19})\s*"
 
 
 def find(node: Node, path: str) -> tuple[int, Node]:
     """Return the node at a path and the number of its first leaf; raise LookupError naming a failed step."""
     number = at = 0
     while at < len(path):
-        step = _STEP.match(path, at)
+        step = re.match(_STEP, path[at:])
         if step is None:
             raise LookupError(path[at:])
-        at = step.end()
+        at += step.end()
         before, node = _below(node, step)
         number += before
     return number, node
@@ -170,7 +170,7 @@ def _below(node: Node, step: re.Match[str]) -> tuple[int, Node]:
 
 
 def _element_number(node: PlacedArray, text: str) -> int | None:
-    indices = [_INDEX.fullmatch(index) for index in text.split(",")]
+    indices = [re.fullmatch(_INDEX, index) for index in text.split(",")]
     if len(indices) != len(node.bounds):
         return None
     number = 0

@@ -189,7 +189,7 @@ def _layout(args: argparse.Namespace) -> Layout:
     from trcvtui.udt.layout import lay_out, rules_for
 
     rules = rules_for(args.layout, args.byte_order)
-    types = read_file(_path(args.file))
+    types = read_file(args.file)
     name = args.type or types.only()
     return lay_out(types.named(name, "--type"), rules, name)
 

@@ -50,5 +50,7 @@ def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
 def _shown(value: object) -> str:
     if isinstance(value, int) and value.bit_length() > 128:  # Python writes no number of 4301 digits
         return f"a number of {value.bit_length()} bits"
+    if isinstance(value, list | dict):
+        return "a list" if isinstance(value, list) else "an object"
     text = repr(value)
     return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."

@@ -114,11 +114,12 @@ class Layout:
         try:
             number, node = find(self.root, path)
         except LookupError as unknown:
-            raise mistake(
-                f"{self.name}, '{path}'", f"'{unknown}'", "a member or an index within bounds"
-            ) from None
+            where, found = f"{self.name}, '{path[:60]}'", f"'{str(unknown)[:60]}'"
+            raise mistake(where, found, "a member or an index within bounds") from None
         if not isinstance(node, PlacedLeaf):
-            raise mistake(self.name, f"'{path}', which has members of its own", "the path of one of them")
+            raise mistake(
+                self.name, f"'{path[:60]}', which has members of its own", "the path of one of them"
+            )
         return number
 
     def padding(self) -> Iterator[tuple[int, int]]:

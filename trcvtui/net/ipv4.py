@@ -1,0 +1,23 @@
+"""What a dotted IPv4 address says by itself: its octets and its kind."""
+
+from __future__ import annotations
+
+
+def octets(address: str) -> tuple[int, ...] | None:
+    """Return the four octets, None for any other text (short forms such as `127.1` are refused too)."""
+    parts = address.split(".")
+    if len(parts) != 4 or not all(p.isascii() and p.isdigit() and len(p) <= 3 for p in parts):
+        return None
+    numbers = tuple(int(part) for part in parts)
+    return numbers if max(numbers) < 256 else None
+
+
+def is_loopback(address: str) -> bool:
+    """Return whether it lies in 127.0.0.0/8."""
+    return address.startswith("127.")
+
+
+def is_group(address: str) -> bool:
+    """Return whether it is multicast, reserved or broadcast: 224.0.0.0 and above."""
+    parts = octets(address)
+    return parts is not None and parts[0] >= 224

@@ -1,0 +1,163 @@
+"""Virtual time of the simulated network: an agenda, and the two clocks that can end a TCP connection.
+
+The figures are those measured on Linux (status-reproduction 3.2 and 3.3); all times are in ns.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from enum import Enum
+from typing import Final
+
+MS: Final = 1_000_000
+SECOND: Final = 1000 * MS
+
+KEEP_ALIVE_PROBES: Final = 2
+# A lost tail is probed after 0.2 s; the retransmission timer proper follows at 0.42 s and then doubles.
+FIRST_WAITS: Final = (200 * MS, 220 * MS)
+LONGEST_WAIT: Final = 120 * SECOND
+MOST_UNANSWERED: Final = 16  # the tail probe and tcp_retries2 = 15
+# tcp_syn_linear_timeouts = 4 and tcp_syn_retries = 6: 134 s in all.
+SYN_WAITS: Final = (1024 * MS,) * 5 + tuple(1024 * MS << n for n in range(1, 7))
+
+
+class Ticket:
+    """One thing to do at a time; cancelled by taking its act away."""
+
+    __slots__ = ("act",)
+
+    def __init__(self, act: Callable[[], None]) -> None:
+        self.act: Callable[[], None] | None = act
+
+
+class Agenda:
+    """What is due when, in the order of time and, at the same time, of entering."""
+
+    def __init__(self) -> None:
+        self.now = 0
+        self._heap: list[tuple[int, int, Ticket]] = []
+        self._entered = 0
+        self._cancelled = 0
+
+    def at(self, due: int, act: Callable[[], None]) -> Ticket:
+        """Do act at the time due."""
+        ticket = Ticket(act)
+        self._entered += 1
+        heapq.heappush(self._heap, (due, self._entered, ticket))
+        return ticket
+
+    def cancel(self, ticket: Ticket | None) -> None:
+        """Take a ticket back; memory stays in proportion to what is really due."""
+        if ticket is None or ticket.act is None:
+            return
+        ticket.act = None
+        self._cancelled += 1
+        if self._cancelled > 64 and self._cancelled > len(self._heap) // 2:
+            self._heap = [entry for entry in self._heap if entry[2].act is not None]
+            heapq.heapify(self._heap)
+            self._cancelled = 0
+
+    def run_until(self, now: int) -> None:
+        """Do all that is due up to now, each at its own time."""
+        while self._heap and self._heap[0][0] <= now:
+            due, _, ticket = heapq.heappop(self._heap)
+            act, ticket.act = ticket.act, None
+            if act is None:
+                self._cancelled -= 1
+            else:
+                self.now = max(self.now, due)
+                act()
+        self.now = now
+
+    def __len__(self) -> int:
+        """Return how many entries are kept."""
+        return len(self._heap)
+
+
+class Verdict(Enum):
+    """What a clock says when it strikes."""
+
+    WAIT = "wait"
+    ASK = "ask"
+    DEAD = "dead"
+
+
+class KeepAlive:
+    """Keep-alive with idle = interval = I and count 2: dead 3 x I after the last packet received."""
+
+    __slots__ = ("_asked_at", "_probes", "due", "interval")
+
+    def __init__(self, interval: int, heard: int) -> None:
+        self.interval = interval
+        self.due = heard + interval
+        self._probes = 0
+        self._asked_at = 0
+
+    def strike(self, now: int, heard: int, busy: bool, user_timeout: int) -> Verdict:
+        """Decide at `due`, and set the next one; busy = sent or unsent data is waiting for the partner."""
+        silent = now - heard
+        if heard >= self._asked_at:
+            self._probes = 0
+        self.due = now + self.interval
+        if busy:
+            return Verdict.WAIT
+        if silent < self.interval:
+            self.due = heard + self.interval
+            return Verdict.WAIT
+        # A user timeout takes the place of the probe count, and lengthens the time as well.
+        if silent >= user_timeout and self._probes > 0 if user_timeout else self._probes >= KEEP_ALIVE_PROBES:
+            return Verdict.DEAD
+        self._probes += 1
+        self._asked_at = now
+        return Verdict.ASK
+
+
+class Retry:
+    """Retransmission and window probes: back off, and give up after the user timeout or 15 tries."""
+
+    __slots__ = ("_since", "_tries", "_unanswered", "due")
+
+    def __init__(self) -> None:
+        self.due: int | None = None
+        self.stop()
+
+    def stop(self) -> None:
+        """Wait for nothing."""
+        self.due = None
+        self._since: int | None = None
+        self._tries = 0
+        self._unanswered = 0
+
+    def start(self, now: int) -> None:
+        """Begin to wait for an acknowledgement or an open window."""
+        self.stop()
+        self.due = now + FIRST_WAITS[0]
+
+    def answered(self) -> None:
+        """Note that the partner lives, though its window stays closed."""
+        self._unanswered = 0
+
+    def strike(self, now: int, probing: bool, user_timeout: int, longest: int) -> Verdict:
+        """Decide at `due`, and set the next one; probing = the window is closed and nothing is in flight."""
+        if self._since is None and (probing or self._tries > 0):
+            self._since = now
+        if self._is_over(now, user_timeout):
+            return Verdict.DEAD
+        self._tries += 1
+        self._unanswered += 1
+        self.due = now + self._wait(longest)
+        if user_timeout and self._since is not None:
+            self.due = min(self.due, self._since + user_timeout)
+        return Verdict.ASK
+
+    def _is_over(self, now: int, user_timeout: int) -> bool:
+        if user_timeout:
+            return self._since is not None and now - self._since >= user_timeout
+        return self._unanswered >= MOST_UNANSWERED
+
+    def _wait(self, longest: int) -> int:
+        if self._tries < len(FIRST_WAITS):
+            return FIRST_WAITS[self._tries]
+        doublings = min(self._tries - len(FIRST_WAITS) + 1, 10)
+        return min(FIRST_WAITS[-1] << doublings, longest)

@@ -1,0 +1,245 @@
+"""Where members lie: the vectors of udt.md 3.3 and baosky.md section 9, and what holds for every layout."""
+
+from __future__ import annotations
+
+import ctypes
+import pickle
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from udt_strategies import layout_of, layouts, struct_of, types_of
+
+from trcvtui.errors import UserError
+from trcvtui.udt.decode import decode
+from trcvtui.udt.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for
+from trcvtui.udt.types import ELEMENTARY, ROWS, Array, Elementary, Kind, Member, Struct
+
+READINGS = ("baosky", "baosky-slot4", "baosky-pack4", "natural8")
+Vector = tuple[int, list[int]]
+
+# udt.md 3.3, all four readings in the order of READINGS; (size, offsets).
+VECTORS: list[tuple[tuple[str, ...], list[Vector]]] = [
+    (("BOOL",), [(4, [0]), (4, [0]), (1, [0]), (4, [0])]),
+    (
+        ("BOOL", "BOOL", "INT", "BOOL"),
+        [(8, [0, 1, 2, 4]), (16, [0, 4, 8, 12]), (6, [0, 1, 2, 4]), (8, [0, 1, 2, 4])],
+    ),
+    (("BOOL", "INT", "LREAL"), [(12, [0, 2, 4]), (16, [0, 4, 8]), (12, [0, 2, 4]), (16, [0, 2, 8])]),
+    (("DINT", "DINT", "CHAR"), [(12, [0, 4, 8])] * 4),
+]
+# baosky.md section 9: cap4, slot4, natural8.
+BAOSKY_VECTORS: list[tuple[tuple[str, ...], list[Vector]]] = [
+    (("BOOL", "DINT"), [(8, [0, 4]), (8, [0, 4]), (8, [0, 4])]),
+    (("BOOL", "BOOL", "INT"), [(4, [0, 1, 2]), (12, [0, 4, 8]), (4, [0, 1, 2])]),
+    (("CHAR", "INT", "CHAR"), [(8, [0, 2, 4]), (12, [0, 4, 8]), (8, [0, 2, 4])]),
+    (("BYTE", "LREAL"), [(12, [0, 4]), (12, [0, 4]), (16, [0, 8])]),
+    (("STRING[80]", "DINT"), [(88, [0, 84])] * 3),
+    (("STRING", "DINT"), [(88, [0, 84])] * 3),
+]
+
+
+def placed(layout: Layout) -> Vector:
+    return layout.size, [leaf.offset for leaf in layout.leaves()]
+
+
+@pytest.mark.parametrize(("members", "expected"), VECTORS)
+def test_the_four_readings_of_the_baosky_page(members: tuple[str, ...], expected: list[Vector]) -> None:
+    assert [placed(lay_out(struct_of(*members), LAYOUTS[name])) for name in READINGS] == expected
+
+
+@pytest.mark.parametrize(("members", "expected"), BAOSKY_VECTORS)
+def test_the_table_of_the_baosky_reference(members: tuple[str, ...], expected: list[Vector]) -> None:
+    names = ("baosky", "baosky-slot4", "natural8")
+    assert [placed(lay_out(struct_of(*members), LAYOUTS[name])) for name in names] == expected
+
+
+@pytest.mark.parametrize("name", ["baosky", "baosky-slot4", "natural8"])
+def test_elements_of_an_array_are_tight_under_every_reading(name: str) -> None:
+    layout = lay_out(struct_of("ARRAY[0..2] OF BYTE", "WORD"), LAYOUTS[name])
+    assert placed(layout) == (8, [0, 1, 2, 4])
+
+
+def test_packed_has_no_gap_at_all() -> None:
+    layout = lay_out(struct_of("BYTE", "LREAL", "WSTRING[1]", "INT"), LAYOUTS["packed"])
+    assert placed(layout) == (17, [0, 1, 9, 15])
+    assert list(layout.padding()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("BOOL", 1),
+        ("INT", 2),
+        ("STRING", 82),
+        ("STRING[20]", 22),
+        ("STRING[254]", 256),
+        ("ARRAY[0..2] OF BYTE", 3),
+        ("ARRAY[0..2] OF STRING[3]", 15),
+        ("ARRAY[0..69999] OF BYTE", 70_000),
+        ("ARRAY[0..1048575] OF BOOL", 1024 * 1024),
+    ],
+)
+def test_alone_a_basic_type_is_tight(text: str, size: int) -> None:
+    assert layout_of(text).size == size
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("BOOL", 1), ("CHAR", 1), ("TIME", 4), ("LTIME", 8), ("DATE", 4), ("LREAL", 8), ("LWORD", 8), ("DT", 4)],
+)
+def test_sizes_of_the_elementary_types(text: str, size: int) -> None:
+    assert ELEMENTARY[text].size == size
+
+
+def test_a_nested_structure_keeps_its_own_gaps_and_starts_on_four() -> None:
+    layout = layout_of("a : BYTE; in : STRUCT x : BYTE; y : INT; z : BYTE; END_STRUCT b : BYTE;")
+    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
+        ("a", 0),
+        ("in.x", 4),
+        ("in.y", 6),
+        ("in.z", 8),
+        ("b", 12),
+    ]
+    assert list(layout.padding()) == [(1, 3), (5, 1), (9, 3), (13, 3)]
+    assert layout.size == 16
+
+
+def test_paths_use_declared_bounds_and_the_last_index_runs_fastest() -> None:
+    layout = layout_of("m : ARRAY[1..2,-1..0] OF ARRAY[5..6] OF STRUCT x : BYTE; END_STRUCT;")
+    paths = [leaf.path for leaf in layout.leaves()]
+    assert paths[:3] == ["m[1,-1][5].x", "m[1,-1][6].x", "m[1,0][5].x"]
+    assert paths[-1] == "m[2,0][6].x"
+    assert len(paths) == 8
+
+
+def test_the_alias_cap4_is_baosky_and_little_endian() -> None:
+    assert rules_for("cap4") is rules_for() is LAYOUTS["baosky"]
+    assert rules_for().byte_order == "little"
+    assert rules_for("packed", "big").byte_order == "big"
+
+
+def test_an_unknown_layout_or_byte_order_is_refused_with_the_known_names() -> None:
+    with pytest.raises(UserError, match="layout: found 'cap5', expected one of baosky, baosky-slot4"):
+        rules_for("cap5")
+    with pytest.raises(UserError, match="byte order: found 'middle', expected one of little, big"):
+        rules_for("baosky", "middle")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "ARRAY[0..999999999] OF BYTE",
+        "ARRAY[0..999999999, 0..999999999, 0..999999999] OF LREAL",
+        "ARRAY[0..1048576] OF BOOL",
+        "ARRAY[0..60000] OF STRING",
+        "STRING[255]",
+        "WSTRING[255]",
+    ],
+)
+def test_what_is_too_large_is_refused_in_one_line(text: str) -> None:
+    with pytest.raises(UserError) as refused:
+        layout_of(text)
+    assert "expected at most" in str(refused.value)
+    assert len(refused.value.lines()) == 1
+
+
+def test_doubling_forty_times_is_refused_without_walking_it() -> None:
+    type_ = struct_of("BYTE")
+    for _ in range(40):
+        type_ = Struct("S", (Member("a", type_), Member("b", type_)))
+    with pytest.raises(UserError, match=f"at most {MOST_BYTES} bytes"):
+        lay_out(type_, rules_for())
+
+
+def test_forty_times_two_empty_structures_are_still_empty() -> None:
+    type_ = Struct("Empty", ())
+    for _ in range(40):
+        type_ = Struct("S", (Member("a", type_), Member("b", type_)))
+    layout = lay_out(Array(((0, 10**9),), type_), LAYOUTS["packed"])
+    assert (layout.size, layout.leaf_count, list(layout.leaves()), decode(layout, b"")) == (0, 0, [], ())
+
+
+@given(layouts())
+def test_offsets_grow_and_leaves_and_gaps_fill_the_type_exactly(layout: Layout) -> None:
+    places = [(leaf.offset, leaf.size) for leaf in layout.leaves()]
+    assert places == sorted(places)
+    end = 0
+    for offset, size in sorted([*places, *layout.padding()]):
+        assert offset == end
+        end = offset + size
+    assert end == layout.size
+    assert layout.leaf_count == len(places)
+
+
+@given(layouts())
+def test_members_lie_on_their_alignment(layout: Layout) -> None:
+    rules = layout.rules
+    assert layout.size % layout.align == 0
+    for leaf in layout.leaves():
+        natural = getattr(leaf.type, "align", 1)
+        assert leaf.offset % min(natural, rules.cap) == 0
+
+
+@given(layouts())
+def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
+    covered: dict[int, int] = {}
+    for number, leaf in enumerate(layout.leaves()):
+        assert layout.number_of(leaf.path) == layout.number_of(leaf.path.upper()) == number
+        assert layout.leaf(number) == leaf
+        covered |= dict.fromkeys(range(leaf.offset, leaf.offset + leaf.size), number)
+    for place in range(-1, layout.size + 2):
+        assert layout.leaf_at(place) == covered.get(place)
+
+
+@given(layouts(), st.integers(-5, 40), st.integers(-5, 40))
+def test_any_run_of_leaves_is_a_slice_of_all(layout: Layout, start: int, count: int) -> None:
+    stop = start + count
+    expected = list(layout.leaves())[max(start, 0) : max(stop, 0)]
+    assert list(layout.leaves(start, stop)) == expected
+    assert list(layout.page(start, stop).leaves) == expected
+
+
+@given(st.lists(st.sampled_from([row for row in ROWS if row.kind is not Kind.BOOL]), min_size=1))
+def test_plain_pack_agrees_with_the_c_compiler_rules_of_ctypes(rows: list[Elementary]) -> None:
+    codes = {"B": ctypes.c_uint8, "H": ctypes.c_uint16, "I": ctypes.c_uint32, "Q": ctypes.c_uint64}
+    codes |= {"b": ctypes.c_int8, "h": ctypes.c_int16, "i": ctypes.c_int32, "q": ctypes.c_int64}
+    kinds = {**codes, "f": ctypes.c_float, "d": ctypes.c_double}
+    struct = Struct("S", tuple(Member(f"m{n}", row) for n, row in enumerate(rows)))
+    for name, pack in (("baosky-pack4", 4), ("packed", 1)):
+        fields = [(f"m{n}", kinds[row.code]) for n, row in enumerate(rows)]
+        oracle = type("Oracle", (ctypes.Structure,), {"_pack_": pack, "_fields_": fields})
+        layout = lay_out(struct, LAYOUTS[name])
+        assert layout.size == ctypes.sizeof(oracle)
+        assert [leaf.offset for leaf in layout.leaves()] == [getattr(oracle, f).offset for f, _ in fields]
+
+
+def test_an_unknown_path_names_the_step_that_fails() -> None:
+    layout = layout_of("st : STRUCT arr : ARRAY[1..2] OF INT; END_STRUCT")
+    for path, step in [
+        ("st.brr[1]", ".brr"),
+        ("st.arr[3]", "[3]"),
+        ("st.arr[1,1]", "[1,1]"),
+        ("st.arr[--1]", "[--1]"),
+    ]:
+        with pytest.raises(UserError) as refused:
+            layout.number_of(path)
+        assert refused.value.problems[0].found == f"'{step}'"
+    with pytest.raises(UserError, match="which has members of its own"):
+        layout.number_of("st.arr")
+
+
+def test_the_declared_spelling_names_the_layout() -> None:
+    types = types_of("TYPE Telegram : STRUCT a : INT; END_STRUCT; Speed : REAL; END_TYPE")
+    assert lay_out(types.named("telegram"), rules_for(), "TELEGRAM").name == "Telegram"
+    assert lay_out(types.named("Speed"), rules_for(), "Speed").name == "Speed"
+    assert lay_out(types.named("Speed"), rules_for()).name == "REAL"
+
+
+@given(layouts())
+def test_a_layout_crosses_a_process_border(layout: Layout) -> None:
+    data = bytes(n % 251 for n in range(layout.size))
+    decode(layout, data)
+    there = pickle.loads(pickle.dumps(layout))
+    assert (there.name, there.size, there.rules) == (layout.name, layout.size, layout.rules)
+    assert [leaf.path for leaf in there.leaves()] == [leaf.path for leaf in layout.leaves()]

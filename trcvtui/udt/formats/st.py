@@ -232,7 +232,12 @@ class Parser(Cursor):
             self.at = start
         if self.sees(",", ")"):
             raise self.refusal("a number")
-        self.skip_to(",", ")", ";", *MEMBER_ENDS)
+        depth = 0
+        while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
+            if depth == 0 and self.sees(",", ")"):
+                break
+            symbol = self.advance().upper
+            depth += (symbol == "(") - (symbol == ")")
         return None
 
 

@@ -36,9 +36,9 @@ class Token(NamedTuple):
 
 CLOSERS = {"(*": "*)", "/*": "*/", "{": "}", "'": "'", '"': '"'}
 
-# Quotes in a pragma hide a brace only when they close on their line: `{don't}` ends where it seems to.
+# A quote in a pragma hides a brace when it opens behind no letter and closes on its line: not in `{don't}`.
 _TOKEN = re.compile(
-    r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?:'[^'\r\n]*'|"[^"\r\n]*"|[^}])*+\})
+    r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?:(?<!\w)'[^'\r\n]*'|(?<!\w)"[^"\r\n]*"|[^}])*+\})
     |(?P<NESTED>\(\*)
     |(?P<WORD>[^\W\d]\w*)
     |(?P<NUMBER>\d[\d_]*(?:\#\w+|\.\d[\d_]*(?:[eE][+-]?\d+)?)?)

@@ -1,0 +1,77 @@
+"""From a file to its types: suffix, text encoding, and files that cannot be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.udt.formats import LARGEST_FILE, READERS, decode_text, read_file, read_files
+from trcvtui.udt.types import ELEMENTARY, Struct
+
+DATA = Path(__file__).parent / "data"
+
+
+def line_of(path: Path) -> str:
+    with pytest.raises(UserError) as refused:
+        read_file(path)
+    (line,) = refused.value.lines()
+    return line.replace(str(path), "FILE")
+
+
+def test_windows_1252_with_cr_lf_is_read() -> None:
+    type_ = read_file(DATA / "windows_1252.st").named("Tür")
+    assert isinstance(type_, Struct)
+    assert [(m.name, m.type) for m in type_.members] == [("höhe", ELEMENTARY["INT"])]
+
+
+@pytest.mark.parametrize("codec", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_a_text_comes_back_from_every_encoding_it_may_have(codec: str) -> None:
+    assert decode_text("TYPE Tür : INT;".encode(codec)) == "TYPE Tür : INT;"
+
+
+def test_no_bytes_are_refused_as_text() -> None:
+    for data in (bytes(range(256)), b"\xff\xfe\x00", b"\xfe\xff\xd8", b"\xef\xbb\xbf\xff"):
+        assert isinstance(decode_text(data), str)
+
+
+def test_a_byte_order_mark_is_no_text() -> None:
+    assert read_file(DATA / "with_mark.st").names() == ["Motor"]
+
+
+@pytest.mark.parametrize("suffix", [*READERS, ".ST"])
+def test_the_suffix_chooses_the_reader(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"a{suffix}"
+    file.write_text("TYPE A : INT; END_TYPE")
+    assert read_file(str(file)).names() == ["A"]
+
+
+def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "a.docx").write_text("")
+    (tmp_path / "dir.st").mkdir()
+    with open(tmp_path / "big.st", "wb") as big:
+        big.truncate(LARGEST_FILE + 1)
+    assert (
+        line_of(tmp_path / "a.docx")
+        == "FILE: found suffix '.docx', expected a file of type .st, .iecst, .txt"
+    )
+    assert (
+        line_of(tmp_path / "no.st")
+        == "FILE: found No such file or directory, expected a file that can be read"
+    )
+    assert line_of(tmp_path / "dir.st") == "FILE: found Is a directory, expected a file that can be read"
+    assert line_of(tmp_path / "big.st").startswith(
+        "FILE: found a larger file, expected at most 10485760 bytes"
+    )
+    with pytest.raises(UserError, match="embedded null"):
+        read_file("a\0.st")
+
+
+def test_several_files_are_read_as_one_set(tmp_path: Path) -> None:
+    (tmp_path / "a.st").write_text("TYPE A : STRUCT b : B; END_STRUCT END_TYPE")
+    (tmp_path / "b.st").write_text("TYPE B : INT; END_TYPE")
+    assert read_files([tmp_path / "a.st", tmp_path / "b.st"]).names() == ["A", "B"]
+    with pytest.raises(UserError) as refused:
+        read_files([tmp_path / "c.st", tmp_path / "a.st", tmp_path / "d.st"])
+    assert len(refused.value.lines()) == 2

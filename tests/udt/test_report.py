@@ -1,0 +1,168 @@
+"""What `udt show`, `decode` and `encode` answer: the JSON of the contract, and tables for people."""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from udt_strategies import layout_of, layouts
+
+from trcvtui.errors import UserError
+from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.report import decode_json, decode_text, encode_values, show_json, show_text
+from trcvtui.udt.type_set import TypeSet
+from trcvtui.udt.value_text import real_text
+
+TELEGRAM = """TYPE Mode : (Stop, Run := 5); Telegram : STRUCT
+  id : DINT; speed : REAL; ok : BOOL; bits : WORD; mode : Mode; name : STRING[4]; c : CHAR; wait : TIME;
+END_STRUCT END_TYPE"""
+BYTES = bytes.fromhex("01000000 00509A44 05 00 34 12 05 00 04 02 41 1B 00 00 58 00 00 00 DC 05 00 00")
+
+
+def telegram() -> Layout:
+    from udt_strategies import types_of
+
+    types: TypeSet = types_of(TELEGRAM)
+    return lay_out(types.named("Telegram"), rules_for(), "telegram")
+
+
+def test_show_as_json_is_the_contract() -> None:
+    assert show_json(telegram()) == {
+        "type": "Telegram",
+        "size": 28,
+        "align": 4,
+        "layout": "baosky",
+        "byte_order": "little",
+        "members": [
+            {"path": "id", "type": "DINT", "offset": 0, "size": 4},
+            {"path": "speed", "type": "REAL", "offset": 4, "size": 4},
+            {"path": "ok", "type": "BOOL", "offset": 8, "size": 1},
+            {"path": "bits", "type": "WORD", "offset": 10, "size": 2},
+            {"path": "mode", "type": "INT", "offset": 12, "size": 2},
+            {"path": "name", "type": "STRING[4]", "offset": 14, "size": 6},
+            {"path": "c", "type": "CHAR", "offset": 20, "size": 1},
+            {"path": "wait", "type": "TIME", "offset": 24, "size": 4},
+        ],
+        "padding": [{"offset": 9, "size": 1}, {"offset": 21, "size": 3}],
+    }
+
+
+def test_show_as_text_lists_members_and_gaps_in_order() -> None:
+    assert show_text(telegram()).splitlines() == [
+        "Telegram: 28 bytes, align 4, layout baosky, little-endian",
+        "offset  size  type        path",
+        "     0     4  DINT        id",
+        "     4     4  REAL        speed",
+        "     8     1  BOOL        ok",
+        "     9     1              (padding)",
+        "    10     2  WORD        bits",
+        "    12     2  INT (Mode)  mode",
+        "    14     6  STRING[4]   name",
+        "    20     1  CHAR        c",
+        "    21     3              (padding)",
+        "    24     4  TIME        wait",
+        "unverified for this layout: STRING",
+    ]
+
+
+def test_decode_as_json_is_the_contract() -> None:
+    assert decode_json(telegram(), BYTES) == {
+        "type": "Telegram",
+        "size": 28,
+        "complete": True,
+        "values": {
+            "id": 1,
+            "speed": 1234.5,
+            "ok": True,
+            "bits": 0x1234,
+            "mode": 5,
+            "name": "A\x1b",
+            "c": "X",
+            "wait": "T#1s500ms",
+        },
+    }
+
+
+def test_a_short_decode_is_not_complete_and_ends_in_nulls() -> None:
+    found = decode_json(telegram(), BYTES[:11])
+    assert found["complete"] is False
+    assert found["values"] == {
+        "id": 1,
+        "speed": 1234.5,
+        "ok": True,
+        **dict.fromkeys(("bits", "mode", "name", "c", "wait")),
+    }
+    assert decode_json(telegram(), BYTES + b"more")["complete"] is True
+
+
+def test_decode_as_text_shows_what_is_odd_and_no_control_code() -> None:
+    assert decode_text(telegram(), BYTES[:26]).splitlines() == [
+        "Telegram: 26 of 28 bytes, layout baosky, little-endian",
+        "offset  type       path   value",
+        "     0  DINT       id     1",
+        "     4  REAL       speed  1234.5",
+        "     8  BOOL       ok     TRUE (16#05)",
+        "    10  WORD       bits   4660 (16#1234)",
+        "    12  INT        mode   5 (Run)",
+        "    14  STRING[4]  name   'A\\x1b'",
+        "    20  CHAR       c      'X'",
+        "    24  TIME       wait   no data",
+        "unverified for this layout: STRING",
+    ]
+
+
+def test_a_lone_value_is_shown_under_the_name_of_its_type() -> None:
+    layout = lay_out(telegram().leaf(1).type, rules_for(), "Speed")
+    assert show_text(layout).splitlines()[2] == "     0     4  REAL  Speed"
+    assert show_json(layout)["members"] == [{"path": "", "type": "REAL", "offset": 0, "size": 4}]
+
+
+def test_numbers_that_are_none_are_text_in_json() -> None:
+    layout = layout_of("ARRAY[0..2] OF REAL")
+    data = struct.pack("<3f", float("nan"), float("inf"), float("-inf"))
+    assert decode_json(layout, data)["values"] == {"[0]": "NaN", "[1]": "Infinity", "[2]": "-Infinity"}
+    assert decode_text(layout, data).splitlines()[2].endswith("NaN")
+
+
+def test_encode_takes_values_and_what_decode_gave() -> None:
+    values = {"id": 1, "speed": 1234.5, "ok": True, "wait": "T#1s500ms"}
+    expected = bytes.fromhex("01000000 00509A44 01 00") + bytes(14) + bytes.fromhex("DC050000")
+    assert encode_values(telegram(), values) == expected
+    assert (
+        encode_values(telegram(), decode_json(telegram(), expected))
+        == bytes(expected[:14]) + b"\4" + expected[15:]
+    )
+    assert encode_values(telegram(), {}) == bytes(28)
+
+
+def test_encode_refuses_an_unknown_member() -> None:
+    with pytest.raises(UserError, match="Telegram, 'sped': found 'sped', expected a member"):
+        encode_values(telegram(), {"sped": 1})
+
+
+@given(layouts(), st.data())
+def test_what_decode_prints_encode_takes_and_gives_the_same_again(
+    layout: Layout, data: st.DataObject
+) -> None:
+    raw = data.draw(st.binary(max_size=layout.size))
+    printed = json.loads(json.dumps(decode_json(layout, raw), allow_nan=False))
+    again = decode_json(layout, encode_values(layout, printed))["values"]
+    assert isinstance(again, dict)
+    for path, value in printed["values"].items():
+        assert value is None or again[path] == value
+
+
+@given(layouts(), st.data())
+def test_no_bytes_break_the_tables_or_reach_them_raw(layout: Layout, data: st.DataObject) -> None:
+    raw = data.draw(st.binary(max_size=layout.size + 2))
+    for text in (show_text(layout), decode_text(layout, raw)):
+        assert all(line.isprintable() for line in text.splitlines())
+
+
+@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
+def test_a_real_is_written_with_digits_that_give_it_again(value: float) -> None:
+    assert struct.pack("<f", float(real_text(value, 4))) == struct.pack("<f", value)
+    assert real_text(struct.unpack("<f", struct.pack("<f", 0.1))[0], 4) == "0.1"

@@ -1,0 +1,352 @@
+"""ST text: the grammar row by row, the position in every error, and no text that breaks the reader."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from udt_strategies import types_of
+
+from trcvtui.udt.formats import decode_text, read_file
+from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.type_set import MOST_NESTED, TypeSet
+from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, Struct, Text, Type, type_text
+
+DATA = Path(__file__).parent / "data"
+SAMPLES = sorted(DATA.glob("*.st"))
+
+
+def members_of(types: TypeSet, name: str) -> dict[str, Type]:
+    type_ = types.named(name)
+    assert isinstance(type_, Struct)
+    return {member.name: member.type for member in type_.members}
+
+
+def member(text: str) -> Type:
+    """Return the type of the only member of a STRUCT with this text."""
+    types = types_of(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE")
+    (type_,) = members_of(types, "T").values()
+    return type_
+
+
+def problems(text: str) -> list[str]:
+    return [str(problem) for problem in types_of(text, "f.st").problems]
+
+
+def test_a_whole_file_as_an_engineer_writes_it() -> None:
+    types = read_file(DATA / "telegram.st")
+    assert types.problems == ()
+    assert types.names() == ["Mode", "Speed", "Level", "State", "Telegram", "Point"]
+    layout = lay_out(types.named("Telegram"), rules_for())
+    assert [(leaf.path, type_text(leaf.type), leaf.offset) for leaf in layout.leaves()] == [
+        ("id", "DINT", 0),
+        ("a", "LREAL", 4),
+        ("B", "LREAL", 12),
+        ("name", "STRING[20]", 20),
+        ("short", "STRING[5]", 42),
+        ("long", "STRING", 49),
+        ("m[1,-1]", "INT", 132),
+        ("m[1,0]", "INT", 134),
+        ("m[1,1]", "INT", 136),
+        ("m[2,-1]", "INT", 138),
+        ("m[2,0]", "INT", 140),
+        ("m[2,1]", "INT", 142),
+        ("st.x", "BYTE", 144),
+        ("st.mode", "Mode", 146),
+        ("speeds[0][0]", "REAL", 148),
+        ("speeds[0][1]", "REAL", 152),
+        ("speeds[1][0]", "REAL", 156),
+        ("speeds[1][1]", "REAL", 160),
+        ("points[2].x", "REAL", 164),
+        ("points[2].y", "REAL", 168),
+        ("points[2].ok", "BOOL", 172),
+        ("points[3].x", "REAL", 176),
+        ("points[3].y", "REAL", 180),
+        ("points[3].ok", "BOOL", 184),
+        ("t", "TIME", 188),
+        ("at_noon", "TOD", 192),
+        ("level", "INT", 196),
+        ("state", "State", 198),
+    ]
+    assert layout.size == 200
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a : STRING;", Text(None)),
+        ("a : STRING[20];", Text(20)),
+        ("a : STRING(20);", Text(20)),
+        ("a : string [ 16#14 ] ;", Text(20)),
+        ("a : WSTRING[3];", Text(3, wide=True)),
+        ("a : ARRAY[0..9] OF BYTE;", Array(((0, 9),), ELEMENTARY["BYTE"])),
+        ("a:ARRAY[-1..UINT#1]OF\nBYTE;", Array(((-1, 1),), ELEMENTARY["BYTE"])),
+        ("a : ARRAY[1..2, 0..1] OF INT;", Array(((1, 2), (0, 1)), ELEMENTARY["INT"])),
+        (
+            "a : ARRAY[1..2] OF ARRAY[0..1] OF INT;",
+            Array(((1, 2),), Array(((0, 1),), ELEMENTARY["INT"])),
+        ),
+        ("a : INT(0..10);", ELEMENTARY["INT"]),
+        ("a : INT(-5..INT#5) := 3;", ELEMENTARY["INT"]),
+        ("a : Date_And_Time;", ELEMENTARY["DT"]),
+        ("a : TIME_OF_DAY;", ELEMENTARY["TOD"]),
+    ],
+)
+def test_types_of_a_member(text: str, expected: Type) -> None:
+    assert member(text) == expected
+
+
+@pytest.mark.parametrize(
+    "initial",
+    [
+        "5",
+        "-16#FF",
+        "'it$'s ; END_STRUCT'",
+        '"wide; END_TYPE"',
+        "T#1d2h_3m",
+        "TOD#12:30:15.250",
+        "DT#2024-01-31-12:30:15",
+        "(a := 1, b := (c := 2))",
+        "[1, 2, 3(4)]",
+        "1, 2, 3",
+        "Mode#Run",
+        "GVL.limit + F(x)",
+        "REAL#1.5E-3",
+        "5 (* ; *) // ; END_TYPE",
+    ],
+)
+def test_an_initial_value_is_skipped(initial: str) -> None:
+    types = types_of(f"TYPE T : STRUCT a : INT := {initial}\n; b : REAL := {initial}\n; END_STRUCT END_TYPE")
+    assert types.problems == ()
+    assert members_of(types, "T") == {"a": ELEMENTARY["INT"], "b": ELEMENTARY["REAL"]}
+
+
+@pytest.mark.parametrize(
+    "gap",
+    [
+        " ",
+        "(* a *)",
+        "(* a (* b *) c *)",
+        "(**)",
+        "(***)",
+        "// to the end ' { (*\n",
+        "/// doc\r\n",
+        "/* a ( * (* */",
+        "{pragma}",
+        "{text '}' and \"}\"}",
+        "{don't}",
+        "{two\nlines}",
+        "\u00a0",
+    ],
+)
+def test_comments_and_pragmas_may_stand_anywhere(gap: str) -> None:
+    words = "TYPE|T|:|STRUCT|a|,|b|:|ARRAY|[|0|..|1|]|OF|INT|:=|3|;|END_STRUCT|;|END_TYPE"
+    types = types_of(gap + words.replace("|", gap) + gap)
+    assert types.problems == ()
+    assert [type_text(t) for t in members_of(types, "T").values()] == ["ARRAY[0..1] OF INT"] * 2
+
+
+def test_a_comment_that_nests_by_accident_ends_at_its_first_end() -> None:
+    types = types_of(
+        "TYPE A : INT; END_TYPE (* x (* y *) TYPE B : INT; END_TYPE (* (* z *) TYPE C : INT; END_TYPE"
+    )
+    assert types.names() == ["A", "B", "C"]
+    assert types.problems == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "base", "values"),
+    [
+        ("(A, B, C)", "INT", [("A", 0), ("B", 1), ("C", 2)]),
+        ("(A := 5, B, C := 2,)", "INT", [("A", 5), ("B", 6), ("C", 2)]),
+        ("(A := 16#10, B := -1) DINT := B", "DINT", [("A", 16), ("B", -1)]),
+        ("UINT (A := UINT#1, B := 2)", "UINT", [("A", 1), ("B", 2)]),
+        ("(A, B := A + (3, 4), C, D := 9)", "INT", [("A", 0), ("B", None), ("C", None), ("D", 9)]),
+    ],
+)
+def test_enumerations(text: str, base: str, values: list[tuple[str, int | None]]) -> None:
+    type_ = types_of(f"TYPE E : {text}; END_TYPE").named("E")
+    assert isinstance(type_, Enumeration)
+    assert (type_.name, type_.base.name, list(type_.values)) == ("E", base, values)
+
+
+def test_several_declarations_in_one_block_and_several_blocks_in_one_file() -> None:
+    types = types_of(
+        "TYPE A : INT; B : A; C : STRUCT x : B; END_STRUCT D : (P, Q) END_TYPE; TYPE E : D; END_TYPE"
+    )
+    assert types.names() == ["A", "B", "C", "D", "E"]
+    assert types.named("b") is ELEMENTARY["INT"]
+    assert types.named("e") is types.named("D")
+
+
+def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
+    types = types_of("TYPE Größe : STRUCT höhe_1 : Meter; END_STRUCT; METER : REAL; END_TYPE")
+    assert members_of(types, "GRÖSSE".replace("SS", "ß")) == {"höhe_1": ELEMENTARY["REAL"]}
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("TYPE T STRUCT", "f.st:1:8: found 'STRUCT', expected ':'"),
+        ("TYPE T :\n  STRUCT\n\ta INT;\nEND_STRUCT END_TYPE", "f.st:3:4: found 'INT', expected ':'"),
+        ("TYPE T : STRUCT a : INT b : INT; END_STRUCT END_TYPE", "f.st:1:25: found 'b', expected ';'"),
+        ("TYPE T : STRUCT a : INT := 5 b : INT; END_STRUCT END_TYPE", "f.st:1:32: found ':', expected ';'"),
+        ("TYPE T : STRUCT a : ; END_STRUCT END_TYPE", "f.st:1:21: found ';', expected a type"),
+        ("TYPE T : STRUCT a : INT := ; END_STRUCT END_TYPE", "f.st:1:28: found ';', expected a value"),
+        (
+            "TYPE T : STRUCT 5 : INT; END_STRUCT END_TYPE",
+            "f.st:1:17: found '5', expected a member or 'END_STRUCT'",
+        ),
+        (
+            "TYPE T : STRUCT a, : INT; END_STRUCT END_TYPE",
+            "f.st:1:20: found ':', expected the name of a member",
+        ),
+        (
+            "TYPE T : STRUCT a : INT; END_TYPE",
+            "f.st:1:26: found 'END_TYPE', expected a member or 'END_STRUCT'",
+        ),
+        (
+            "TYPE T : STRUCT a : INT;",
+            "f.st:1:25: found the end of the text, expected a member or 'END_STRUCT'",
+        ),
+        ("TYPE T : INT;", "f.st:1:14: found the end of the text, expected 'END_TYPE'"),
+        ("TYPE : INT; END_TYPE", "f.st:1:6: found ':', expected the name of a type or 'END_TYPE'"),
+        ("TYP T : INT; END_TYPE", "f.st:1:1: found 'TYP', expected 'TYPE'"),
+        ("TYPE T : ARRAY[0..] OF INT; END_TYPE", "f.st:1:19: found ']', expected a whole number"),
+        ("TYPE T : ARRAY[0 9] OF INT; END_TYPE", "f.st:1:18: found '9', expected '..'"),
+        ("TYPE T : ARRAY[9..0] OF INT; END_TYPE", "f.st:1:19: found '0', expected a number from 9 upwards"),
+        ("TYPE T : ARRAY[0..MAX] OF INT; END_TYPE", "f.st:1:19: found 'MAX', expected a whole number"),
+        ("TYPE T : ARRAY[0..9 OF INT; END_TYPE", "f.st:1:21: found 'OF', expected ']'"),
+        ("TYPE T : ARRAY[0..9] INT; END_TYPE", "f.st:1:22: found 'INT', expected 'OF'"),
+        ("TYPE T : STRING[0]; END_TYPE", "f.st:1:17: found '0', expected a length of 1 or more"),
+        ("TYPE T : STRING[5); END_TYPE", "f.st:1:18: found ')', expected ']'"),
+        ("TYPE T : (A, A); END_TYPE", "f.st:1:14: found 'A', expected each name once in an enumeration"),
+        ("TYPE T : (A B); END_TYPE", "f.st:1:13: found 'B', expected ',' or ')'"),
+        ("TYPE T : (A, B) REAL; END_TYPE", "f.st:1:17: found 'REAL', expected an integer type such as INT"),
+        ("TYPE T : INT; § END_TYPE", "f.st:1:15: found '§', expected the name of a type or 'END_TYPE'"),
+        ("TYPE T : INT; (* END_TYPE", "f.st:1:15: found '(*' without an end, expected '*)'"),
+        ("TYPE T : INT; {a END_TYPE", "f.st:1:15: found '{' without an end, expected '}'"),
+        (
+            "TYPE T : STRUCT a : STRING := 'abc;\nEND_STRUCT END_TYPE",
+            "f.st:1:31: found ''' without an end, expected '''",
+        ),
+        ("\r\n\r\n  TYPE T : Foo; END_TYPE", "f.st:3:12: found 'Foo', expected a known type"),
+    ],
+)
+def test_every_error_has_its_place_and_what_was_expected(text: str, line: str) -> None:
+    assert line in problems(text)
+
+
+def test_all_mistakes_of_a_file_are_found_in_reading_order() -> None:
+    assert [line.partition(" ")[0] for line in problems((DATA / "one_bad.st").read_text())] == [
+        "f.st:6:7:",
+        "f.st:8:9:",
+    ]
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        "Bad : STRUCT b INT; c : REAL; END_STRUCT;",
+        "Bad : STRUCT in STRUCT x : INT; END_STRUCT; y : INT; END_STRUCT",
+        "Bad STRUCT a : INT; b : INT; END_STRUCT;",
+        "Bad : ARRAY[1..] OF STRUCT a : INT; b : INT; END_STRUCT;",
+        "Bad : ARRAY[1..;",
+        "Bad : (A, B C);",
+        "Bad : ;",
+        "Bad : INT INT;",
+        ": INT;",
+        ";",
+        "END_STRUCT;",
+        "Bad : Unknown;",
+        "Bad : Bad;",
+        "Bad : STRUCT a : INT; A : INT; END_STRUCT;",
+        "Bad : STRING[0];",
+        "Bad : " + "ARRAY[0..1] OF " * 40 + "INT;",
+        "Bad : " + "STRUCT a : " * 40 + "INT;" + " END_STRUCT;" * 40,
+    ],
+)
+def test_a_bad_type_never_hides_the_good_ones_beside_it(bad: str) -> None:
+    good = "After : STRUCT x : Before; END_STRUCT; END_TYPE TYPE Last : After; END_TYPE"
+    types = types_of(f"TYPE Before : INT; {bad} {good}")
+    assert types.problems
+    assert types.names() == ["Before", "After", "Last"]
+
+
+def test_a_missing_end_type_hides_nothing() -> None:
+    types = types_of("TYPE A : INT; TYPE B : STRUCT x : A; END_STRUCT END_TYPE TYPE C : B; END_TYPE")
+    assert types.names() == ["A", "B", "C"]
+    assert [str(p) for p in types.problems] == ["test.st:1:15: found 'TYPE', expected 'END_TYPE'"]
+
+
+def test_nesting_ends_at_its_limit_with_a_line() -> None:
+    deep = f"TYPE T : {'ARRAY[0..0] OF ' * MOST_NESTED}INT; END_TYPE"
+    expected = f"expected at most {MOST_NESTED} levels of STRUCT and ARRAY"
+    assert problems(deep) == [f"f.st:1:{10 + 15 * MOST_NESTED}: found 'INT', {expected}"]
+    assert not problems(f"TYPE T : {'ARRAY[0..0] OF ' * (MOST_NESTED - 1)}INT; END_TYPE")
+
+
+@pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
+def test_a_file_cut_at_any_byte_gives_types_or_lines(path: Path) -> None:
+    data = path.read_bytes()
+    for end in range(len(data) + 1):
+        types = types_of(decode_text(data[:end]), "cut.st")
+        assert all("\n" not in str(problem) for problem in types.problems)
+        for name in types.names():
+            lay_out(types.named(name), rules_for())
+
+
+WORDS = [
+    "TYPE",
+    "END_TYPE",
+    "STRUCT",
+    "END_STRUCT",
+    "ARRAY",
+    "OF",
+    "STRING",
+    "INT",
+    "a",
+    "b",
+    "T",
+    "5",
+    "16#F",
+]
+SIGNS = ["[", "]", "(", ")", "..", ":=", ":", ";", ",", "#", "-", "(*", "*)", "{", "}", "'", '"', "\n", "//"]
+PIECES = st.sampled_from(WORDS + SIGNS)
+
+
+@given(st.one_of(st.text(max_size=60), st.lists(PIECES, max_size=60).map(" ".join)))
+@example("TYPE a : STRUCT a : a ( a")
+@example("TYPE a : a (")
+@example("TYPE a : a #")
+@example("TYPE a : INT (a")
+def test_no_text_breaks_the_reader(text: str) -> None:
+    types = types_of(text)
+    for problem in types.problems:
+        assert problem.where.startswith("test.st:")
+        assert problem.expected
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{" * 50_000,
+        "{'}" * 17_000,
+        "(*" * 25_000,
+        "(* (* *) " * 6_000,
+        "'" * 50_000,
+        "TYPE " * 10_000,
+        "TYPE T : " + "STRUCT a : " * 5_000,
+        "TYPE T : (" + "a," * 20_000,
+        "TYPE T : ARRAY[" + "0..1," * 10_000,
+        "TYPE T : ARRAY[0.." + "9" * 50_000,
+        "TYPE " + "".join(f"T{n} : T{n + 1}; " for n in range(5_000)) + "END_TYPE",
+        "TYPE " + "".join(f"T{n} : STRUCT a, b : T{n + 1}; END_STRUCT " for n in range(2_000)) + "END_TYPE",
+    ],
+    ids=lambda text: text[:24].replace("\n", " "),
+)
+@pytest.mark.timeout(5)
+def test_a_hostile_text_of_50_kilobytes_ends_soon(text: str) -> None:
+    assert types_of(text).names() == []

@@ -1,0 +1,129 @@
+"""Types joined: duplicates, recursion and unknown types together, and what a bad type tells."""
+
+from __future__ import annotations
+
+import pytest
+from udt_strategies import types_of
+
+from trcvtui.errors import UserError
+from trcvtui.udt.formats.st import read_st
+from trcvtui.udt.iec_type import parse_type
+from trcvtui.udt.type_set import MOST_NESTED, join
+from trcvtui.udt.types import ELEMENTARY, Array, Text
+
+
+def lines_of(call: object) -> list[str]:
+    with pytest.raises(UserError) as refused:
+        call()  # type: ignore[operator]
+    return refused.value.lines()
+
+
+def test_duplicates_recursion_and_unknown_types_are_told_together() -> None:
+    types = types_of(
+        "TYPE A : STRUCT x : INT; X : REAL; END_STRUCT END_TYPE\n"
+        "TYPE B : STRUCT b : ARRAY[0..1] OF B; END_STRUCT END_TYPE\n"
+        "TYPE C : STRUCT u, v : Nothing; END_STRUCT END_TYPE\n"
+        "TYPE D : INT; D : REAL; INT : BOOL; Good : BYTE; END_TYPE\n"
+    )
+    assert [str(problem) for problem in types.problems] == [
+        "test.st:1:26: found member 'X' a second time, expected a new name; the first is at test.st:1:17",
+        "test.st:2:36: found 'B', which contains this member, expected a type that does not contain itself",
+        "test.st:3:24: found 'Nothing', expected a known type",
+        "test.st:4:15: found 'D' a second time, expected one declaration of it; the first is at test.st:4:6",
+        "test.st:4:25: found 'INT', expected a name that no IEC type has",
+    ]
+    assert types.names() == ["Good"]
+
+
+def test_a_circle_of_types_is_found_wherever_it_is_entered() -> None:
+    circle = "P : STRUCT q : Q; END_STRUCT Q : STRUCT p : P; END_STRUCT"
+    types = types_of(f"TYPE Outside : STRUCT p : P; END_STRUCT {circle} END_TYPE")
+    assert len(types.problems) == 1
+    assert types.names() == []
+    for name in ("P", "Q", "Outside"):
+        assert lines_of(lambda name=name: types.named(name)) == [str(types.problems[0])]
+
+
+def test_who_uses_a_bad_type_is_told_what_is_wrong_with_it() -> None:
+    types = types_of("TYPE Good : INT; User : ARRAY[0..1] OF Bad; Bad : STRUCT x : Nope; END_STRUCT END_TYPE")
+    assert types.named("good") is ELEMENTARY["INT"]
+    assert lines_of(lambda: types.named("User")) == ["test.st:1:62: found 'Nope', expected a known type"]
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
+    types = types_of("TYPE A : INT; B : INT; END_TYPE")
+    assert lines_of(lambda: types.named("C", "--type")) == [
+        "--type: found 'C', expected a type of test.st: A, B"
+    ]
+
+
+def test_the_only_type_needs_no_name() -> None:
+    assert types_of("TYPE A : INT; END_TYPE").only() == "A"
+    assert lines_of(types_of("TYPE A : INT; B : INT; END_TYPE").only) == [
+        "test.st: found 2 types: A, B, expected one type, or its name"
+    ]
+    assert lines_of(types_of("").only) == ["test.st: found no type, expected TYPE ... END_TYPE"]
+    assert lines_of(types_of("TYPE A : INT; B : Nope; END_TYPE").only) == [
+        "test.st:1:19: found 'Nope', expected a known type"
+    ]
+
+
+def test_files_use_each_others_types_in_any_order() -> None:
+    files = [
+        read_st("TYPE A : STRUCT b : B; END_STRUCT END_TYPE", "a.st"),
+        read_st("TYPE B : INT; END_TYPE", "b.st"),
+    ]
+    assert join(files, "both").names() == ["A", "B"]
+    assert join(reversed(files), "both").names() == ["B", "A"]
+
+
+def test_the_same_name_in_two_files_is_a_mistake_that_shows_both_places() -> None:
+    files = [read_st("TYPE A : INT; END_TYPE", "a.st"), read_st("TYPE a : INT; END_TYPE", "b.st")]
+    types = join(files, "both")
+    assert [str(p) for p in types.problems] == [
+        "b.st:1:6: found 'a' a second time, expected one declaration of it; the first is at a.st:1:6"
+    ]
+
+
+def test_a_chain_of_structures_deeper_than_the_limit_is_refused_and_its_lower_part_kept() -> None:
+    chain = "".join(f"T{n} : STRUCT x : T{n + 1}; END_STRUCT " for n in range(MOST_NESTED + 8))
+    types = types_of(f"TYPE {chain} T{MOST_NESTED + 8} : INT; END_TYPE")
+    assert types.names() == [f"T{n}" for n in range(8, MOST_NESTED + 9)]
+    assert "nested 33 deep" in str(types.problems[0])
+
+
+def test_an_alias_chain_has_no_depth() -> None:
+    chain = "".join(f"T{n} : T{n + 1}; " for n in range(3000))
+    assert types_of(f"TYPE {chain} T3000 : INT; END_TYPE").named("T0") is ELEMENTARY["INT"]
+
+
+def test_a_type_in_one_line_as_in_a_project_file() -> None:
+    types = types_of("TYPE Telegram : STRUCT a : INT; END_STRUCT; Bad : Nope; END_TYPE")
+    assert parse_type("INT") is ELEMENTARY["INT"]
+    assert parse_type(" string[20] ") == Text(20)
+    assert parse_type("ARRAY[0..99] OF BYTE") == Array(((0, 99),), ELEMENTARY["BYTE"])
+    assert parse_type("TELEGRAM", types) is types.named("Telegram")
+    assert parse_type("ARRAY[1..2] OF Telegram", types) == Array(((1, 2),), types.named("Telegram"))
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "data.rx.type:1:1: found the end of the text, expected a type"),
+        ("BYT", "data.rx.type:1:1: found 'BYT', expected a known type"),
+        ("INT;", "data.rx.type:1:4: found ';', expected the end of the type"),
+        ("ARRAY[0..9] BYTE", "data.rx.type:1:13: found 'BYTE', expected 'OF'"),
+        ("ARRAY[0..9] OF Nope", "data.rx.type:1:16: found 'Nope', expected a known type"),
+        ("STRUCT a INT; END_STRUCT", "data.rx.type:1:10: found 'INT', expected ':'"),
+        ("INT '", "data.rx.type:1:5: found ''' without an end, expected '''"),
+    ],
+)
+def test_a_type_in_one_line_that_is_none(text: str, line: str) -> None:
+    assert lines_of(lambda: parse_type(text, where="data.rx.type")) == [line]
+
+
+def test_a_bad_udt_in_one_line_tells_where_its_file_is_wrong() -> None:
+    types = types_of("TYPE Bad : STRUCT x : Nope; END_STRUCT END_TYPE")
+    assert lines_of(lambda: parse_type("ARRAY[0..1] OF bad", types)) == [
+        "test.st:1:23: found 'Nope', expected a known type"
+    ]

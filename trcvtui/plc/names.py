@@ -16,19 +16,24 @@ def is_identifier(text: str) -> bool:
     return _IDENTIFIER.fullmatch(text) is not None
 
 
+def parse_reference(text: str | None) -> str | None:
+    """Return `C1` of `@C1`, None for any other text."""
+    return text[1:] if text and text.startswith("@") and is_identifier(text[1:]) else None
+
+
 def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
-    """Return what was expected instead of a wrong name: the nearest known one, or the list of all.
+    """Return what was expected instead of a wrong name: the nearest known one, or all of them.
 
     `what` says what the names are, such as `CONNECT`.
     """
-    names = list(known)
+    names = list(dict.fromkeys(known))
     near = nearest(wrong, names)
     if near is not None:
-        return f"{near} (the nearest {what})"
+        return near
     if not names:
-        return f"the name of a {what}, of which there is none"
+        return f"the name of a {what}, but there is none"
     listed = ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
-    return f"{what}: {listed}" if len(names) == 1 else f"{what}, one of {listed}"
+    return listed if len(names) == 1 else f"one of {listed}"
 
 
 def nearest(wrong: str, known: Iterable[str]) -> str | None:

@@ -8,19 +8,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from trcvtui.blocks.parameters import PINS, Pin
 from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.udt.layout import Layout
 from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Type
-
-if TYPE_CHECKING:
-    from trcvtui.udt.formats import TypeSet
-    from trcvtui.udt.layout import Layout
 
 DEFAULT_INTERVAL_NS: Final = 10_000_000
 

@@ -18,6 +18,8 @@ from trcvtui.udt.literals import parse_integer, parse_time
 T = TypeVar("T")
 
 LONGEST_SHOWN: Final = 60
+LEAST_INTERVAL_NS: Final = 100_000  # a scan itself takes tens of microseconds
+TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +69,12 @@ def _duration(text: str) -> int | None:
         return None
 
 
-def _positive_duration(text: str) -> int | None:
-    return _duration(text) or None if (_duration(text) or 0) > 0 else None
+def _duration_from(least: int) -> Callable[[str], int | None]:
+    def read(text: str) -> int | None:
+        ns = _duration(text)
+        return ns if ns is not None and ns >= least else None
 
-
-def _not_negative_duration(text: str) -> int | None:
-    ns = _duration(text)
-    return ns if ns is not None and ns >= 0 else None
+    return read
 
 
 def parse_endpoint(text: str) -> Endpoint | None:
@@ -93,11 +94,10 @@ def _addresses(value: Any) -> tuple[str, ...] | None:
     return known if len(known) == len(found) else None
 
 
-TRUTH: Final = Kind("true or false", _truth, {"1": True, "0": False, "TRUE": True, "FALSE": False,
-                                              "true": True, "false": False}.get)  # fmt: skip
+TRUTH: Final = Kind("true or false", _truth, lambda text: TRUTH_WORDS.get(text.upper()))
 TEXT: Final = of_text("a text in quotes", lambda text: text)
-DURATION: Final = of_text("a duration above zero such as T#10ms", _positive_duration)
-DELAY: Final = of_text("a duration such as T#5ms or T#0s", _not_negative_duration)
+INTERVAL: Final = of_text("a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS))
+DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0))
 ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_address)
 ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint)
 ADDRESSES: Final = Kind(
@@ -117,16 +117,17 @@ class Table:
 
     def get(self, key: str, kind: Kind[T], default: T) -> T:
         """Return the value of an optional key; the default also where the value is wrong."""
-        found = self._find(key, kind)
+        found = self.read(key, kind)
         return default if found is None else found
 
     def must(self, key: str, kind: Kind[T]) -> T | None:
         """Return the value of a key that must be there, None where it is missing or wrong."""
         if key not in self._content:
             self.wrong(key, "nothing", kind.expected)
-        return self._find(key, kind)
+        return self.read(key, kind)
 
-    def _find(self, key: str, kind: Kind[T]) -> T | None:
+    def read(self, key: str, kind: Kind[T]) -> T | None:
+        """Return the value of an optional key, None where it is missing or wrong."""
         self._known.append(key)
         if key not in self._content:
             return None
@@ -136,10 +137,22 @@ class Table:
             self.wrong(key, shown(value), kind.expected)
         return found
 
-    def raw(self, key: str) -> Any:
+    def has(self, key: str) -> bool:
+        """Return whether the table holds the key."""
+        return key in self._content
+
+    def know(self, *keys: str) -> None:
+        """Count these keys as asked for."""
+        self._known.extend(keys)
+
+    def peek(self, key: str) -> Any:
         """Return the value of a key as it stands, None where it is missing."""
-        self._known.append(key)
         return self._content.get(key)
+
+    def text(self, key: str) -> str | None:
+        """Return the text that stands at a key, None where there is none."""
+        value = self._content.get(key)
+        return value.text if isinstance(value, Given) else value if isinstance(value, str) else None
 
     def rest(self) -> list[str]:
         """Return the keys that nobody has asked for."""
@@ -147,9 +160,12 @@ class Table:
 
     def wrong(self, key: str, found: str, expected: str) -> None:
         """Record a mistake at a key."""
+        self.problems.append(Problem(self.place(key), found, expected))
+
+    def place(self, key: str) -> str:
+        """Return where the value of a key stands: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
         value = self._content.get(key)
-        where = f"--set {value.path}" if isinstance(value, Given) else f"{self.where}: {key}"
-        self.problems.append(Problem(where, found, expected))
+        return f"--set {value.path}" if isinstance(value, Given) else f"{self.where}: {key}"
 
     def finish(self, what: str = "key") -> None:
         """Record every key that nobody has asked for; `what` says what was expected."""

@@ -1,0 +1,69 @@
+"""The names in a project: each is declared once, and each that is used is declared.
+
+Rule: instances and DATA share their names, because `expect NAME` means either; so do CONNECTs and peers,
+because `@NAME` means either. `peer` is a word of the bench commands and no name for an instance or DATA.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.plc.names import expected_name, parse_reference
+from trcvtui.plc.tables import Table, shown
+
+WORDS: Final = ("peer",)
+Named = tuple[str, Sequence[Table]]  # kind of table, its tables
+
+
+def find_duplicates(kinds: Iterable[Named], reserved: Iterable[str] = ()) -> None:
+    """Record every name that an earlier table of these kinds has, or that is reserved."""
+    seen = dict.fromkeys(reserved, "a word of the bench commands")
+    for kind, tables in kinds:
+        for table in tables:
+            name = table.peek("name")
+            if not isinstance(name, str):
+                continue
+            if name in seen:
+                table.wrong("name", f"{shown(name)}, {seen[name]}", "a name of its own")
+            seen.setdefault(name, f"the name of another {kind}")
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """The declared names of a project, asked by those who use them."""
+
+    tasks: tuple[str, ...]
+    data: tuple[str, ...]
+    connects: tuple[str, ...]
+    peers: tuple[str, ...]
+
+    def check_connect(self, table: Table) -> None:
+        """Record a RemotePort that names nothing."""
+        name = parse_reference(table.text("RemotePort"))
+        if name is not None:
+            _check(table, "RemotePort", name, (*self.peers, *self.connects), "peer or CONNECT")
+
+    def check_peer(self, table: Table) -> None:
+        """Record a remote that names no CONNECT."""
+        name = parse_reference(table.text("remote"))
+        if name is not None:
+            _check(table, "remote", name, self.connects, "CONNECT")
+
+    def check_instance(self, table: Table) -> None:
+        """Record a CONNECT, DATA or task that does not exist."""
+        uses = (
+            ("connect", self.connects, "CONNECT"),
+            ("data", self.data, "DATA"),
+            ("task", self.tasks or ("MAIN",), "task"),
+        )
+        for key, names, what in uses:
+            name = table.text(key)
+            if name is not None:
+                _check(table, key, name, names, what)
+
+
+def _check(table: Table, key: str, name: str, names: Sequence[str], what: str) -> None:
+    if name not in names:
+        table.wrong(key, shown(name), expected_name(name, names, what))

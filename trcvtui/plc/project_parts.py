@@ -1,0 +1,160 @@
+"""The entries of a project file, one function a kind of table: task, connect, instance, peer, sim.
+
+Rule: a reader checks what its own table says; whether a name exists is asked later (project_names.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from trcvtui.blocks.parameters import PINS, Direction, Pin
+from trcvtui.errors import Problem
+from trcvtui.net.answers import Endpoint
+from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, parse_reference
+from trcvtui.plc.project import DEFAULT_INTERVAL_NS, InstanceDecl, PeerDecl, SimDecl, Task
+from trcvtui.plc.tables import (
+    ADDRESS,
+    ADDRESSES,
+    DELAY,
+    ENDPOINT,
+    INTERVAL,
+    PORT,
+    TEXT,
+    TRUTH,
+    Kind,
+    Table,
+    of_text,
+    parse_endpoint,
+    shown,
+    whole,
+)
+from trcvtui.udt.types import ELEMENTARY
+
+NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
+UINT: Final = whole(*ELEMENTARY["UINT"].limits)
+PRIORITY: Final = whole(0, 255)
+SEED: Final = whole(0, (1 << 63) - 1)
+FREE_PORT: Final = Endpoint("127.0.0.1", 0)
+
+
+def _reference(text: str) -> str | None:
+    return text if parse_reference(text) is not None else None
+
+
+PORT_OR_NAME: Final[Kind[int | str]] = Kind(
+    "a port from 0 to 65535, or @NAME of a peer or CONNECT",
+    lambda value: _reference(value) if isinstance(value, str) else PORT.read(value),
+    lambda text: _reference(text) or PORT.from_text(text),
+)
+END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
+    "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a CONNECT",
+    lambda text: _reference(text) or parse_endpoint(text),
+)
+
+
+def entries(document: Mapping[str, Any], key: str, where: str, problems: list[Problem]) -> list[Table]:
+    """Return the tables of `[[key]]`; each is named in messages by its name, or by its number from 1."""
+    content = document.get(key, [])
+    if not isinstance(content, list) or not all(isinstance(entry, Mapping) for entry in content):
+        problems.append(Problem(f"{where}: {key}", shown(content), f"tables that begin with [[{key}]]"))
+        return []
+    return [
+        Table(entry, f"{where}: {key} {_label(entry, n)}", problems) for n, entry in enumerate(content, 1)
+    ]
+
+
+def _label(entry: Mapping[str, Any], number: int) -> str:
+    name = entry.get("name")
+    return name if isinstance(name, str) and is_identifier(name) else f"#{number}"
+
+
+def read_task(table: Table) -> Task | None:
+    """Return one task."""
+    name = table.must("name", NAME)
+    interval = table.get("interval", INTERVAL, DEFAULT_INTERVAL_NS)
+    priority = table.get("priority", PRIORITY, 1)
+    table.finish()
+    return Task(name, interval, priority) if name is not None else None
+
+
+def read_connect(table: Table) -> ConnectConfig | None:
+    """Return one TCP_CONNECTCONFIG; what the file leaves out is 0, as in the record."""
+    name = table.must("name", NAME)
+    active = table.get("ActiveEstablished", TRUTH, False)
+    address = table.get("LocalAddress", ADDRESS, ANY_ADDRESS)
+    port = table.get("LocalPort", PORT, 0)
+    remote_address = table.get("RemoteAddress", ADDRESS, ANY_ADDRESS)
+    remote_port = table.get("RemotePort", PORT_OR_NAME, 0)
+    send_delay = table.get("SendDelayOpt", TRUTH, False)
+    keep_alive = table.get("KeepAliveTimeInterval", UINT, 0)
+    table.finish()
+    if name is None:
+        return None
+    local = Endpoint(address, port)
+    return ConnectConfig(name, active, local, remote_address, remote_port, send_delay, keep_alive)
+
+
+def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> InstanceDecl | None:
+    """Return one instance; every key that is not its own is an input pin of its block."""
+    name = table.must("name", NAME)
+    block = table.must("block", TEXT)
+    connect = table.must("connect", TEXT)
+    data = table.read("data", TEXT)
+    task = table.get("task", TEXT, first_task)
+    if block is not None and block not in blocks:
+        table.wrong("block", shown(block), expected_name(block, blocks, "block"))
+    # Without its block nobody knows which pins it has: the other names are checked all the same.
+    inputs = _read_inputs(table, PINS[block]) if block in blocks else ()
+    if name is None or block is None or connect is None:
+        return None
+    return InstanceDecl(name, block, connect, data, task, inputs)
+
+
+def _read_inputs(table: Table, pins: tuple[Pin, ...]) -> tuple[tuple[str, bool | int], ...]:
+    inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
+    outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
+    for key in table.rest():
+        if key in outputs:
+            table.know(key)
+            table.wrong(key, "an output", "an input: " + ", ".join(pin.name for pin in inputs))
+    found = [(pin.name, table.read(pin.name, kind_of(pin))) for pin in inputs]
+    table.finish("key or input pin")
+    return tuple((name, value) for name, value in found if value is not None)
+
+
+def kind_of(pin: Pin) -> Kind[Any]:
+    """Return what a pin can hold: true and false, or the range of its IEC type."""
+    return TRUTH if pin.is_bool else whole(*ELEMENTARY[pin.iec_type].limits)
+
+
+def read_peer(table: Table) -> PeerDecl | None:
+    """Return one peer; without `active` it is active when it has a `remote`."""
+    name = table.must("name", NAME)
+    active = table.get("active", TRUTH, table.has("remote"))
+    end: Endpoint | str | None
+    source = None
+    if active:
+        end = table.must("remote", END_OR_NAME)
+        source = table.read("local", ENDPOINT)
+    else:
+        end = table.get("local", ENDPOINT, FREE_PORT)
+        if table.has("remote"):
+            table.know("remote")
+            table.wrong("remote", "an address to connect to", "active = true, or local alone")
+    table.finish()
+    return PeerDecl(name, active, end, source) if name is not None and end is not None else None
+
+
+def read_sim(table: Table) -> SimDecl:
+    """Return the simulated network."""
+    sim = SimDecl(
+        addresses=table.get("addresses", ADDRESSES, ()),
+        not_ethernet=table.get("not_ethernet", ADDRESSES, ()),
+        seed=table.get("seed", SEED, 0),
+        latency_ns=table.get("latency", DELAY, 0),
+        fragment=table.get("fragment", TRUTH, False),
+    )
+    table.finish()
+    return sim

@@ -1,0 +1,177 @@
+"""The parts of a project document, one after the other: each leaves its problems and something harmless.
+
+Rule: refused is only what cannot be typed; every value that a pin or a CONNECT can hold goes to the block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from trcvtui.blocks.parameters import PINS
+from trcvtui.dialects import DIALECTS
+from trcvtui.dialects.dialect import Dialect, SwitchValue
+from trcvtui.dialects.switches import read_switches
+from trcvtui.errors import Problem, UserError
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.plc import project_parts as parts
+from trcvtui.plc.names import expected_name
+from trcvtui.plc.project import DataDecl, InstanceDecl, PeerDecl, SimDecl, Task
+from trcvtui.plc.project_names import WORDS, Names, find_duplicates
+from trcvtui.plc.tables import TEXT, Given, Table, shown
+from trcvtui.udt.formats import read_files
+from trcvtui.udt.iec_type import parse_type
+from trcvtui.udt.layout import lay_out
+from trcvtui.udt.rules import LayoutRules, rules_for
+from trcvtui.udt.type_set import NO_TYPES, TypeSet
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """Which PLC it is."""
+
+    dialect: Dialect
+    model: str
+    options: dict[str, SwitchValue]
+    layout: LayoutRules
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """What is in it and around it."""
+
+    types: TypeSet
+    tasks: tuple[Task, ...]
+    data: tuple[DataDecl, ...]
+    connects: tuple[ConnectConfig, ...]
+    instances: tuple[InstanceDecl, ...]
+    peers: tuple[PeerDecl, ...]
+
+
+class Reader:
+    """One reading of one document."""
+
+    def __init__(self, document: dict[str, Any], where: str, base: Path, problems: list[Problem]) -> None:
+        self.document = document
+        self.where = where
+        self.base = base
+        self.problems = problems
+
+    # -- head ----------------------------------------------------------------------------------------
+
+    def head(self, top: Table) -> Head:
+        name = top.must("dialect", TEXT)
+        if name is not None and name not in DIALECTS:
+            top.wrong("dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
+        known = name in DIALECTS
+        dialect = DIALECTS[name] if name in DIALECTS else next(iter(DIALECTS.values()))
+        model = self.model(top, dialect) if known else dialect.default_model
+        return Head(dialect, model, self.options(dialect) if known else {}, rules_for(dialect.layout))
+
+    def model(self, top: Table, dialect: Dialect) -> str:
+        model = top.get("model", TEXT, dialect.default_model)
+        if model in dialect.models:
+            return model
+        top.wrong("model", shown(model), expected_name(model, dialect.models, "model"))
+        return dialect.default_model
+
+    def options(self, dialect: Dialect) -> dict[str, SwitchValue]:
+        raw = self.section("options")
+        written = {key: value for key, value in raw.items() if not isinstance(value, Given)}
+        given = {key: value.text for key, value in raw.items() if isinstance(value, Given)}
+        values, wrong = read_switches(dialect, written, f"{self.where}: options")
+        overriding, also_wrong = read_switches(dialect, given, "--set options")
+        self.problems += [*wrong, *also_wrong]
+        return values | {key: value for key, value in overriding.items() if key in given}
+
+    # -- body ----------------------------------------------------------------------------------------
+
+    def body(self, head: Head) -> Body:
+        tables = {key: self.entries(key) for key in ("task", "data", "connect", "instance", "peer")}
+        self.check_names(tables)
+        types = self.types()
+        tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
+        return Body(
+            types=types or NO_TYPES,
+            tasks=tasks,
+            data=_present([self.data(table, types, head.layout) for table in tables["data"]]),
+            connects=_present([parts.read_connect(table) for table in tables["connect"]]),
+            instances=self.instances(tables["instance"], head.dialect, tasks[0].name),
+            peers=_present([parts.read_peer(table) for table in tables["peer"]]),
+        )
+
+    def check_names(self, tables: Mapping[str, list[Table]]) -> None:
+        find_duplicates([("task", tables["task"])])
+        find_duplicates([("data", tables["data"]), ("instance", tables["instance"])], reserved=WORDS)
+        find_duplicates([("connect", tables["connect"]), ("peer", tables["peer"])])
+        names = Names(*(_declared(tables[key]) for key in ("task", "data", "connect", "peer")))
+        for table in tables["connect"]:
+            names.check_connect(table)
+        for table in tables["instance"]:
+            names.check_instance(table)
+        for table in tables["peer"]:
+            names.check_peer(table)
+
+    def types(self) -> TypeSet | None:
+        """Return the UDTs of all files, None where a file cannot be read."""
+        files = [self.file_of(table) for table in self.entries("udt")]
+        if not files:
+            return NO_TYPES
+        try:
+            types = read_files([file for file in files if file is not None])
+        except UserError as refused:
+            self.problems += refused.problems
+            return None
+        self.problems += types.problems
+        return types if None not in files else None
+
+    def file_of(self, table: Table) -> Path | None:
+        file = table.must("file", TEXT)
+        table.finish()
+        return self.base / file if file is not None else None
+
+    def data(self, table: Table, types: TypeSet | None, layout: LayoutRules) -> DataDecl | None:
+        name = table.must("name", parts.NAME)
+        text = table.must("type", TEXT)
+        table.finish()
+        if text is None:
+            return None
+        try:
+            type_ = parse_type(text, types or NO_TYPES, table.place("type"))
+            laid_out = lay_out(type_, layout, name or "")
+        except UserError as refused:
+            if types is not None:  # else the type may stand in the file that cannot be read
+                self.problems += refused.problems
+            return None
+        return DataDecl(name or "", text, type_, laid_out, laid_out.size)
+
+    def instances(self, tables: list[Table], dialect: Dialect, first_task: str) -> tuple[InstanceDecl, ...]:
+        blocks = tuple(block for block in dialect.blocks if block in PINS)
+        return _present([parts.read_instance(table, blocks, first_task) for table in tables])
+
+    # -- the document ----------------------------------------------------------------------------------
+
+    def sim(self) -> SimDecl:
+        return parts.read_sim(Table(self.section("sim"), f"{self.where}: sim", self.problems))
+
+    def section(self, key: str) -> Mapping[str, Any]:
+        content = self.document.get(key, {})
+        if isinstance(content, Mapping):
+            return content
+        self.problems.append(Problem(f"{self.where}: {key}", shown(content), f"a table [{key}]"))
+        return {}
+
+    def entries(self, key: str) -> list[Table]:
+        return parts.entries(self.document, key, self.where, self.problems)
+
+
+def _declared(tables: Iterable[Table]) -> tuple[str, ...]:
+    return tuple([name for table in tables if isinstance(name := table.peek("name"), str)])
+
+
+def _present(found: Iterable[T | None]) -> tuple[T, ...]:
+    return tuple([entry for entry in found if entry is not None])

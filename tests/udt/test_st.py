@@ -181,6 +181,16 @@ def test_several_declarations_in_one_block_and_several_blocks_in_one_file() -> N
     assert types.named("e") is types.named("D")
 
 
+def test_a_member_may_be_called_type() -> None:
+    types = types_of("TYPE T : STRUCT Type : INT; bad INT; type2 : INT; END_STRUCT END_TYPE")
+    assert [str(problem) for problem in types.problems] == ["test.st:1:33: found 'INT', expected ':'"]
+    types = types_of(
+        "TYPE T : STRUCT Type : INT; a, _type : REAL; END_STRUCT; END_TYPE TYPE U : INT; END_TYPE"
+    )
+    assert list(members_of(types, "T")) == ["Type", "a", "_type"]
+    assert types.names() == ["T", "U"]
+
+
 def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
     types = types_of("TYPE Größe : STRUCT höhe_1 : Meter; END_STRUCT; METER : REAL; END_TYPE")
     assert members_of(types, "GRÖSSE".replace("SS", "ß")) == {"höhe_1": ELEMENTARY["REAL"]}

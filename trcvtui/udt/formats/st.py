@@ -128,7 +128,7 @@ class Parser(Cursor):
         members: list[MemberSpec] = []
         nested = self.nested
         while not self.accept("END_STRUCT"):
-            if self.at_end() or self.sees(*BLOCK_ENDS):
+            if self.block_ends():
                 raise self.refusal("a member or 'END_STRUCT'")
             try:
                 members.extend(self.member())

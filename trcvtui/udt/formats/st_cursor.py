@@ -59,9 +59,17 @@ class Cursor:
 
     def name(self, what: str) -> Token:
         """Return the name at the cursor and go behind it; raise UserError, naming what was expected."""
-        if self.token.shape is not Shape.WORD or self.token.upper in RESERVED:
+        if self.token.shape is not Shape.WORD or (self.token.upper in RESERVED and not self.is_member_type()):
             raise self.refusal(what)
         return self.advance()
+
+    def is_member_type(self) -> bool:
+        """Return whether this is a member called Type, as real files have it: no block begins `TYPE :`."""
+        return self.sees("TYPE") and self.tokens[self.at + 1].upper in (":", ",")
+
+    def block_ends(self) -> bool:
+        """Return whether the block of declarations is surely over."""
+        return self.at_end() or (self.sees(*BLOCK_ENDS) and not self.is_member_type())
 
     def integer(self) -> int:
         """Return the whole number at the cursor (`-5`, `16#FF`, `UINT#1`) and go behind it."""
@@ -93,7 +101,7 @@ class Cursor:
     def skip_statement(self) -> None:
         """Go behind the semicolon or STRUCT that ends this statement, or before what surely follows."""
         depth = 0
-        while not self.at_end() and not self.sees(*BLOCK_ENDS):
+        while not self.block_ends():
             if depth == 0 and self.sees("END_STRUCT"):
                 return
             word = self.advance().upper

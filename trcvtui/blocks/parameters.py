@@ -1,4 +1,4 @@
-"""The pins of each block: name, direction, IEC type, rule. Panels, files and commands are built from these."""
+"""The pins of each block: name, direction, IEC type, rule. Panels and commands are built from these."""
 
 from __future__ import annotations
 

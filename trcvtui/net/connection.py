@@ -174,7 +174,10 @@ class Connection:
 
     def service(self) -> None:
         """Turn second clients away (communication phase); bounded work a scan."""
-        if self.state is not State.CONNECTED or self.config.active or self._policy.second_client == "queue":
+        listener = self.set_up.listener
+        if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
+            return
+        if self._policy.second_client == "queue":
             return
         for _ in range(ACCEPTS_A_SCAN):
             got = self.set_up.accept()

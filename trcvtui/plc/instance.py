@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from trcvtui.blocks import parameters
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
@@ -15,6 +17,8 @@ from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 
 PinValue = bool | int
+
+KNOWN_OUTPUTS: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,7 @@ class Instance:
         self.inputs.update(inputs)
         self._env = env
         self._note = note
+        self._known_outputs: dict[tuple[Condition, int], Outputs] = {}  # the same frozen object each time
         self._pulsed: list[str] = []
         self._blinking: list[str] = []
         self.fresh()
@@ -136,7 +141,7 @@ class Instance:
         if outcome.error:
             self.errors += 1
             self.last_error = (self._env.scan, self.outputs.status)
-        if self.outputs == before:
+        if self.outputs is before or self.outputs == before:
             return False
         if self.outputs.status != before.status:
             self.since_scan = self._env.scan
@@ -150,10 +155,22 @@ class Instance:
         self.since_scan = self._env.scan
 
     def _outputs_of(self, outcome: Outcome) -> Outputs:
-        status = self._env.rules.status[outcome.condition]
-        return Outputs(
-            self.name, self.block_name, status, outcome.busy, outcome.done, outcome.error, outcome.rcvd_len
-        )
+        key = outcome.condition, outcome.rcvd_len
+        known = self._known_outputs.get(key)
+        if known is None:
+            if len(self._known_outputs) >= KNOWN_OUTPUTS:
+                self._known_outputs.clear()
+            status = self._env.rules.status[outcome.condition]
+            known = self._known_outputs[key] = Outputs(
+                self.name,
+                self.block_name,
+                status,
+                outcome.busy,
+                outcome.done,
+                outcome.error,
+                outcome.rcvd_len,
+            )
+        return known
 
     # -- for readers -----------------------------------------------------------------------------------
 

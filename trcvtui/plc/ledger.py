@@ -83,24 +83,26 @@ class Line:
 
 
 class Ledger:
-    """A bounded list of lines; the oldest are dropped and counted."""
+    """A bounded list of lines; the oldest are dropped and counted. `scan` and `t_ns` stamp what is written."""
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
         self._lines: deque[Line] = deque(maxlen=keep)
         self.last_seq = 0
+        self.scan = 0
+        self.t_ns = 0
 
-    def write(self, scan: int, t_ns: int, event: Event) -> None:
-        """Append one event of one scan."""
+    def write(self, event: Event) -> None:
+        """Append one event of the running scan, or of the time behind it."""
         self.last_seq += 1
-        self._lines.append(Line(self.last_seq, scan, t_ns, event))
+        self._lines.append(Line(self.last_seq, self.scan, self.t_ns, event))
 
     def since(self, seq: int) -> tuple[Line, ...]:
         """Return the lines after `seq` that are still kept, oldest first."""
         fresh = min(self.last_seq - seq, len(self._lines))
         if fresh <= 0:
             return ()
-        reversed_lines = reversed(self._lines)
-        return tuple(next(reversed_lines) for _ in range(fresh))[::-1]
+        newest_first = reversed(self._lines)
+        return tuple(next(newest_first) for _ in range(fresh))[::-1]
 
     def __iter__(self) -> Iterator[Line]:
         """Return the kept lines, oldest first."""

@@ -26,7 +26,7 @@ from trcvtui.plc.commands import (
     WriteData,
 )
 from trcvtui.plc.instance import Instance, Outputs
-from trcvtui.plc.ledger import BenchNote, Event, Ledger
+from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 
@@ -51,12 +51,17 @@ class Runtime:
         self._project = project
         self._kernel = kernel
         self._resources = resources
-        self._env = Environment(project.rules, resources, self._note)
+        self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
         self._data = {d.name: DataArea(d.name, d.type_name, d.size) for d in project.data}
         self._connections = {
             config.name: Connection(
-                config, kernel, resources, project.rules.policy, self._resolver(resolve_peer), self._note
+                config,
+                kernel,
+                resources,
+                project.rules.policy,
+                self._resolver(resolve_peer),
+                self.ledger.write,
             )
             for config in project.connects
         }
@@ -66,7 +71,7 @@ class Runtime:
     def _instance(self, decl: InstanceDecl) -> Instance:
         data = self._data[decl.data] if decl.data is not None else None
         connection = self._connections[decl.connect]
-        return Instance(decl.name, decl.block, self._env, connection, data, decl.inputs, self._note)
+        return Instance(decl.name, decl.block, self._env, connection, data, decl.inputs, self.ledger.write)
 
     def _call_periods(self, project: Project) -> tuple[tuple[Instance, int], ...]:
         """Return each instance, in call order, with the number of scans between two calls of it."""
@@ -112,16 +117,13 @@ class Runtime:
         """Return a copy of what an instance's running job has collected."""
         return self._instances[instance].partial()
 
-    def write_ledger(self, event: Event) -> None:
-        """Let the bench write down what it did between scans."""
-        self.ledger.write(self._env.scan, self._env.now, event)
-
     # -- one scan ------------------------------------------------------------------------------------------
 
     def scan(self, now: int) -> None:
         """Run one scan; `now` is its time in ns from the start of the run and never goes back."""
         self._env.scan += 1
         self._env.now = now
+        self.ledger.scan, self.ledger.t_ns = self._env.scan, now
         self._read_inputs()
         called = self._execute_program() if self.running else ()
         self._write_outputs(called)
@@ -142,7 +144,7 @@ class Runtime:
         self.called = tuple([instance.outputs for instance in called])
         if called:
             for instance in self._changed:
-                self._note(instance.edge())
+                self.ledger.write(instance.edge())
             self.changed = tuple([instance.outputs for instance in self._changed])
         else:
             self.changed = self._stopped_outputs
@@ -152,9 +154,6 @@ class Runtime:
         self._resources.queue.serve()
         for connection in self._connections.values():
             connection.service()
-
-    def _note(self, event: Event) -> None:
-        self.ledger.write(self._env.scan, self._env.now, event)
 
     # -- commands --------------------------------------------------------------------------------------------
 
@@ -168,7 +167,7 @@ class Runtime:
                 self._instances[name].blink(pin)
             case WriteData(name, offset, payload):
                 self._data[name].write(offset, payload)
-                self._note(BenchNote(name, "written", f"{len(payload)} bytes at {offset}"))
+                self.ledger.write(BenchNote(name, "written", f"{len(payload)} bytes at {offset}"))
             case PlcStop():
                 self._stop()
             case PlcRun():
@@ -178,19 +177,19 @@ class Runtime:
         if not self.running:
             return
         self.running = False
-        self._note(BenchNote("PLC", "STOP"))
+        self.ledger.write(BenchNote("PLC", "STOP"))
         for connection in self._connections.values():
             connection.stop()
         for instance in self._instances.values():
             instance.stop()
-            self._note(instance.edge())
+            self.ledger.write(instance.edge())
         self._stopped_outputs = tuple([i.outputs for i in self._instances.values()])
 
     def _run(self) -> None:
         if self.running:
             return
         self.running = True
-        self._note(BenchNote("PLC", "RUN"))
+        self.ledger.write(BenchNote("PLC", "RUN"))
         for instance in self._instances.values():
             instance.fresh()
 
@@ -199,7 +198,7 @@ class Runtime:
         for connection in self._connections.values():
             connection.stop()
 
-    # -- the frozen picture ------------------------------------------------------------------------------------
+    # -- the frozen picture ------------------------------------------------------------------------
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
         """Return the PLC as the last scan left it."""

@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 from trcvtui.udt.coding import Value
 from trcvtui.udt.placed import Leaf, Node, PlacedLeaf, PlacedStruct
 
+Data = bytes | bytearray | memoryview
 Values = tuple[Value | None, ...]
+Reading = Callable[[Data], Values]
 
 
 class Conversion(NamedTuple):
@@ -21,25 +23,27 @@ class Conversion(NamedTuple):
 
 
 class Codec:
-    """Reads the bytes base..end-1 as values, in leaf order."""
+    """Reads the bytes base..end-1 as values, in leaf order.
 
-    __slots__ = ("base", "conversions", "count", "end", "packer")
+    `read` returns the values of all leaves; it raises struct.error when the data does not reach to `end`.
+    """
+
+    __slots__ = ("base", "conversions", "count", "end", "packer", "read")
 
     def __init__(self, packer: struct.Struct, base: int, count: int, found: list[Conversion]) -> None:
         self.packer, self.base, self.count, self.conversions = packer, base, count, tuple(found)
         self.end = base + packer.size
+        # Where nothing is to convert, the whole decode is the one call into `struct`.
+        direct: Reading = packer.unpack_from
+        self.read = self._read if found or base else direct
 
-    def read(self, data: bytes | bytearray | memoryview) -> Values:
-        """Return the values of all leaves; the data must reach to `end`."""
-        raw = self.packer.unpack_from(data, self.base)
-        if not self.conversions:
-            return raw
-        values = list(raw)
+    def _read(self, data: Data) -> Values:
+        values = list(self.packer.unpack_from(data, self.base))
         for start, stop, to_value in self.conversions:
             values[start:stop] = map(to_value, values[start:stop])
         return tuple(values)
 
-    def read_part(self, data: bytes | bytearray | memoryview, present: int) -> Values:
+    def read_part(self, data: Data, present: int) -> Values:
         """Return the values of the first `present` leaves and None for the others; data may end anywhere."""
         filled = bytes(data[: self.end]).ljust(self.end, b"\0")
         return self.read(filled)[:present] + (None,) * (self.count - present)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from trcvtui.udt.codec import Data
 from trcvtui.udt.coding import Value
-from trcvtui.udt.decode import Data, decode
+from trcvtui.udt.decode import decode
 from trcvtui.udt.encode import encode
 from trcvtui.udt.layout import Layout, Leaf
 from trcvtui.udt.types import Enumeration, Text, type_text

@@ -18,6 +18,6 @@ def is_loopback(address: str) -> bool:
 
 
 def is_group(address: str) -> bool:
-    """Return whether it is multicast, reserved or broadcast: 224.0.0.0 and above."""
+    """Return whether it is multicast (224 to 239) or the broadcast address: no single machine."""
     parts = octets(address)
-    return parts is not None and parts[0] >= 224
+    return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))

@@ -257,14 +257,19 @@ class OsKernel:
         return Loss(fault, self.unread(handle))
 
     def _peeks_the_end(self, handle: int, sock: Socket) -> bool:
-        """Return whether the next recv would find a FIN or an error (systems without RDHUP)."""
+        """Return whether an error is pending or the next recv would find FIN (systems without RDHUP)."""
+        if handle in self._told:
+            return True
         try:
+            number = sock.getsockopt(BASE, socket.SO_ERROR)
+            if number:
+                self._held[handle] = error_name(OSError(number, ""))
+                return True
             return not sock.recv(1, socket.MSG_PEEK)
         except BlockingIOError:
             return False
         except (OSError, ValueError) as problem:
-            if handle not in self._told:
-                self._held[handle] = error_name(problem)
+            self._held[handle] = error_name(problem)
             return True
 
     def unread(self, handle: Handle) -> int:

@@ -1,0 +1,23 @@
+"""The list of facts, and how a check gets into it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from net_bench import Bench
+
+Fact = Callable[[Bench], None]
+FACTS: list[Fact] = []
+NEEDS_RDHUP: list[Fact] = []  # facts of a system that can show a FIN behind unread data
+
+
+def fact(check: Fact) -> Fact:
+    """Put a check into the list."""
+    FACTS.append(check)
+    return check
+
+
+def needs_rdhup(check: Fact) -> Fact:
+    """Mark a fact that select alone cannot show."""
+    NEEDS_RDHUP.append(check)
+    return check

@@ -1,0 +1,159 @@
+"""The bench: one PLC, its peers, one kernel and one time. `step` lets one scan pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.net.answers import Endpoint
+from trcvtui.net.faults import FaultPlan, FaultyKernel
+from trcvtui.net.os_kernel import OsKernel
+from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
+from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.plc import commands
+from trcvtui.plc.ledger import BenchNote
+from trcvtui.plc.project import Project
+from trcvtui.plc.runtime import Runtime
+from trcvtui.rig import bench_words as words
+from trcvtui.rig.peer import Peer
+
+KERNELS: Final = ("sim", "live")
+
+
+class Bench:
+    """PLC and peers on one kernel; time comes in as an argument, in ns from the start of the run."""
+
+    def __init__(self, project: Project, kernel: str) -> None:
+        self.project = project
+        self.kernel_name = kernel
+        self.plan = FaultPlan()
+        self.now = 0
+        self._sim = _simulated(project) if kernel == "sim" else None
+        self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
+        self.runtime = Runtime(
+            project,
+            FaultyKernel(self._kernel, self.plan),
+            self._resources(project),
+            self._peer_port,
+        )
+        self.peers = {
+            decl.name: Peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write)
+            for decl in project.peers
+        }
+        for peer in self.peers.values():
+            if not peer.decl.active:
+                peer.listen()
+
+    def _resources(self, project: Project) -> Resources:
+        return Resources(
+            JobQueue(project.rules.queue, self.plan.take),
+            BufferPool(project.rules.buffers, self.plan.take),
+            ConnectionBudget(project.connection_limit),
+        )
+
+    def _listening_end(self, connect: str) -> Endpoint | None:
+        port = self.runtime.listening_port(connect)
+        config = self.project.connect(connect)
+        return Endpoint(config.local.address, port) if config and port is not None else None
+
+    def _peer_port(self, name: str) -> int | None:
+        peer = self.peers.get(name)
+        return peer.listening_port if peer else None
+
+    # -- time ---------------------------------------------------------------------------------------
+
+    def step(self, now: int | None = None) -> None:
+        """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
+        self.now = self.runtime.scans * self.runtime.interval_ns if now is None else now
+        if self._sim is not None:
+            self._sim.advance(self.now)
+        self.step_peers()
+        self.runtime.scan(self.now)
+        self.step_peers()
+
+    def step_peers(self) -> None:
+        """Let every peer take what has arrived and send what is due."""
+        for peer in self.peers.values():
+            peer.step(self.now)
+
+    @property
+    def settled(self) -> bool:
+        """Return whether everything that peers were told has reached the local kernel."""
+        return all(peer.settled() for peer in self.peers.values())
+
+    # -- commands -------------------------------------------------------------------------------------
+
+    def do(self, command: words.BenchCommand) -> str:
+        """Carry out a command that lets no scan pass; return what is wrong, or ""."""
+        act = self._acts().get(type(command))
+        return act(command) if act else f"{type(command).__name__} lets scans pass"
+
+    def _acts(self) -> dict[type, Callable[..., str]]:
+        return {
+            words.Set: self._set,
+            words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
+            words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
+            words.PlcStop: lambda c: self._submit(commands.PlcStop()),
+            words.PlcRun: lambda c: self._submit(commands.PlcRun()),
+            words.PeerConnect: lambda c: self.peers[c.peer].connect(self.now),
+            words.PeerListen: lambda c: self.peers[c.peer].listen(),
+            words.PeerClose: lambda c: self.peers[c.peer].close(),
+            words.PeerRst: lambda c: self.peers[c.peer].rst(),
+            words.PeerShutdown: lambda c: self.peers[c.peer].shutdown(),
+            words.PeerStall: lambda c: self.peers[c.peer].stall(),
+            words.PeerResume: lambda c: self.peers[c.peer].resume(),
+            words.PeerSend: lambda c: self.peers[c.peer].send(c, self.now),
+            words.Link: self._link,
+            words.FaultOn: self._fault,
+            words.FaultClear: self._clear_faults,
+        }
+
+    def _submit(self, command: commands.Command) -> str:
+        self.runtime.submit(command)
+        return ""
+
+    def _set(self, command: words.Set) -> str:
+        for pin, value in command.pins:
+            if isinstance(value, str):
+                self.runtime.submit(commands.BlinkInput(command.instance, pin))
+            else:
+                self.runtime.submit(commands.SetInput(command.instance, pin, value))
+        return ""
+
+    def _link(self, command: words.Link) -> str:
+        if self._sim is None:
+            return "the wire of a live kernel cannot be cut from here: run with --kernel sim"
+        self._sim.set_link(command.connect, command.up)
+        self._note(command.connect, "link up" if command.up else "link down")
+        return ""
+
+    def _fault(self, command: words.FaultOn) -> str:
+        times = None if command.times == words.FOREVER else command.times
+        self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
+        self._note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
+        return ""
+
+    def _clear_faults(self, command: words.FaultClear) -> str:
+        self.plan.clear()
+        self._note("bench", "faults cleared")
+        return ""
+
+    def _note(self, subject: str, what: str, detail: str = "") -> None:
+        self.runtime.ledger.write(BenchNote(subject, what, detail))
+
+    def close(self) -> None:
+        """Free every socket of the PLC and of the peers."""
+        self.runtime.close()
+        for peer in self.peers.values():
+            peer.end()
+        if isinstance(self._kernel, OsKernel):
+            self._kernel.close_all()
+
+    def leaks(self) -> tuple[str, ...]:
+        """Return a line for every handle that is still open."""
+        return self._kernel.leaks()
+
+
+def _simulated(project: Project) -> SimKernel:
+    sim = project.sim
+    return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment)

@@ -1,0 +1,369 @@
+"""The partner of the PLC: one TCP connection at a time, driven by commands, stepped between scans.
+
+It knows the Kernel alone, so it is the same device on real sockets and on the simulated network. When the
+partner ends the connection the peer closes its end too; a passive peer goes on listening.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.net.kernel import (
+    WOULD_BLOCK,
+    Accepted,
+    Endpoint,
+    Fault,
+    Handle,
+    Kernel,
+    SocketOptions,
+)
+from trcvtui.plc.ledger import BenchNote, Event, PeerSent
+from trcvtui.plc.project import PeerDecl
+from trcvtui.rig.bench_words import PeerSend
+from trcvtui.rig.inbox import Inbox
+from trcvtui.rig.outbox import Outbox
+from trcvtui.rig.picture import PeerSnapshot
+
+BACKLOG: Final = 4
+READ_BYTES: Final = 65536
+MOST_A_STEP: Final = 64  # reads and accepts: a flood costs bounded work between two scans
+PEER_OPTIONS: Final = SocketOptions(nodelay=True)
+LAST_SHOWN: Final = 4096  # received bytes in a snapshot
+
+
+class Peer:
+    """One peer. Commands answer "" or what is wrong; `step` does what goes on by itself."""
+
+    def __init__(
+        self,
+        decl: PeerDecl,
+        kernel: Kernel,
+        resolve: Callable[[str], Endpoint | None],
+        journal: Callable[[Event], None],
+        options: SocketOptions = PEER_OPTIONS,
+    ) -> None:
+        self.decl = decl
+        self.inbox = Inbox()
+        self.stalled = False
+        self._kernel = kernel
+        self._resolve = resolve
+        self._journal = journal
+        self._options = options
+        self._outbox = Outbox()
+        self._buffer = memoryview(bytearray(READ_BYTES))
+        self._listener: Handle | None = None
+        self._attempt: Handle | None = None
+        self._handle: Handle | None = None
+        self._half_closed = False
+        self._ended: tuple[str, ...] = ()  # in which words the last connection ended; the first is shown
+        self._local: Endpoint | None = None
+        self._remote: Endpoint | None = None
+        self._port = 0 if isinstance(decl.end, str) else decl.end.port
+        self._offset = self._messages = self._bytes_sent = 0
+
+    # -- what others ask -----------------------------------------------------------------------------
+
+    @property
+    def state(self) -> str:
+        """Return closed, listening, connecting, connected, reset or refused."""
+        if self._handle is not None:
+            return "connected"
+        if self._attempt is not None:
+            return "connecting"
+        if self._listener is not None:
+            return "listening"
+        return self._ended[0] if self._ended else "closed"
+
+    def is_in(self, state: str) -> bool:
+        """Return whether a state word of the bench commands is true.
+
+        closed, reset and refused say how the last connection or attempt ended, also while a passive peer
+        listens again; the peer's own RST is a reset and closed.
+        """
+        if state == self.state:
+            return True
+        return self._handle is None and self._attempt is None and state in self._ended
+
+    def has_received(self, payload: bytes) -> bool:
+        """Return whether exactly these bytes came on this connection, or since this last was true."""
+        return self.inbox.is_exactly(payload)
+
+    @property
+    def listening_port(self) -> int | None:
+        """Return the port that a passive peer listens on, None while it does not."""
+        return self._port if self._listener is not None else None
+
+    def settled(self) -> bool:
+        """Return whether the local kernel has taken everything that was due so far."""
+        return self._handle is None or self._outbox.due(self._now) is None
+
+    def snapshot(self) -> PeerSnapshot:
+        """Return the frozen picture."""
+        return PeerSnapshot(
+            name=self.decl.name,
+            active=self.decl.active,
+            state=self.state,
+            local=str(self._local or ""),
+            remote=str(self._remote or ""),
+            stalled=self.stalled,
+            messages_sent=self._sending.begun,
+            bytes_sent=self._bytes_sent,
+            bytes_received=self.inbox.total,
+            pending=self._outbox.unsent,
+            last_received=self.inbox.last[-LAST_SHOWN:],
+        )
+
+    # -- commands ------------------------------------------------------------------------------------
+
+    def listen(self) -> str:
+        """Open the listener of a passive peer; one that is open stays."""
+        if self._listener is not None:
+            return ""
+        assert isinstance(self.decl.end, Endpoint)
+        handle = self._socket(Endpoint(self.decl.end.address, self._port))
+        if isinstance(handle, Fault):
+            return self._failed("cannot listen", handle)
+        fault = self._kernel.listen(handle, BACKLOG)
+        if fault is not None:
+            self._kernel.close(handle)
+            return self._failed("cannot listen", fault)
+        self._listener, self._local = handle, self._kernel.local_end(handle)
+        if self._local is not None:
+            self._port = self._local.port  # a free port, once taken, is kept
+        self._note("listening", str(self._local))
+        return ""
+
+    def connect(self, now: int) -> str:
+        """Begin one attempt of an active peer; a refusal is told by the ledger and is no error."""
+        if self._handle is not None or self._attempt is not None:
+            self._note("connects already")
+            return ""
+        self._now = now
+        self._ended = ("closed",)
+        end = self.decl.end if isinstance(self.decl.end, Endpoint) else self._resolve(self.decl.end[1:])
+        if end is None:
+            self._refused(f"{self.decl.end} does not listen")
+            return ""
+        handle = self._socket(self.decl.source)
+        if isinstance(handle, Fault):
+            return self._failed("cannot connect", handle)
+        self._attempt, self._remote = handle, end
+        fault = self._kernel.connect(handle, end)
+        if fault is not None:
+            self._withdraw()
+            self._refused(str(fault))
+        else:
+            self._look()
+        return ""
+
+    def close(self) -> str:
+        """Send FIN; without a connection, withdraw the attempt or stop to listen."""
+        if self._handle is not None:
+            # Unread bytes would turn the FIN into a RST.
+            self._read(self._handle)
+        if self._handle is not None:
+            self._kernel.shutdown(self._handle)
+            self._kernel.close(self._handle)
+            self._end(("closed",), "closed")
+        elif self._attempt is not None:
+            self._withdraw()
+            self._note("attempt withdrawn")
+        elif self._listener is not None:
+            self._kernel.close(self._listener)
+            self._listener = None
+            self._note("stopped listening")
+        return ""
+
+    def rst(self) -> str:
+        """Send RST; without a connection nothing is sent."""
+        if self._handle is not None:
+            self._kernel.abort(self._handle)
+            self._end(("reset", "closed"), "sent RST")
+        else:
+            self._note("nothing to reset")
+        return ""
+
+    def shutdown(self) -> str:
+        """Send FIN but go on reading (half-close)."""
+        if self._handle is None or self._half_closed:
+            self._note("nothing to shut down")
+            return ""
+        fault = self._kernel.shutdown(self._handle, both=False)
+        self._half_closed = True
+        self._note("half closed", str(fault or ""))
+        self._drop_unsent()
+        return ""
+
+    def stall(self) -> str:
+        """Stop reading, so that the partner's window closes."""
+        self.stalled = True
+        self._note("stopped reading")
+        return ""
+
+    def resume(self) -> str:
+        """Read again."""
+        self.stalled = False
+        self._note("reads again")
+        return ""
+
+    def send(self, send: PeerSend, now: int) -> str:
+        """Send a message, at once as far as the stack takes it; the rest goes on in `step`."""
+        self._now = now
+        if self._handle is None:
+            return f"{self.decl.name} is {self.state}, not connected"
+        if self._half_closed:
+            return f"{self.decl.name} has shut down its sending side"
+        self._outbox.put(send, now)
+        self._send_due()
+        return ""
+
+    def end(self) -> None:
+        """Free every socket; the run is over."""
+        for handle in (self._handle, self._attempt):
+            if handle is not None:
+                self._kernel.abort(handle)
+        if self._listener is not None:
+            self._kernel.close(self._listener)
+        self._handle = self._attempt = self._listener = None
+
+    # -- between scans -------------------------------------------------------------------------------
+
+    def step(self, now: int) -> None:
+        """Look for a verdict, read what has arrived, accept, send what is due; time in ns of the run."""
+        self._now = now
+        if self._attempt is not None:
+            self._look()
+        if self._handle is not None:
+            self._watch(self._handle) if self.stalled else self._read(self._handle)
+        if self._listener is not None:
+            self._accept(self._listener)
+        if self._handle is not None:
+            self._send_due()
+
+    _now = 0
+
+    def _look(self) -> None:
+        assert self._attempt is not None
+        verdict = self._kernel.connect_result(self._attempt)
+        if verdict is None:
+            handle, self._attempt = self._attempt, None
+            assert self._remote is not None
+            self._connected(handle, self._remote)
+        elif isinstance(verdict, Fault):
+            self._withdraw()
+            self._refused(str(verdict))
+
+    def _accept(self, listener: Handle) -> None:
+        for _ in range(MOST_A_STEP):
+            got = self._kernel.accept(listener)
+            if not isinstance(got, Accepted):
+                return
+            # The newest wins: the PLC that comes again after a silent loss is not turned away for ever.
+            if self._handle is not None:
+                self._kernel.abort(self._handle)
+                self._end(("reset", "closed"), "reset for a newer connection")
+            self._kernel.set_options(got.handle, self._options)
+            self._connected(got.handle, got.peer)
+
+    def _connected(self, handle: Handle, remote: Endpoint) -> None:
+        self._handle, self._remote = handle, remote
+        self._local = self._kernel.local_end(handle)
+        self._half_closed, self._offset = False, 0
+        self.inbox.begin()
+        self._note("connected", f"{self._local} to {remote}")
+
+    def _watch(self, handle: Handle) -> None:
+        """Notice the end of a connection that nobody reads, as far as a stack tells it."""
+        loss = self._kernel.loss(handle)
+        if loss is not None and loss.fault is not None:
+            self._lost(handle, loss.fault)
+        elif loss is not None and not loss.unread:
+            self._partner_closed(handle)
+
+    def _read(self, handle: Handle) -> None:
+        for _ in range(MOST_A_STEP):
+            got = self._kernel.recv(handle, self._buffer)
+            if got is WOULD_BLOCK:
+                return
+            if isinstance(got, Fault):
+                self._lost(handle, got)
+                return
+            assert isinstance(got, int)
+            if got == 0:
+                self._partner_closed(handle)
+                return
+            self.inbox.take(self._buffer[:got])
+
+    def _send_due(self) -> None:
+        while self._handle is not None:
+            chunk = self._outbox.due(self._now)
+            if chunk is None:
+                return
+            got = self._kernel.send(self._handle, chunk)
+            if got is WOULD_BLOCK:
+                return
+            if isinstance(got, Fault):
+                self._lost(self._handle, got)
+                return
+            assert isinstance(got, int)
+            self._sent(got)
+
+    def _sent(self, count: int) -> None:
+        size = self._outbox.message_begins
+        if size:
+            self._messages += 1
+            ends = str(self._local or ""), str(self._remote or "")
+            self._journal(PeerSent(self.decl.name, self._messages, *ends, self._offset, size))
+        self._offset += count
+        self._bytes_sent += count
+        self._outbox.taken(count, self._now)
+
+    # -- ends ----------------------------------------------------------------------------------------
+
+    def _partner_closed(self, handle: Handle) -> None:
+        self._kernel.close(handle)
+        self._end(("closed",), "partner closed")
+
+    def _lost(self, handle: Handle, fault: Fault) -> None:
+        self._kernel.abort(handle)
+        self._end(("reset",), "lost", str(fault))
+
+    def _end(self, words: tuple[str, ...], what: str, detail: str = "") -> None:
+        self._handle, self._ended = None, words
+        self._note(what, detail)
+        self._drop_unsent()
+
+    def _drop_unsent(self) -> None:
+        unsent = self._outbox.clear()
+        if unsent:
+            self._note("not sent", f"{unsent} bytes")
+
+    def _withdraw(self) -> None:
+        assert self._attempt is not None
+        self._kernel.abort(self._attempt)
+        self._attempt = None
+
+    def _refused(self, why: str) -> None:
+        self._ended = ("refused",)
+        self._note("refused", why)
+
+    def _socket(self, local: Endpoint | None) -> Handle | Fault:
+        """Return a socket with the peer's options, bound where an end is given."""
+        handle = self._kernel.socket(self.decl.name)
+        if isinstance(handle, Fault):
+            return handle
+        self._kernel.set_options(handle, self._options)
+        if local is not None:
+            fault = self._kernel.set_reuse(handle) or self._kernel.bind(handle, local)
+            if fault is not None:
+                self._kernel.close(handle)
+                return fault
+        return handle
+
+    def _failed(self, what: str, fault: Fault) -> str:
+        self._note(what, str(fault))
+        return f"{self.decl.name} {what}: {fault}"
+
+    def _note(self, what: str, detail: str = "") -> None:
+        self._journal(BenchNote(self.decl.name, what, detail))

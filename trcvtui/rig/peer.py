@@ -107,7 +107,7 @@ class Peer:
             local=str(self._local or ""),
             remote=str(self._remote or ""),
             stalled=self.stalled,
-            messages_sent=self._sending.begun,
+            messages_sent=self._messages,
             bytes_sent=self._bytes_sent,
             bytes_received=self.inbox.total,
             pending=self._outbox.unsent,

@@ -1,0 +1,217 @@
+"""A Hypothesis machine that plays with a simulated bench: pins, peers, faults, STOP; and what must always hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+
+from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote, What
+from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import BenchNote, JobEnded, JobStarted, Line, PeerSent
+from trcvtui.plc.project_file import read_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.bench import parse_line
+
+INSTANCES = ("A", "B", "C")
+DATA_OF = {"A": "rx_a", "B": "rx_b", "C": "rx_c"}
+SIZES = {"rx_a": 8, "rx_b": 5, "rx_c": 64}
+PEERS = ("P1", "P2", "P3")
+CONNECTING = {0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7007, 0x8000}
+CALLS = ("socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "connect", "recv",
+         "shutdown", "abort", "close", "buffer", "queue")  # fmt: skip
+
+DOCUMENT: dict[str, object] = {
+    "dialect": "baosky",
+    "options": {"retry": "T#50ms", "attempt_limit": "T#200ms", "buffers": 2},
+    "data": [{"name": name, "type": f"ARRAY[1..{size}] OF BYTE"} for name, size in SIZES.items()],
+    "connect": [
+        {"name": "C1", "LocalAddress": "127.0.0.1", "LocalPort": 0},
+        {
+            "name": "C2",
+            "ActiveEstablished": True,
+            "LocalAddress": "127.0.0.1",
+            "RemoteAddress": "127.0.0.1",
+            "RemotePort": "@P2",
+            "KeepAliveTimeInterval": 1,
+        },
+    ],
+    "instance": [
+        {"name": "A", "block": "TRCV_C", "connect": "C1", "data": "rx_a"},
+        {"name": "B", "block": "TRCV_C", "connect": "C1", "data": "rx_b"},
+        {"name": "C", "block": "TRCV_C", "connect": "C2", "data": "rx_c"},
+    ],
+    "peer": [
+        {"name": "P1", "active": True, "remote": "@C1"},
+        {"name": "P2", "active": False, "local": "127.0.0.1:0"},
+        {"name": "P3", "active": True, "remote": "@C1"},
+    ],
+}
+
+
+@dataclass
+class Stream:
+    """What one TCP connection delivered to the PLC: which bytes were received, and what became of each."""
+
+    peer_end: str
+    received: int = 0
+    settled: int = 0  # every byte before this offset went to DATA or was noted as dropped
+    open_job: JobStarted | None = None
+    done: list[tuple[int, int]] = field(default_factory=list)
+
+
+class BenchMachine(RuleBasedStateMachine):
+    """Random moves; after every scan the promises of design section 3 are checked."""
+
+    scans = 0  # over all examples of a run
+
+    @initialize(seed=st.integers(0, 3), fragment=st.booleans())
+    def start(self, seed: int, fragment: bool) -> None:
+        document = DOCUMENT | {"sim": {"seed": seed, "fragment": fragment}}
+        self.bench = Bench(read_project(document, "machine", Path(".")), "sim")
+        self.before: dict[str, Outputs] = {}
+        self.data = {name: self.bench.runtime.data(name) for name in SIZES}
+        self.seq = 0
+        self.streams: dict[tuple[str, int], Stream] = {}
+        self.sent: dict[str, bytes] = {}  # by the peer's local end
+        self.number = 0
+
+    def teardown(self) -> None:
+        if hasattr(self, "bench"):
+            self.bench.close()
+            assert self.bench.leaks() == ()
+
+    def do(self, line: str) -> str:
+        command = parse_line(line, self.bench.project, "machine")
+        assert command is not None
+        return self.bench.do(command)
+
+    # -- moves ---------------------------------------------------------------------------------------
+
+    @rule(scans=st.integers(1, 8))
+    def run_a_little(self, scans: int) -> None:
+        self.run(scans)
+
+    @rule(scans=st.integers(20, 150))
+    def run_on(self, scans: int) -> None:
+        self.run(scans)
+
+    def run(self, scans: int) -> None:
+        for _ in range(scans):
+            self.bench.step()
+            BenchMachine.scans += 1
+            self.check_scan()
+
+    @rule(name=st.sampled_from(INSTANCES), pin=st.sampled_from(("EN_R", "CONT")), value=st.booleans())
+    def set_pin(self, name: str, pin: str, value: bool) -> None:
+        self.do(f"set {name} {pin}={int(value)}")
+
+    @rule(name=st.sampled_from(INSTANCES))
+    def switch_on(self, name: str) -> None:
+        self.do(f"set {name} CONT=1 EN_R=1")
+
+    @rule(name=st.sampled_from(INSTANCES), adhoc=st.booleans(), length=st.sampled_from((0, 1, 3, 5, 8, 70)))
+    def set_mode(self, name: str, adhoc: bool, length: int) -> None:
+        self.do(f"set {name} ADHOC={int(adhoc)} LEN={length}")
+
+    @rule(name=st.sampled_from(INSTANCES))
+    def reset(self, name: str) -> None:
+        self.do(f"pulse {name} COM_RST")
+
+    @rule(peer=st.sampled_from(PEERS), move=st.sampled_from(("connect", "connect", "close", "rst", "shutdown")))
+    def move_peer(self, peer: str, move: str) -> None:
+        if move != "connect" or peer != "P2":
+            self.do(f"peer {peer} {move}")
+        else:
+            self.do("peer P2 listen")
+
+    @rule(peer=st.sampled_from(PEERS), size=st.integers(1, 200), split=st.integers(0, 20))
+    def send(self, peer: str, size: int, split: int) -> None:
+        self.number += 1
+        payload = bytes((self.number * 31 + i * 7) & 0xFF for i in range(size))
+        before = self.bench.peers[peer].snapshot()
+        cut = f" split={split} gap=T#10ms" if 0 < split < size else ""
+        if not self.do(f"peer {peer} send hex {payload.hex()}{cut}"):
+            self.sent[before.local] = self.sent.get(before.local, b"") + payload
+
+    @rule(peer=st.sampled_from(PEERS), move=st.sampled_from(("stall", "resume")))
+    def stall(self, peer: str, move: str) -> None:
+        self.do(f"peer {peer} {move}")
+
+    @rule(call=st.sampled_from(CALLS), on=st.sampled_from(("", " on C1", " on C2")), times=st.integers(1, 3))
+    def fault(self, call: str, on: str, times: int) -> None:
+        self.do(f"fault {call}{on} times={times}")
+
+    @rule()
+    def clear_faults(self) -> None:
+        self.do("fault clear")
+
+    @rule(stop=st.booleans())
+    def stop_or_run(self, stop: bool) -> None:
+        self.do("plc stop" if stop else "plc run")
+
+    @rule(up=st.booleans())
+    def link(self, up: bool) -> None:
+        self.do(f"link C2 {'up' if up else 'down'}")
+
+    # -- promises --------------------------------------------------------------------------------------
+
+    def check_scan(self) -> None:
+        news = self.bench.runtime.ledger.since(self.seq)
+        self.seq = self.bench.runtime.ledger.last_seq
+        delivered = self.read_news(news)
+        for name in INSTANCES:
+            self.check_outputs(self.bench.runtime.outputs(name))
+        self.check_data(delivered)
+
+    def check_outputs(self, out: Outputs) -> None:
+        before = self.before.get(out.instance)
+        assert out.busy + out.done + out.error <= 1
+        assert out.rcvd_len == 0 or out.done
+        assert not (out.done and before and before.done), "DONE lasts one scan, 7006 stands between"
+        if out.status in CONNECTING:
+            assert not out.busy and not out.done
+        assert out.error == (out.status >= 0x8080)
+        assert out.busy == (out.status == 0x7006)
+        assert out.done == (out.status == 0x7008)
+        self.before[out.instance] = out
+
+    def check_data(self, delivered: set[str]) -> None:
+        for name, before in self.data.items():
+            now = self.bench.runtime.data(name)
+            assert now == before or name in delivered, "DATA changes only at DONE"
+            self.data[name] = now
+
+    def read_news(self, news: tuple[Line, ...]) -> set[str]:
+        delivered = set()
+        for line in news:
+            match line.event:
+                case ConnectionNote(name, incarnation, What.CONNECTED, _, peer):
+                    self.streams[name, incarnation] = Stream(peer)
+                case BytesReceived(name, incarnation, _, offset, size):
+                    stream = self.streams[name, incarnation]
+                    assert offset == stream.received, "no byte lost or doubled"
+                    stream.received += size
+                case JobStarted(_, _, name, incarnation, offset):
+                    assert self.streams[name, incarnation].settled == offset
+                case BytesDropped(name, incarnation, offset, size) if offset >= 0:
+                    self.settle(name, incarnation, offset, size)
+                case JobEnded(instance, _, name, incarnation, offset, size, True):
+                    self.settle(name, incarnation, offset, size)
+                    self.check_bytes(instance, name, incarnation, offset, size)
+                    delivered.add(DATA_OF[instance])
+                case PeerSent() | BenchNote() | _:
+                    pass
+        return delivered
+
+    def settle(self, name: str, incarnation: int, offset: int, size: int) -> None:
+        stream = self.streams[name, incarnation]
+        assert offset == stream.settled, "bytes reach DATA or the ledger's list of dropped ones, in order"
+        stream.settled += size
+        assert stream.settled <= stream.received
+
+    def check_bytes(self, instance: str, name: str, incarnation: int, offset: int, size: int) -> None:
+        expected = self.sent[self.streams[name, incarnation].peer_end][offset : offset + size]
+        assert self.bench.runtime.data(DATA_OF[instance])[:size] == expected

@@ -1,0 +1,65 @@
+"""What `wait` and `expect` look at: whether a condition holds now, and what was found."""
+
+from __future__ import annotations
+
+from trcvtui.rig import bench_words as words
+from trcvtui.rig.assembly import Bench
+from trcvtui.udt.coding import Value
+from trcvtui.udt.decode import decode_leaves
+
+
+def holds(bench: Bench, condition: words.Condition) -> bool:
+    """Return whether a condition holds after the last finished scan."""
+    match condition:
+        case words.PinsAre(instance, pins):
+            return all(_pin(bench, instance, pin) == value for pin, value in pins)
+        case words.PeerIs(peer, state):
+            return bench.peers[peer].is_in(state)
+        case words.PeerReceived(peer, payload):
+            return bench.peers[peer].has_received(payload)
+        case words.DataIs(data, offset, payload):
+            return bench.runtime.data(data)[offset : offset + len(payload)] == payload
+        case words.MemberIs(data, path, value):
+            return bool(_member(bench, data, path) == value)
+
+
+def found(bench: Bench, condition: words.Condition) -> str:
+    """Return what stands there instead, in the words of the condition."""
+    match condition:
+        case words.PinsAre(instance, pins):
+            return " ".join(f"{pin}={_pin_text(pin, _pin(bench, instance, pin))}" for pin, _ in pins)
+        case words.PeerIs(peer, _):
+            return bench.peers[peer].snapshot().state
+        case words.PeerReceived(peer, _):
+            return _hex(bytes(bench.peers[peer].snapshot().last_received)) or "nothing"
+        case words.DataIs(data, offset, payload):
+            return _hex(bench.runtime.data(data)[offset : offset + len(payload)])
+        case words.MemberIs(data, path, _):
+            return str(_member(bench, data, path))
+
+
+def _pin(bench: Bench, instance: str, pin: str) -> bool | int:
+    out = bench.runtime.outputs(instance)
+    outputs: dict[str, bool | int] = {
+        "STATUS": out.status,
+        "BUSY": out.busy,
+        "DONE": out.done,
+        "ERROR": out.error,
+        "RCVD_LEN": out.rcvd_len,
+    }
+    return outputs[pin] if pin in outputs else bench.runtime.inputs(instance)[pin]
+
+
+def _pin_text(pin: str, value: bool | int) -> str:
+    return f"{value:04X}" if pin == "STATUS" else str(int(value))
+
+
+def _hex(payload: bytes) -> str:
+    return payload.hex(" ") if len(payload) <= 32 else f"{payload[:32].hex(' ')} ... {len(payload)} bytes"
+
+
+def _member(bench: Bench, data: str, path: str) -> Value | None:
+    decl = bench.project.data_decl(data)
+    assert decl is not None
+    number = decl.layout.number_of(path)
+    return decode_leaves(decl.layout, bench.runtime.data(data), number, number + 1)[0]

@@ -1,0 +1,88 @@
+"""Scenario results as text and as JSON lines (contract 4.3, 4.4)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from typing import Final, Protocol
+
+from trcvtui.errors import one_line
+from trcvtui.plc.instance import Outputs
+from trcvtui.rig.runner import Verdict
+
+Write = Callable[[str], object]
+
+
+class Report(Protocol):
+    """What a format can be told while a scenario runs."""
+
+    def scan(self, scan: int, changed: Iterable[Outputs]) -> None:
+        """Tell the outputs that changed in a scan."""
+        ...
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Tell how the scenario ended."""
+        ...
+
+
+class JsonLines:
+    """One object per instance and scan in which any output differs, then one for the scenario."""
+
+    def __init__(self, write: Write, interval_ns: int) -> None:
+        self._write = write
+        self._interval_ns = interval_ns
+
+    def scan(self, scan: int, changed: Iterable[Outputs]) -> None:
+        """Write one line for each instance that changed."""
+        t_ms = (scan - 1) * self._interval_ns / 1e6
+        for out in changed:
+            self._line(
+                {
+                    "scan": scan,
+                    "t_ms": t_ms,
+                    "instance": out.instance,
+                    "block": out.block,
+                    "STATUS": f"{out.status:04X}",
+                    "BUSY": out.busy,
+                    "DONE": out.done,
+                    "ERROR": out.error,
+                    "RCVD_LEN": out.rcvd_len,
+                }
+            )
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Write the line of the scenario."""
+        self._line(
+            {
+                "scenario": verdict.scenario,
+                "passed": verdict.passed,
+                "scans": verdict.scans,
+                "failures": [{"step": f.step, "line": f.line, "found": f.found} for f in verdict.failures],
+            }
+        )
+
+    def _line(self, record: dict[str, object]) -> None:
+        self._write(json.dumps(record, separators=(",", ":"), ensure_ascii=False) + "\n")
+
+
+class Text:
+    """For people: the verdict, what failed, and the STATUS of each instance over the whole scenario."""
+
+    def __init__(self, write: Write, interval_ns: int) -> None:
+        self._write = write
+
+    def scan(self, scan: int, changed: Iterable[Outputs]) -> None:
+        """Write nothing: the traces of the verdict tell it in short."""
+
+    def verdict(self, verdict: Verdict) -> None:
+        """Write one line for the scenario, then its traces and its failures."""
+        word = "passed" if verdict.passed else "FAILED"
+        self._write(f"{word}  {one_line(verdict.scenario)}  ({verdict.scans} scans)\n")
+        for instance, trace in verdict.traces:
+            self._write(f"    {instance}: {trace}\n")
+        for failure in verdict.failures:
+            self._write(f"    step {failure.step}: {one_line(failure.line)}\n")
+            self._write(f"        found: {one_line(failure.found)}\n")
+
+
+FORMATS: Final[dict[str, type[JsonLines] | type[Text]]] = {"text": Text, "jsonl": JsonLines}

@@ -1,0 +1,162 @@
+"""Play a script on a bench: commands in order, expectations judged, every scan observed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from trcvtui.plc.instance import Outputs
+from trcvtui.rig import bench_words as words
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.conditions import found, holds
+from trcvtui.rig.trace_pattern import Scan, collapse, matches
+
+MOST_RUNS_KEPT: Final = 5000
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """An expectation that did not hold: the number of its command, its line, what was found."""
+
+    step: int
+    line: str
+    found: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario."""
+
+    scenario: str
+    scans: int
+    failures: tuple[Failure, ...]
+    traces: tuple[tuple[str, str], ...]
+
+    @property
+    def passed(self) -> bool:
+        """Return whether every expectation held."""
+        return not self.failures
+
+
+class Pace(Protocol):
+    """How scans follow each other: the simulation's virtual time, or the clock's."""
+
+    def next_scan(self, bench: Bench) -> None:
+        """Let one scan pass at its time."""
+        ...
+
+    def settle(self, bench: Bench) -> None:
+        """Let what the peers were told reach the local kernel."""
+        ...
+
+
+class VirtualPace:
+    """Scans follow each other at once, at the multiples of the interval."""
+
+    def next_scan(self, bench: Bench) -> None:
+        """Let one scan pass."""
+        bench.step()
+
+    def settle(self, bench: Bench) -> None:
+        """Do nothing: the simulated network is immediate."""
+
+
+class Trace:
+    """The STATUS per called scan of one instance: since the last `trace`, and as runs over everything."""
+
+    def __init__(self) -> None:
+        self.since: list[Scan] = []
+        self._runs: list[tuple[Scan, int]] = []
+
+    def add(self, scan: Scan) -> None:
+        """Append one called scan."""
+        self.since.append(scan)
+        if self._runs and self._runs[-1][0] == scan:
+            self._runs[-1] = (scan, self._runs[-1][1] + 1)
+        elif len(self._runs) < MOST_RUNS_KEPT:
+            self._runs.append((scan, 1))
+
+    def __str__(self) -> str:
+        """Return all runs in the notation of a trace pattern."""
+        return " ".join(collapse([scan] * min(count, 1)) + (f"{{{count}}}" if count > 1 else "") for scan, count in self._runs)
+
+
+class Runner:
+    """One scenario on one bench; `on_scan` is told the outputs that changed in each scan."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        name: str,
+        pace: Pace,
+        on_scan: Callable[[int, Iterable[Outputs]], None],
+    ) -> None:
+        self._bench = bench
+        self._name = name
+        self._pace = pace
+        self._on_scan = on_scan
+        self._traces = {decl.name: Trace() for decl in bench.project.instances}
+        self._failures: list[Failure] = []
+        self._running = True
+
+    def play(self, steps: Iterable[words.Step]) -> Verdict:
+        """Carry out the steps in order; a failed `wait` ends the file."""
+        for step in steps:
+            self._take(step)
+            if not self._running:
+                break
+        return Verdict(
+            self._name,
+            self._bench.runtime.scans,
+            tuple(self._failures),
+            tuple((name, str(trace)) for name, trace in self._traces.items()),
+        )
+
+    def _take(self, step: words.Step) -> None:
+        match step.command:
+            case words.RunScans(scans):
+                self._run(scans)
+            case words.RunFor(ns):
+                self._run(self._scans_in(ns))
+            case words.Wait(condition, within_ns):
+                self._running = self._until(step, condition, within_ns)
+            case words.Expect(condition, within_ns):
+                self._until(step, condition, within_ns or 0)
+            case words.ExpectTrace(instance, pattern):
+                trace, self._traces[instance].since = self._traces[instance].since, []
+                if not matches(pattern, trace):
+                    self._fail(step, collapse(trace))
+            case command:
+                self._do(step, command)
+
+    def _do(self, step: words.Step, command: words.BenchCommand) -> None:
+        error = self._bench.do(command)
+        if error:
+            self._fail(step, error)
+        self._pace.settle(self._bench)
+
+    def _until(self, step: words.Step, condition: words.Condition, within_ns: int) -> bool:
+        left = self._scans_in(within_ns)
+        while not holds(self._bench, condition):
+            if left == 0:
+                self._fail(step, found(self._bench, condition))
+                return False
+            left -= 1
+            self._run(1)
+        return True
+
+    def _fail(self, step: words.Step, what: str) -> None:
+        self._failures.append(Failure(step.number, step.line, what))
+
+    def _scans_in(self, ns: int) -> int:
+        return ns // self._bench.runtime.interval_ns
+
+    def _run(self, scans: int) -> None:
+        runtime = self._bench.runtime
+        for _ in range(scans):
+            self._pace.next_scan(self._bench)
+            for out in runtime.called:
+                self._traces[out.instance].add((out.status, out.error))
+            if runtime.changed:
+                self._on_scan(runtime.scans, runtime.changed)

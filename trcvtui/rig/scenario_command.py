@@ -1,0 +1,55 @@
+"""`trcvtui scenario`: run files one after the other and say how they ended."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.live_pace import LivePace
+from trcvtui.rig.report import FORMATS
+from trcvtui.rig.runner import Pace, Runner, VirtualPace
+from trcvtui.rig.scenario import Scenario, load_scenario
+
+HELD, FAILED, WRONG_FILE = 0, 1, 2
+
+
+def run_files(
+    paths: Sequence[Path], kernel: str, form: str, out: Path | None, overrides: Sequence[str]
+) -> int:
+    """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins)."""
+    if out is None:
+        return _run_all(paths, kernel, form, sys.stdout.write, overrides)
+    try:
+        with out.open("w", encoding="utf-8") as file:
+            return _run_all(paths, kernel, form, file.write, overrides)
+    except OSError as error:
+        raise mistake(f"--out {out}", error.strerror or str(error), "a file that can be written") from None
+
+
+def _run_all(
+    paths: Sequence[Path], kernel: str, form: str, write: Callable[[str], object], overrides: Sequence[str]
+) -> int:
+    worst = HELD
+    for path in paths:
+        try:
+            held = _run_one(load_scenario(path, overrides), kernel, form, write)
+            worst = max(worst, HELD if held else FAILED)
+        except UserError as error:
+            sys.stderr.write("".join(line + "\n" for line in error.lines()))
+            worst = WRONG_FILE
+    return worst
+
+
+def _run_one(scenario: Scenario, kernel: str, form: str, write: Callable[[str], object]) -> bool:
+    bench = Bench(scenario.project, kernel)
+    report = FORMATS[form](write, bench.runtime.interval_ns)
+    pace: Pace = LivePace() if kernel == "live" else VirtualPace()
+    try:
+        verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
+    finally:
+        bench.close()
+    report.verdict(verdict)
+    return verdict.passed

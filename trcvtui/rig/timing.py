@@ -1,0 +1,45 @@
+"""How punctual the scans are: lateness of each start, length of each scan, overruns."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from trcvtui.rig.picture import EngineTiming
+
+KEPT: Final = 1000
+
+
+class Punctuality:
+    """The last thousand scans' lateness and length, in ns, and the overruns since the start."""
+
+    def __init__(self, mode: str) -> None:
+        self._mode = mode
+        self._late: deque[int] = deque(maxlen=KEPT)
+        self._length: deque[int] = deque(maxlen=KEPT)
+        self._scans = 0
+        self._overruns = 0
+
+    def scanned(self, due: int, began: int, ended: int, interval: int) -> None:
+        """Count one scan; it overran when it ended after the next one was due."""
+        self._scans += 1
+        self._late.append(began - due)
+        self._length.append(ended - began)
+        if ended > due + interval:
+            self._overruns += 1
+
+    def summary(self) -> EngineTiming:
+        """Return the percentiles of what is kept."""
+        late, length = sorted(self._late), sorted(self._length)
+        return EngineTiming(
+            scans=self._scans,
+            overruns=self._overruns,
+            late_p50_ns=_at(late, 0.50),
+            late_p99_ns=_at(late, 0.99),
+            scan_p99_ns=_at(length, 0.99),
+            mode=self._mode,
+        )
+
+
+def _at(ordered: list[int], share: float) -> int:
+    return ordered[min(len(ordered) - 1, int(len(ordered) * share))] if ordered else 0

@@ -63,11 +63,14 @@ class PlannedFault:
     seen: int = 0
 
     def __str__(self) -> str:
-        """Return it as the bench command `fault` writes it."""
+        """Return it much as the bench command `fault` writes it."""
         parts = ["fault", self.call, self.error]
         parts += [f"on {self.on}"] if self.on is not None else []
         parts += [f"nth={self.nth}"] if self.nth != 1 else []
-        parts += [f"times={self.times}"] if self.times != 1 and self.times is not None else []
+        if self.times is None:
+            parts.append("until cleared")
+        elif self.times != 1:
+            parts.append(f"times={self.times}")
         return " ".join(parts)
 
 

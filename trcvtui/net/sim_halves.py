@@ -149,12 +149,11 @@ class ReceiveHalf:
         return segment.seq + len(segment.data) > self.next
 
     def accept(self, segment: Segment) -> None:
-        """Take in what is next in line and within the window; the rest will be sent again."""
+        """Take in what is next in line; a partner never sends beyond the window he was told."""
         known = self.next - segment.seq
         if known < 0:  # something in front of it was lost
             return
         fresh = segment.data[known:] if known else segment.data
-        fresh = fresh[: self._offered - self.next]
         self.inbox += fresh
         self.next += len(fresh)
         ends_here = segment.seq + len(segment.data) == self.next

@@ -1,0 +1,289 @@
+"""Cut links in virtual time: keep-alive, user timeout, closed windows, lost SYN, FIN and RST (3.2)."""
+
+from __future__ import annotations
+
+import pytest
+from net_bench import Pair
+from net_sim import SimBench
+
+from trcvtui.net.kernel import WOULD_BLOCK, Fault, Loss, PathInfo, SocketOptions
+
+TIMED_OUT = Fault("recv", "ETIMEDOUT")
+
+
+def dead_after(b: SimBench, one: Pair, most_ms: int) -> int:
+    """Return after how many milliseconds C1 sees its loss, which is a timeout."""
+    after = b.ms_until(lambda: b.sim.readable(one.client), most_ms)
+    seen = b.sim.loss(one.client)
+    assert seen is not None
+    assert seen.fault == TIMED_OUT
+    return after
+
+
+@pytest.mark.parametrize("interval", [1, 2, 10])
+def test_an_idle_link_is_dead_three_intervals_after_the_last_packet(interval: int) -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=interval))
+    b.cut()
+    assert dead_after(b, one, 40_000) == 3000 * interval
+
+
+def test_the_clock_starts_at_the_last_packet_received_not_at_the_cut() -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=1))
+    b.send(one.server, b"x")
+    assert b.receive(one.client, 1) == b"x"
+    b.time.pass_ms(700)
+    b.cut()
+    assert dead_after(b, one, 10_000) == 2300
+
+
+def test_answered_probes_keep_an_idle_link_alive_and_move_the_clock() -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=2))
+    b.time.pass_ms(3_600_500)
+    assert b.sim.loss(one.client) is None
+    b.cut()
+    assert dead_after(b, one, 10_000) == 5500  # the last answered probe is half a second old
+
+
+def test_without_keep_alive_nobody_notices_a_cut() -> None:
+    b = SimBench()
+    one = b.partners()
+    b.cut()
+    b.time.pass_ms(24 * 3_600_000)
+    assert b.sim.loss(one.client) is None
+
+
+@pytest.mark.parametrize(("user_timeout", "expected"), [(2500, 3000), (3000, 3000), (9000, 9000)])
+def test_a_user_timeout_takes_the_place_of_the_probe_count(user_timeout: int, expected: int) -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=1, user_timeout_ms=user_timeout))
+    b.cut()
+    assert dead_after(b, one, 20_000) == expected
+
+
+@pytest.mark.parametrize(("user_timeout", "expected"), [(3000, 3420), (15_000, 15_420)])
+def test_data_in_flight_dies_by_the_user_timeout(user_timeout: int, expected: int) -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=1, user_timeout_ms=user_timeout))
+    b.cut()
+    b.send(one.client, b"into the dark")
+    assert dead_after(b, one, 20_000) == expected
+
+
+def test_data_in_flight_suspends_keep_alive() -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=1))
+    b.cut()
+    b.send(one.client, b"into the dark")
+    assert 14_000 < dead_after(b, one, 20_000) < 16_000  # 15 retransmissions, a second apart at most
+
+
+def test_the_timeout_is_told_once_to_whoever_asks_first() -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=1))
+    b.send(one.server, b"kept")
+    b.cut()
+    b.time.pass_ms(3000)
+    assert b.try_send(one.client) == Fault("send", "ETIMEDOUT")
+    assert b.try_send(one.client) == Fault("send", "EPIPE")
+    assert b.sim.loss(one.client) == Loss(None, 4)
+    assert b.receive(one.client, 4) == b"kept"
+    assert b.try_recv(one.client) == 0
+
+
+def test_a_cut_shorter_than_three_intervals_is_invisible_and_loses_nothing() -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=1, user_timeout_ms=3000))
+    b.cut()
+    b.send(one.client, b"one ")
+    b.send(one.client, b"two ")
+    assert b.sim.path(one.client) == PathInfo(unacked=8, unsent=0, last_ack_ms=0)
+    b.time.pass_ms(1500)
+    b.send(one.client, b"three")
+    b.mend()
+    assert b.try_recv(one.server) is WOULD_BLOCK
+    assert b.ms_until(lambda: b.sim.unread(one.server) == 13, 2000) < 1100
+    assert b.receive(one.server, 13) == b"one two three"
+    assert b.sim.loss(one.client) is None
+
+
+def test_the_partner_is_never_told_until_it_sends() -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=1))
+    b.cut()
+    assert dead_after(b, one, 4000) == 3000
+    b.sim.close(one.client)
+    b.mend()
+    b.time.pass_ms(60_000)
+    assert b.sim.loss(one.server) is None
+    b.send(one.server, b"hello?")
+    assert b.answer(one.server) == Fault("recv", "ECONNRESET")
+
+
+def test_a_probe_to_a_partner_that_died_during_the_cut_is_answered_with_rst() -> None:
+    b = SimBench()
+    one = b.partners(SocketOptions(keep_alive_s=10))
+    b.cut()
+    b.sim.abort(one.server)
+    b.time.pass_ms(5000)
+    b.mend()
+    b.until(lambda: b.sim.readable(one.client), 20_000)
+    assert b.sim.loss(one.client) == Loss(Fault("recv", "ECONNRESET"), 0)
+
+
+def test_a_fin_that_was_lost_comes_again_and_a_rst_does_not() -> None:
+    b = SimBench()
+    fin, rst = b.partners(), b.partners()
+    b.cut()
+    b.sim.close(fin.server)
+    b.sim.abort(rst.server)
+    b.time.pass_ms(1000)
+    b.mend()
+    b.time.pass_ms(5000)
+    assert b.sim.loss(fin.client) == Loss(None, 0)
+    assert b.sim.loss(rst.client) is None
+
+
+def test_either_partner_s_link_silences_both_directions() -> None:
+    b = SimBench()
+    one = b.partners()
+    b.sim.set_link("P1", up=False)
+    b.send(one.client, b"there")
+    b.send(one.server, b"back")
+    b.time.pass_ms(100)
+    assert (b.sim.unread(one.client), b.sim.unread(one.server)) == (0, 0)
+    b.sim.set_link("P1", up=True)
+    b.time.pass_ms(1000)
+    assert (b.sim.unread(one.client), b.sim.unread(one.server)) == (4, 5)
+
+
+def test_other_owners_do_not_feel_a_cut() -> None:
+    b = SimBench()
+    other = b.pair()
+    b.cut()
+    b.send(other.client, b"untouched")
+    assert b.receive(other.server, 9) == b"untouched"
+
+
+# -- a closed window (3.2, the remedy; 2.3, 80A8) ------------------------------------------------------------
+
+
+def stalled(b: SimBench, user_timeout: int) -> Pair:
+    """Return a connection whose partner does not read and whose buffers are full."""
+    options = SocketOptions(keep_alive_s=1, user_timeout_ms=user_timeout, small_buffers=True)
+    one = b.partners(options, SocketOptions(small_buffers=True))
+    assert b.try_send(one.client, bytes(9216)) == 9216
+    assert b.try_send(one.client, bytes(9216)) == 4608
+    assert b.try_send(one.client) is WOULD_BLOCK
+    return one
+
+
+def test_a_closed_window_without_user_timeout_lives_for_ever() -> None:
+    b = SimBench()
+    one = stalled(b, user_timeout=0)
+    b.time.pass_ms(3_600_000)
+    assert b.sim.loss(one.client) is None
+    seen = b.sim.path(one.client)
+    assert seen is not None
+    assert (seen.unacked, seen.unsent) == (0, 9216)
+    assert seen.last_ack_ms <= 1300  # the figure that tells a closed window from a dead link
+    assert len(b.receive(one.server, 13824)) == 13824
+
+
+def test_a_user_timeout_kills_a_healthy_partner_who_does_not_read() -> None:
+    b = SimBench()
+    one = stalled(b, user_timeout=3000)
+    assert dead_after(b, one, 10_000) == 3200
+    assert b.sim.loss(one.server) is None
+
+
+def test_switching_the_user_timeout_off_while_the_window_is_closed_keeps_the_connection() -> None:
+    b = SimBench()
+    one = stalled(b, user_timeout=3000)
+    for _ in range(1200):
+        seen = b.sim.path(one.client)
+        assert seen is not None
+        closed = seen.unacked == 0 and seen.unsent > 0
+        b.sim.set_user_timeout(one.client, 0 if closed else 3000)
+        b.time.pass_ms(10)
+    assert b.sim.loss(one.client) is None
+    assert len(b.receive(one.server, 13824)) == 13824
+    b.sim.set_user_timeout(one.client, 3000)
+    b.cut()
+    b.send(one.client, b"in flight")
+    assert dead_after(b, one, 10_000) == 3420
+
+
+def test_a_cut_while_the_window_is_closed_shows_in_the_age_of_the_last_ack() -> None:
+    b = SimBench()
+    one = stalled(b, user_timeout=0)
+    b.time.pass_ms(20_000)
+    b.cut()
+    b.time.pass_ms(3000)
+    seen = b.sim.path(one.client)
+    assert seen is not None
+    assert seen.last_ack_ms >= 3000
+
+
+def test_a_window_that_opens_while_the_link_is_cut_is_found_by_a_probe() -> None:
+    b = SimBench()
+    one = stalled(b, user_timeout=0)
+    b.cut()
+    assert b.receive(one.server, 4608) == bytes(4608)
+    b.mend()
+    assert b.ms_until(lambda: b.sim.unread(one.server) == 4608, 2000) < 1100
+
+
+# -- attempts ------------------------------------------------------------------------------------------------
+
+
+def test_an_attempt_into_a_cut_link_is_silent_and_succeeds_at_the_next_syn_after_the_repair() -> None:
+    b = SimBench()
+    one = b.partners()
+    b.cut()
+    client = b.owned("C1")
+    assert b.sim.connect(client, one.end) is None
+    b.time.pass_ms(2500)
+    assert b.sim.connect_result(client) is WOULD_BLOCK
+    b.mend()
+    assert b.ms_until(lambda: b.sim.connect_result(client) is None, 2000) == 3072 - 2500
+
+
+@pytest.mark.parametrize(("user_timeout", "expected"), [(0, 134_144), (2500, 2500)])
+def test_swallowed_syns_end_in_etimedout(user_timeout: int, expected: int) -> None:
+    b = SimBench()
+    one = b.partners()
+    b.cut()
+    client = b.owned("C1", SocketOptions(user_timeout_ms=user_timeout))
+    assert b.sim.connect(client, one.end) is None
+    assert (
+        b.ms_until(lambda: b.sim.connect_result(client) == Fault("connect", "ETIMEDOUT"), 140_000) == expected
+    )
+
+
+def test_the_listener_s_cut_link_swallows_syns_too() -> None:
+    b = SimBench()
+    one = b.partners()
+    b.sim.set_link("P1", up=False)
+    client = b.owned("C1")
+    assert b.sim.connect(client, one.end) is None
+    b.time.pass_ms(500)
+    assert b.sim.connect_result(client) is WOULD_BLOCK
+    assert not b.sim.readable(one.listener)
+
+
+def test_a_new_connection_with_the_same_ends_ends_the_partner_s_old_one() -> None:
+    b = SimBench()
+    one = b.partners()
+    local = b.end(one.client)
+    b.cut()
+    b.sim.abort(one.client)  # the RST is lost: P1 still holds the old connection
+    b.mend()
+    again = b.owned("C1")
+    assert b.sim.bind(again, local) is None
+    two = b.pair(one.listener, client=again)
+    assert b.answer(one.server) == Fault("recv", "ECONNRESET")
+    b.send(two.client, b"fresh")
+    assert b.receive(two.server, 5) == b"fresh"

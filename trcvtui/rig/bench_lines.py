@@ -1,0 +1,131 @@
+"""Commands back to lines: `parse_line(to_line(command))` is the command again."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any, Final
+
+from trcvtui.rig import bench_words as words
+from trcvtui.rig.member_values import quoted
+from trcvtui.udt.coding import Value
+from trcvtui.udt.literals import format_time
+
+_LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
+
+
+def to_line(command: words.BenchCommand) -> str:
+    """Return the line that `parse_line` reads as this command."""
+    return LINES[type(command)](command)
+
+
+def _set(c: words.Set) -> str:
+    return f"set {c.instance} {_pins(c.pins)}"
+
+
+def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
+    return " ".join(f"{name}={_pin_text(name, value)}" for name, value in pins)
+
+
+def _pin_text(name: str, value: bool | int | str) -> str:
+    if isinstance(value, str):
+        return value
+    return f"{value:04X}" if name == "STATUS" else str(int(value))
+
+
+def _write(c: words.Write) -> str:
+    return f"write {c.text or _bytes_of(c.data, c.offset, c.payload)}"
+
+
+def _bytes_of(data: str, offset: int, payload: bytes) -> str:
+    return f"{data}{f'+{offset}' if offset else ''} hex {payload.hex(' ')}"
+
+
+def _send(c: words.PeerSend) -> str:
+    parts = [f"peer {c.peer} send {c.text or 'hex ' + c.payload.hex(' ')}"]
+    if c.split:
+        parts.append(f"split={','.join(map(str, c.split))}")
+    if c.gap_ns:
+        parts.append(f"gap={format_time(c.gap_ns)}")
+    if c.repeat != 1:
+        parts.append(f"repeat={c.repeat}")
+    if c.every_ns:
+        parts.append(f"every={format_time(c.every_ns)}")
+    return " ".join(parts)
+
+
+def _fault(c: words.FaultOn) -> str:
+    parts = ["fault", c.call]
+    if c.error is not None:
+        parts.append(c.error)
+    if c.on is not None:
+        parts += ["on", c.on]
+    if c.nth != 1:
+        parts.append(f"nth={c.nth}")
+    if c.times != 1:
+        parts.append(f"times={'forever' if c.times == words.FOREVER else c.times}")
+    return " ".join(parts)
+
+
+def _wait(c: words.Wait) -> str:
+    limit = "" if c.within_ns == words.DEFAULT_LIMIT_NS else f" within {format_time(c.within_ns)}"
+    return f"wait {condition_text(c.condition)}{limit}"
+
+
+def _expect(c: words.Expect) -> str:
+    limit = "" if c.within_ns is None else f" within {format_time(c.within_ns)}"
+    return f"expect {condition_text(c.condition)}{limit}"
+
+
+def condition_text(condition: words.Condition) -> str:
+    """Return a condition as `wait` and `expect` write it."""
+    match condition:
+        case words.PinsAre(instance, pins):
+            return f"{instance} {_pins(pins)}"
+        case words.PeerIs(peer, state):
+            return f"peer {peer} {state}"
+        case words.PeerReceived(peer, payload, text):
+            return f"peer {peer} received {text or 'hex ' + payload.hex(' ')}"
+        case words.DataIs(data, offset, payload, text):
+            return text or _bytes_of(data, offset, payload)
+        case words.MemberIs(data, path, value):
+            return f"{data}{'.' if path and not path.startswith('[') else ''}{path} {value_text(value)}"
+
+
+def value_text(value: Value) -> str:
+    """Return a member's value as the commands write it."""
+    match value:
+        case bool():
+            return str(value).upper()
+        case float() if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        case str():
+            return value if _LITERAL.fullmatch(value) else quoted(value)
+        case _:
+            return repr(value)
+
+
+LINES: Final[dict[type, Callable[[Any], str]]] = {
+    words.Set: _set,
+    words.Pulse: lambda c: f"pulse {c.instance} {c.pin}",
+    words.Write: _write,
+    words.PlcStop: lambda c: "plc stop",
+    words.PlcRun: lambda c: "plc run",
+    words.PeerConnect: lambda c: f"peer {c.peer} connect",
+    words.PeerListen: lambda c: f"peer {c.peer} listen",
+    words.PeerClose: lambda c: f"peer {c.peer} close",
+    words.PeerRst: lambda c: f"peer {c.peer} rst",
+    words.PeerShutdown: lambda c: f"peer {c.peer} shutdown",
+    words.PeerSend: _send,
+    words.PeerStall: lambda c: f"peer {c.peer} stall",
+    words.PeerResume: lambda c: f"peer {c.peer} resume",
+    words.Link: lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
+    words.FaultOn: _fault,
+    words.FaultClear: lambda c: "fault clear",
+    words.RunScans: lambda c: f"run {c.scans}",
+    words.RunFor: lambda c: f"run {format_time(c.ns)}",
+    words.Wait: _wait,
+    words.Expect: _expect,
+    words.ExpectTrace: lambda c: f"expect {c.instance} trace {c.pattern}",
+}

@@ -134,3 +134,19 @@ def closing_gives_the_port_back(b: Bench) -> None:
     end = b.end(handle)
     b.kernel.close(handle)
     b.socket(end=end)
+
+
+@fact
+def a_port_asked_for_by_number_is_kept_until_close_even_after_a_rst(b: Bench) -> None:
+    found = b.socket(end=ANY_PORT)
+    local = b.end(found)
+    b.kernel.close(found)
+    for port, then in ((local.port, Fault("bind", "EADDRINUSE")), (0, None)):
+        one = b.pair(client=b.socket(end=Endpoint(LOOPBACK, port)))
+        local = b.end(one.client)
+        b.kernel.abort(one.server)
+        assert b.answer(one.client) == Fault("recv", "ECONNRESET")
+        assert b.kernel.bind(b.socket(), local) == then
+        b.kernel.close(one.client)
+        if then is not None:
+            b.socket(end=local)

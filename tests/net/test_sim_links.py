@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 from net_bench import Pair
-from net_sim import SimBench
+from net_sim import MS, SimBench
 
-from trcvtui.net.kernel import WOULD_BLOCK, Fault, Loss, PathInfo, SocketOptions
+from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Loss, PathInfo, SocketOptions
+from trcvtui.net.sim_kernel import SimKernel
 
 TIMED_OUT = Fault("recv", "ETIMEDOUT")
 
@@ -287,3 +288,40 @@ def test_a_new_connection_with_the_same_ends_ends_the_partner_s_old_one() -> Non
     assert b.answer(one.server) == Fault("recv", "ECONNRESET")
     b.send(two.client, b"fresh")
     assert b.receive(two.server, 5) == b"fresh"
+
+
+def test_an_attempt_given_up_on_its_way_leaves_no_client_behind() -> None:
+    b = SimBench(SimKernel(latency_ns=5 * MS))
+    one = b.partners()
+    client = b.owned("C1")
+    assert b.sim.connect(client, one.end) is None
+    b.sim.close(client)
+    b.time.pass_ms(20)
+    assert not b.sim.readable(one.listener)
+
+
+def test_a_last_fin_whose_acknowledgement_was_lost_is_acknowledged_in_time_wait() -> None:
+    b = SimBench(SimKernel(latency_ns=5 * MS))
+    one = b.partners()
+    b.sim.close(one.client)
+    b.time.pass_ms(20)
+    assert b.sim.shutdown(one.server, both=False) is None
+    b.time.pass_ms(6)  # the FIN has arrived, its acknowledgement is on the way
+    b.cut()
+    b.time.pass_ms(20)
+    b.mend()
+    b.time.pass_ms(1000)
+    assert b.sim.loss(one.server) == Loss(None, 0)
+    assert b.sim.shutdown(one.server) == Fault("shutdown", "ENOTCONN")
+
+
+def test_a_refusal_can_be_lost_on_its_way() -> None:
+    b = SimBench(SimKernel(latency_ns=5 * MS))
+    client = b.owned("C1")
+    assert b.sim.connect(client, Endpoint("127.0.0.1", 9)) is None
+    b.time.pass_ms(7)
+    b.cut()
+    b.time.pass_ms(500)
+    assert b.sim.connect_result(client) is WOULD_BLOCK
+    b.mend()
+    assert b.verdict(client) == Fault("connect", "ECONNREFUSED")

@@ -88,7 +88,6 @@ class SendHalf:
         self.fin_acked = taken > len(self._queue)
         del self._queue[:taken]
         self._first = ack
-        self.next = max(self.next, ack)
         return True
 
     def rewind(self) -> None:

@@ -16,7 +16,7 @@ LAST_FREE: Final = 60999
 class Claim:
     """One socket's hold on a local end; port 0 = none yet.
 
-    `fixed` says that the program asked for the port by bind: it is then kept until the handle is freed.
+    `fixed` says that the program asked for this very port: it is then kept until the handle is freed.
     """
 
     address: str = ANY
@@ -47,7 +47,7 @@ class PortTable:
         port = end.port or self._free_port()
         if not port or self._is_taken(claim, end.address, port):
             return "EADDRINUSE"
-        claim.address, claim.port, claim.fixed = end.address, port, True
+        claim.address, claim.port, claim.fixed = end.address, port, end.port != 0
         self.add(claim)
         return ""
 

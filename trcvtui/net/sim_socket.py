@@ -167,7 +167,6 @@ class SimSocket:
         if self.stream is None:
             self._wire.ports.release(self.claim)
             return
-        self.stream.changed = nobody_looks
         if abort:
             self.stream.abort()
         else:

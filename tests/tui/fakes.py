@@ -1,0 +1,262 @@
+"""A bench made of pictures: what the engine would send, written down by hand."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.project import Project
+from trcvtui.plc.project_file import load_project
+from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.rig.driver import EngineStopped
+from trcvtui.rig.picture import Answer, EngineTiming, PeerSnapshot, Picture, PictureRequest
+
+HERE = Path(__file__).parent
+MS = 1_000_000
+SECOND = 1_000 * MS
+TELEGRAM = struct.pack("<ihBxf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00\x00\x00"
+
+
+def bench_project() -> Project:
+    """Return the project of the screen's tests."""
+    return load_project(HERE / "bench.toml")
+
+
+def receiving(have: int = 17, need: int = 24) -> InstanceSnapshot:
+    """Return TRCV_C_1 in the middle of a job."""
+    return InstanceSnapshot(
+        name="TRCV_C_1",
+        block="TRCV_C",
+        connect="C1",
+        data="rx",
+        inputs=(("EN_R", True), ("CONT", True), ("LEN", 0), ("ADHOC", False), ("COM_RST", False)),
+        outputs=(("DONE", False), ("BUSY", True), ("ERROR", False), ("STATUS", 0x7006), ("RCVD_LEN", 0)),
+        status=0x7006,
+        condition=str(Condition.RECEIVING),
+        cause=Cause(Why.BYTES, "bytes are missing", have=have, need=need),
+        since_scan=812,
+        busy=True,
+        done=False,
+        error=False,
+        rcvd_len=0,
+        have=have,
+        need=need,
+        adhoc=False,
+        last_receive_ns=8 * SECOND,
+        jobs_done=3,
+        errors=0,
+        last_done_scan=811,
+        last_rcvd_len=need,
+        last_error_status=None,
+        last_error_scan=None,
+    )
+
+
+def connecting() -> InstanceSnapshot:
+    """Return TRCV_C_2, whose partner does not answer."""
+    return replace(
+        receiving(),
+        name="TRCV_C_2",
+        connect="C2",
+        data="small",
+        outputs=(("DONE", False), ("BUSY", False), ("ERROR", False), ("STATUS", 0x7002), ("RCVD_LEN", 0)),
+        status=0x7002,
+        condition=str(Condition.ESTABLISHING),
+        cause=Cause(Why.WAITING, "before the next attempt", peer="10.0.0.7:2001"),
+        since_scan=600,
+        busy=False,
+        have=0,
+        need=0,
+        last_receive_ns=None,
+        jobs_done=0,
+        last_done_scan=None,
+        last_rcvd_len=None,
+    )
+
+
+def connections() -> tuple[ConnectionSnapshot, ...]:
+    """Return C1 connected, C2 between two attempts."""
+    up = ConnectionSnapshot(
+        name="C1",
+        active=False,
+        state="connected",
+        local="127.0.0.1:2000",
+        remote="127.0.0.1:51322",
+        incarnation=1,
+        since_scan=400,
+        bytes_received=89,
+        attempts=1,
+        retry_in_ns=None,
+        last_loss="",
+    )
+    down = replace(
+        up,
+        name="C2",
+        active=True,
+        state="establishing",
+        local="",
+        remote="10.0.0.7:2001",
+        incarnation=0,
+        bytes_received=0,
+        attempts=7,
+        retry_in_ns=400 * MS,
+        last_loss="failed",
+    )
+    return up, down
+
+
+def peers() -> tuple[PeerSnapshot, ...]:
+    """Return P1 connected to C1, P2 listening."""
+    one = PeerSnapshot(
+        name="P1",
+        active=True,
+        state="connected",
+        local="127.0.0.1:51322",
+        remote="127.0.0.1:2000",
+        stalled=False,
+        messages_sent=4,
+        bytes_sent=89,
+        bytes_received=0,
+        pending=0,
+        last_received=b"",
+    )
+    two = replace(
+        one,
+        name="P2",
+        active=False,
+        state="listening",
+        local="127.0.0.1:40123",
+        remote="",
+        messages_sent=0,
+        bytes_sent=0,
+    )
+    return one, two
+
+
+def picture(
+    *instances: InstanceSnapshot,
+    scan: int = 920,
+    t_ns: int = 9_190 * MS,
+    lines: Sequence[Line] = (),
+    data: bytes = TELEGRAM,
+    partial: bytes = TELEGRAM[:17],
+    holding: bool = False,
+    running: bool = True,
+    answers: Sequence[Answer] = (),
+    faults: tuple[str, ...] = (),
+    selected: str = "TRCV_C_1",
+    skipped: int = 0,
+) -> Picture:
+    """Return a picture of the bench; without instances, TRCV_C_1 receives and TRCV_C_2 connects."""
+    shown = instances or (receiving(), connecting())
+    name = next((i.data for i in shown if i.name == selected), None) or "rx"
+    return Picture(
+        snapshot=Snapshot(
+            scan=scan,
+            t_ns=t_ns,
+            running=running,
+            dialect="baosky",
+            model="T4",
+            interval_ns=10 * MS,
+            instances=shown,
+            connections=connections(),
+            data=(DataSnapshot("rx", "Telegram", 24, 3), DataSnapshot("small", "ARRAY[0..7] OF BYTE", 8, 0)),
+            ledger_seq=lines[-1].seq if lines else 0,
+            connections_used=2,
+            connections_limit=32,
+            faults=faults,
+        ),
+        lines=tuple(lines),
+        lines_skipped=skipped,
+        data=((name, data),),
+        partial=((selected, partial),),
+        peers=peers(),
+        answers=tuple(answers),
+        timing=EngineTiming(scans=scan, late_p99_ns=310_000, scan_p99_ns=120_000, mode="slice"),
+        holding=holding,
+        kernel="live",
+    )
+
+
+def edge(status: int, condition: Condition, name: str = "TRCV_C_1", **changes: object) -> StatusEdge:
+    """Return a STATUS edge; `changes` replace its fields."""
+    plain = StatusEdge(
+        name, "TRCV_C", status, False, False, False, 0, str(condition), Cause(Why.SEQUENCE, "")
+    )
+    return replace(plain, **changes)  # type: ignore[arg-type]
+
+
+def received(size: int) -> StatusEdge:
+    """Return the one-scan 7008 of a complete frame."""
+    cause = Cause(Why.BYTES, "the frame is complete", have=size, need=size)
+    return edge(0x7008, Condition.RECEIVED, done=True, rcvd_len=size, cause=cause)
+
+
+def armed() -> StatusEdge:
+    """Return the 7006 of a job that waits."""
+    cause = Cause(Why.BYTES, "nothing received yet")
+    return edge(0x7006, Condition.RECEIVING, busy=True, cause=cause)
+
+
+def written(*events: tuple[int, StatusEdge], first: int = 1) -> tuple[Line, ...]:
+    """Return ledger lines of (scan, edge), one task of T#10ms."""
+    return tuple(Line(first + n, scan, (scan - 1) * 10 * MS, event) for n, (scan, event) in enumerate(events))
+
+
+def story() -> tuple[Line, ...]:
+    """Return how TRCV_C_1 came to where it is."""
+    start = Cause(Why.INPUT, "CONT rose", pin="CONT", value=1)
+    waits = Cause(Why.WAITING, "no partner yet", detail="listening on 127.0.0.1:2000")
+    up = Cause(Why.PARTNER, "the partner is connected", peer="127.0.0.1:51322")
+    early = Cause(Why.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1)
+    full = Cause(Why.RESOURCE, "buffer full", call="buffer", error="ENOBUFS", injected=True)
+    return written(
+        (1, edge(0x0001, Condition.CREATING, cause=start)),
+        (2, edge(0x7001, Condition.CREATED, cause=Cause(Why.SEQUENCE, "the socket is there"))),
+        (3, edge(0x7002, Condition.ESTABLISHING, cause=waits)),
+        (4, edge(0x80A1, Condition.NOT_CONNECTED, error=True, cause=early)),
+        (5, edge(0x7002, Condition.ESTABLISHING, cause=waits)),
+        (400, edge(0x7004, Condition.CONNECTED, cause=up)),
+        (401, armed()),
+        (512, received(24)),
+        (513, armed()),
+        (640, edge(0x80A7, Condition.NO_BUFFER, error=True, cause=full)),
+        (641, armed()),
+        (811, received(24)),
+        (812, armed()),
+    )
+
+
+class FakeDriver:
+    """Shows the pictures it is given and remembers the lines it is sent."""
+
+    def __init__(self, *pictures: Picture) -> None:
+        self.waiting = list(pictures)
+        self.lines: list[str] = []
+        self.requests: list[PictureRequest] = []
+        self.stopped = ""
+        self.closed = False
+
+    def submit(self, line: str) -> int:
+        """Remember a line."""
+        self.lines.append(line)
+        return len(self.lines)
+
+    def request(self, request: PictureRequest) -> None:
+        """Remember what was asked for."""
+        self.requests.append(request)
+
+    def picture(self) -> Picture | None:
+        """Return the next picture."""
+        if self.stopped:
+            raise EngineStopped(self.stopped)
+        return self.waiting.pop(0) if self.waiting else None
+
+    def close(self) -> None:
+        """Remember the end."""
+        self.closed = True

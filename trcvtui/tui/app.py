@@ -1,0 +1,96 @@
+"""The screen on a bench: pictures in, bench commands out. No logic of its own."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Iterable
+from typing import ClassVar, Final
+
+from textual.app import App, SystemCommand
+from textual.screen import Screen
+
+from trcvtui.plc.project import Project
+from trcvtui.rig.driver import Driver, EngineStopped
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.theme import DARK, LIGHT
+
+FRAME_S: Final = 1 / 20
+ENGINE_ENDED: Final = 1
+
+
+class BenchApp(App[None]):
+    """Twenty times a second: take the newest picture, show it, ask for the next."""
+
+    TITLE = "trcvtui"
+    ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
+
+    def __init__(self, driver: Driver, project: Project) -> None:
+        super().__init__()
+        self._engine = driver
+        self.scene = Scene(project)
+        self.main = MainScreen(self.scene, self.submit)
+        self.last_words = ""
+
+    def on_mount(self) -> None:
+        """Put the bench on the screen, then let the pictures flow."""
+        self.register_theme(DARK)
+        self.register_theme(LIGHT)
+        if not self.native_ansi_color:
+            self.theme = DARK.name
+        # Not as the default screen: an input field in that one fails at start (Textual issue 6444).
+        self.push_screen(self.main)
+        self._frame()
+        self.set_interval(FRAME_S, self._frame)
+        self.call_after_refresh(_quiet_collector)
+
+    def _frame(self) -> None:
+        if self.last_words:
+            return
+        try:
+            picture = self._engine.picture()
+            if picture is not None:
+                self.scene.take(picture)
+                if self.main.is_mounted:
+                    self.main.show()
+            self._engine.request(self.scene.request())
+        except EngineStopped as stopped:
+            self._end(str(stopped))
+
+    def submit(self, line: str) -> None:
+        """Send one bench command line to the engine."""
+        try:
+            self.main.prompt.sent(line, self._engine.submit(line))
+        except EngineStopped as stopped:
+            self._end(str(stopped))
+
+    def _end(self, words: str) -> None:
+        self.last_words = words
+        self.main.end(words.strip().splitlines()[-1] if words.strip() else "the engine has ended")
+
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
+        """Yield everything that can be done, by name."""
+        from trcvtui.tui.palette import commands  # read when first asked for
+
+        yield from commands(self)
+        yield SystemCommand("Theme", "another look", self.action_change_theme)
+        yield SystemCommand("Screenshot", "save the screen as an SVG file", self.deliver_screenshot)
+        yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
+
+
+def _quiet_collector() -> None:
+    # What lives now lives to the end: a full collection would cost frames for nothing (performance.md 2).
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 100)
+
+
+def run_app(driver: Driver, project: Project) -> int:
+    """Open the screen on a bench; return 0, or 1 when the engine ended by itself."""
+    app = BenchApp(driver, project)
+    app.run()
+    if app.last_words:
+        sys.stderr.write(f"{app.last_words.rstrip()}\n")
+        return ENGINE_ENDED
+    return app.return_code or 0

@@ -1,0 +1,125 @@
+"""Completion of bench command lines: what may stand next, from tables and from the names of the project."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from textual.suggester import Suggester
+
+from trcvtui.plc.project import Project
+
+VERBS: Final = (
+    "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "expect",
+)  # fmt: skip
+PEER_VERBS: Final = ("send", "connect", "listen", "close", "rst", "shutdown", "stall", "resume")
+SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
+SEND_OPTIONS: Final = ("split=", "gap=T#", "repeat=", "every=T#")
+CALLS: Final = (
+    "recv", "connect", "bind", "listen", "accept", "socket", "send", "shutdown", "close", "set_reuse",
+    "poll_add", "poll_del", "abort", "buffer", "queue", "clear",
+)  # fmt: skip
+ERRORS: Final = (
+    "ECONNRESET", "EADDRINUSE", "ECONNREFUSED", "EPIPE", "ETIMEDOUT", "EACCES", "EMFILE", "ENOBUFS",
+)  # fmt: skip
+FAULT_OPTIONS: Final = ("on", "times=", "nth=")
+
+
+def complete(line: str, project: Project) -> str | None:
+    """Return the line with its last word completed, None where nothing begins like that."""
+    *words, last = line.split(" ")
+    if not words and not last:
+        return None
+    for candidate in _next(words, project):
+        if candidate.startswith(last) and candidate != last:
+            return line[: len(line) - len(last)] + candidate
+    return None
+
+
+def _next(words: list[str], project: Project) -> Iterable[str]:
+    if not words:
+        return VERBS
+    candidates = _AFTER.get(words[0])
+    return candidates(words, project) if candidates else ()
+
+
+def _after_set(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return _instances(project)
+    return (f"{pin}=" for pin in _inputs(words[1], project, bools_only=False))
+
+
+def _after_pulse(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return _instances(project)
+    return _inputs(words[1], project, bools_only=True) if len(words) == 2 else ()
+
+
+def _after_peer(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return (peer.name for peer in project.peers)
+    if len(words) == 2:
+        return PEER_VERBS
+    if words[2] != "send":
+        return ()
+    if len(words) == 3:
+        return SEND_MODES
+    if len(words) == 4 and words[3] == "udt":
+        return (data.type_name for data in project.data)
+    return SEND_OPTIONS
+
+
+def _after_fault(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return CALLS
+    if words[-1] == "on":
+        return (config.name for config in project.connects)
+    return (*ERRORS, *FAULT_OPTIONS) if len(words) == 2 else FAULT_OPTIONS
+
+
+def _after_link(words: list[str], project: Project) -> Iterable[str]:
+    return (config.name for config in project.connects) if len(words) == 1 else ("down", "up")
+
+
+def _after_write(words: list[str], project: Project) -> Iterable[str]:
+    return (data.name for data in project.data) if len(words) == 1 else ("hex",)
+
+
+def _after_expect(words: list[str], project: Project) -> Iterable[str]:
+    return _instances(project) if len(words) == 1 else ("STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=")
+
+
+def _instances(project: Project) -> Iterable[str]:
+    return (instance.name for instance in project.instances)
+
+
+def _inputs(instance: str, project: Project, bools_only: bool) -> Iterable[str]:
+    declared = project.instance(instance)
+    if declared is None:
+        return ()
+    pins = project.pins(declared.block)
+    return (pin.name for pin in pins if pin.direction != "out" and (pin.is_bool or not bools_only))
+
+
+_AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
+    "set": _after_set,
+    "pulse": _after_pulse,
+    "peer": _after_peer,
+    "fault": _after_fault,
+    "link": _after_link,
+    "write": _after_write,
+    "expect": _after_expect,
+    "plc": lambda words, project: ("stop", "run"),
+}
+
+
+class BenchSuggester(Suggester):
+    """Offers the completed line to an input field."""
+
+    def __init__(self, project: Project) -> None:
+        super().__init__(use_cache=False, case_sensitive=True)
+        self._project = project
+
+    async def get_suggestion(self, value: str) -> str | None:
+        """Return the completed line."""
+        return complete(value, self._project)

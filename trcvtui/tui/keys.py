@@ -1,0 +1,53 @@
+"""Which key does what: the letters of the pins, and the tables that footer, help and palette draw from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+# Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
+PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "LEN": "l", "REQ": "r"}
+TAKEN: Final = frozenset("hjkqgbpv")
+
+EVERYWHERE: Final = (
+    ("1 … 7", "go to a pane; on a small screen its tab opens"),
+    ("tab, shift+tab", "next, previous pane or field"),
+    ("M or \\", "the pane alone on the screen, and back"),
+    ("space", "hold the scans, let them go on (the network goes on)"),
+    (".", "one single scan while holding"),
+    (":", "bench command line; up and down walk its history"),
+    ("ctrl+p", "command palette: everything by name"),
+    ("? or F1", "this help"),
+    ("esc", "leave a field, close the prompt, back to now"),
+    ("q or ctrl+q", "quit"),
+)
+PINS: Final = (
+    ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
+    ("l", "write LEN: the prompt opens with the command"),
+    ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
+)
+BYTES: Final = (
+    ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
+)
+PEER: Final = (
+    ("m", "payload as hex, text or udt"),
+    ("enter", "in the payload: send it"),
+    ("← → enter", "walk the buttons, press one"),
+)
+SECTIONS: Final = (
+    ("Everywhere", EVERYWHERE),
+    ("Block", PINS),
+    ("Bytes and past", BYTES),
+    ("Peer", PEER),
+)
+
+
+def letters_of(pins: Iterable[str]) -> dict[str, str]:
+    """Return the letter of each pin, each letter once; a pin that finds none has ""."""
+    names = list(pins)
+    given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
+    for pin in names:
+        free = (c for c in pin.lower() if c.isalpha() and c not in TAKEN and c not in given.values())
+        given.setdefault(pin, next(free, ""))
+    return given

@@ -1,0 +1,78 @@
+"""The vocabulary of the screen: what a widget asks for, and what it says was chosen."""
+
+from __future__ import annotations
+
+from textual.message import Message
+
+
+class LineSubmitted(Message):
+    """A bench command line shall be sent."""
+
+    def __init__(self, line: str) -> None:
+        super().__init__()
+        self.line = line
+
+
+class PromptWanted(Message):
+    """The prompt shall open with `text` in it, for the user to complete."""
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__()
+        self.text = text
+
+
+class InstanceSelected(Message):
+    """The instance that the panes show shall be `name`."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name = name
+
+
+class PeerSelected(Message):
+    """The peer that the composer speaks for shall be `name`."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name = name
+
+
+class ByteSelected(Message):
+    """The cursor of a hex view went to the byte at `offset`; `of_job` tells the job's bytes from DATA."""
+
+    def __init__(self, offset: int, of_job: bool) -> None:
+        super().__init__()
+        self.offset = offset
+        self.of_job = of_job
+
+
+class FieldSelected(Message):
+    """A row of the UDT table was chosen: its bytes."""
+
+    def __init__(self, field: range) -> None:
+        super().__init__()
+        self.field = field
+
+
+class EdgeSelected(Message):
+    """A STATUS edge of the past was chosen in the history; None: back to now."""
+
+    def __init__(self, seq: int | None) -> None:
+        super().__init__()
+        self.seq = seq
+
+
+class KeyClicked(Message):
+    """A key named on the screen was clicked: it shall act as if pressed."""
+
+    def __init__(self, key: str) -> None:
+        super().__init__()
+        self.key = key
+
+
+class PaneWanted(Message):
+    """The pane of this digit shall have the focus."""
+
+    def __init__(self, digit: int) -> None:
+        super().__init__()
+        self.digit = digit

@@ -1,0 +1,118 @@
+"""What the screen knows: the newest picture, what the ledger told so far, and what is selected.
+
+Rule: frozen pictures come in by `take`, nothing else changes what is shown of the bench.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.project import DataDecl, Project
+from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.rig.picture import Answer, PeerSnapshot, Picture, PictureRequest
+from trcvtui.tui.afterglow import Afterglow
+from trcvtui.tui.history import History
+
+MOST_LINES: Final = 400
+
+
+class Scene:
+    """The bench as the screen knows it. Sizes in bytes, times in ns of the run."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self.picture: Picture | None = None
+        self.history = History()
+        self.afterglow = Afterglow()
+        self.selected = project.instances[0].name if project.instances else ""
+        self.peer = project.peers[0].name if project.peers else ""
+        self.answers: dict[int, Answer] = {}
+        self._seq = 0
+
+    # -- what comes in ------------------------------------------------------------------------------
+
+    def take(self, picture: Picture) -> None:
+        """Make this the newest picture."""
+        self.picture = picture
+        for line in picture.lines:
+            if isinstance(line.event, StatusEdge):
+                self.history.note(line, line.event)
+                self.afterglow.note(line.scan, line.t_ns, line.event)
+        if picture.lines:
+            self._seq = picture.lines[-1].seq
+        if picture.lines_skipped:
+            self.history.skipped += picture.lines_skipped
+            for instance in picture.snapshot.instances:
+                self.afterglow.catch_up(instance, picture.snapshot.t_ns)
+        self.answers = {answer.number: answer for answer in picture.answers}
+
+    def request(self) -> PictureRequest:
+        """Return what to ask for next: the ledger's news, and the bytes of the selected instance."""
+        instance = self.instance
+        data = (instance.data,) if instance and instance.data else ()
+        partial = (instance.name,) if instance else ()
+        return PictureRequest(self._seq, data, partial, MOST_LINES)
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    @property
+    def snapshot(self) -> Snapshot | None:
+        """Return the PLC after its last scan."""
+        return self.picture.snapshot if self.picture else None
+
+    @property
+    def instances(self) -> tuple[InstanceSnapshot, ...]:
+        """Return all instances in call order."""
+        return self.picture.snapshot.instances if self.picture else ()
+
+    @property
+    def t_ns(self) -> int:
+        """Return the time of the last scan."""
+        return self.picture.snapshot.t_ns if self.picture else 0
+
+    @property
+    def instance(self) -> InstanceSnapshot | None:
+        """Return the selected instance."""
+        return self.picture.snapshot.instance(self.selected) if self.picture else None
+
+    @property
+    def connection(self) -> ConnectionSnapshot | None:
+        """Return the CONNECT of the selected instance."""
+        instance = self.instance
+        return self.connection_of(instance) if instance else None
+
+    def connection_of(self, instance: InstanceSnapshot) -> ConnectionSnapshot | None:
+        """Return the CONNECT of an instance."""
+        return self.picture.snapshot.connection(instance.connect) if self.picture else None
+
+    @property
+    def peers(self) -> tuple[PeerSnapshot, ...]:
+        """Return all peers in the order of the project."""
+        return self.picture.peers if self.picture else ()
+
+    @property
+    def peer_snapshot(self) -> PeerSnapshot | None:
+        """Return the selected peer."""
+        return next((peer for peer in self.peers if peer.name == self.peer), None)
+
+    @property
+    def declaration(self) -> DataDecl | None:
+        """Return the DATA variable of the selected instance."""
+        instance = self.instance
+        return self.project.data_decl(instance.data) if instance and instance.data else None
+
+    @property
+    def data(self) -> bytes:
+        """Return the bytes of that variable."""
+        instance = self.instance
+        return self._bytes(self.picture.data, instance.data) if self.picture and instance else b""
+
+    @property
+    def partial(self) -> bytes:
+        """Return the bytes that the running job of the selected instance has collected."""
+        return self._bytes(self.picture.partial, self.selected) if self.picture else b""
+
+    @staticmethod
+    def _bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:
+        return next((payload for key, payload in pairs if key == name), b"")

@@ -1,0 +1,104 @@
+"""Help: the keys, the bench commands, and the whole STATUS table of the dialect in use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar, Final
+
+from textual.binding import Binding
+from textual.screen import ModalScreen
+from textual.widget import Widget
+
+from trcvtui.tui.formatting import plain, wrapped
+from trcvtui.tui.keys import SECTIONS
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+
+KEY: Final = 18
+SIGNS: Final = (
+    ("■ □ ◆", "a lamp on, off, lit for one scan a moment ago (with its scan)"),
+    ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
+    ("··", "a byte that the running job still waits for"),
+)
+
+
+class HelpText(LineView):
+    """All of it as one scrolling text."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="help")
+        self._scene = scene
+        self._rows: list[Row] = []
+
+    def on_resize(self) -> None:
+        """Break the lines anew."""
+        self._rows = [*self._keys(), *self._table()]
+        self.show()
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        return self._rows[y] if y < len(self._rows) else EMPTY
+
+    def _keys(self) -> list[Row]:
+        rows: list[Row] = []
+        for title, table in (*SECTIONS, ("Signs", SIGNS)):
+            rows.append(row((title, "strong")))
+            for key, what in table:
+                first, *rest = wrapped(what, self.line_width - KEY - 2)
+                rows.append(row((f"  {key:<{KEY}}", "key"), (first, "")))
+                rows += [row((" " * (KEY + 2), ""), (line, "")) for line in rest]
+            rows.append(EMPTY)
+        return rows
+
+    def _table(self) -> list[Row]:
+        dialect, instance = self._scene.project.dialect, self._scene.instance
+        rows = [row((f"STATUS of {plain(dialect.title)}", "strong"))]
+        for found in dialect.status:
+            current = instance is not None and found.code == instance.status
+            rows.append(
+                row(
+                    ("▸ " if current else "  ", "key"),
+                    (f"{found.word}  ", "error" if found.error else "strong"),
+                    ("ERROR " if found.error else "      ", "error"),
+                    (plain(found.title), "strong" if current else ""),
+                    style="cursor" if current else "",
+                )
+            )
+            for cause in found.causes:
+                rows += self._indented("because", cause)
+            for check in found.checks:
+                rows += self._indented("check", check)
+        return rows
+
+    def _indented(self, label: str, text: str) -> list[Row]:
+        lines = wrapped(text, self.line_width - 20)
+        return [
+            row((f"           {label if number == 0 else '':<8}", "faint"), (line, "dim"))
+            for number, line in enumerate(lines)
+        ]
+
+
+class HelpScreen(ModalScreen[None]):
+    """Closed by the keys that opened it, and by escape."""
+
+    BINDINGS: ClassVar = [Binding("escape,q,question_mark,f1", "app.pop_screen", show=False)]
+    DEFAULT_CSS = """
+    HelpScreen { align: center middle; background: $background 60%; }
+    HelpScreen HelpText {
+        width: 100; max-width: 100%; height: 90%; border: round $border; padding: 0 1;
+    }
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__()
+        self._scene = scene
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the text."""
+        text = HelpText(self._scene)
+        text.set_title(None, "Help", "↑↓ and page keys scroll, esc closes")
+        yield text

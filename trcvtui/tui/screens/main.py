@@ -1,0 +1,256 @@
+"""The bench: all panes at once, or on a small screen the instances and one pane at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding
+from textual.containers import Container
+from textual.screen import Screen
+from textual.widget import Widget
+
+from trcvtui.tui import messages
+from trcvtui.tui.keys import TAKEN
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.function_block import FunctionBlock
+from trcvtui.tui.widgets.header_line import HeaderLine
+from trcvtui.tui.widgets.hex_view import HexView
+from trcvtui.tui.widgets.instance_list import InstanceList
+from trcvtui.tui.widgets.key_line import KeyLine
+from trcvtui.tui.widgets.line_view import LineView
+from trcvtui.tui.widgets.peer_panel import PeerPanel
+from trcvtui.tui.widgets.prompt import Prompt
+from trcvtui.tui.widgets.received import Received
+from trcvtui.tui.widgets.status_card import StatusCard
+from trcvtui.tui.widgets.status_history import StatusHistory
+from trcvtui.tui.widgets.tab_line import TabLine
+from trcvtui.tui.widgets.udt_table import UdtTable
+
+LEAST_WIDTH, LEAST_HEIGHT = 116, 34
+TABS, ZOOM, CURRENT = "-tabs", "-zoom", "-current"
+LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
+
+
+class MainScreen(Screen[None]):
+    """Hands what changed to the panes, and what the panes ask for to the app."""
+
+    BINDINGS: ClassVar = [
+        *[Binding(str(digit), f"pane({digit})", show=False) for digit in range(1, 8)],
+        *[Binding(letter, f"pin('{letter}')", show=False) for letter in LETTERS],
+        Binding("M,backslash", "zoom", show=False),
+        Binding("space", "hold", show=False),
+        Binding("full_stop", "single_scan", show=False),
+        Binding("colon", "prompt", show=False),
+        Binding("question_mark,f1", "help", show=False),
+        Binding("escape", "calm", show=False),
+        Binding("q", "app.quit", show=False),
+    ]
+    CSS_PATH = "main.tcss"
+
+    def __init__(self, scene: Scene, submit: Callable[[str], None]) -> None:
+        super().__init__()
+        self._scene = scene
+        self._submit = submit
+        self._pane = 2
+        self._focus_before_prompt: Widget | None = None
+        self.header = HeaderLine(scene)
+        self.instances = InstanceList(scene)
+        self.tabs = TabLine()
+        self.block = FunctionBlock(scene)
+        self.status = StatusCard(scene)
+        self.history = StatusHistory(scene)
+        self.received = Received(scene)
+        self.table = UdtTable(scene)
+        self.peer = PeerPanel(scene)
+        self.prompt = Prompt(scene)
+        self.key_line = KeyLine()
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose header, instances, panes, prompt, keys."""
+        yield self.header
+        yield self.instances
+        yield self.tabs
+        with Container(id="panes"):
+            yield from self._panes().values()
+        yield self.prompt
+        yield self.key_line
+
+    def _panes(self) -> dict[int, Widget]:
+        return {
+            2: self.block,
+            3: self.status,
+            4: self.history,
+            5: self.received,
+            6: self.table,
+            7: self.peer,
+        }
+
+    def _focus_target(self, digit: int) -> Widget:
+        inner: dict[int, Widget] = {1: self.instances, 5: self.received.data, 7: self.peer.peers}
+        return inner.get(digit) or self._panes()[digit]
+
+    def on_mount(self) -> None:
+        """Begin in the list of instances."""
+        self._mark_pane()
+        self.instances.focus()
+        self.show()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Take all panes side by side only where nothing has to be cut."""
+        small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
+        self.set_class(small, TABS)
+
+    # -- what comes in ------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Let every pane repaint what changed."""
+        for pane in (self.header, self.instances, self.block, self.status, self.history, self.table):
+            pane.show()
+        self.received.show()
+        self.peer.show()
+        self.prompt.answered(self._scene.answers)
+        self._show_keys()
+
+    def _show_keys(self) -> None:
+        picture, focused = self._scene.picture, self.focused
+        local = focused.KEYS if isinstance(focused, LineView) else ()
+        self.key_line.show_keys(local, bool(picture and picture.holding))
+
+    def end(self, last_words: str) -> None:
+        """The engine has ended: say so, and leave the last picture standing."""
+        self.header.ended = True
+        self.header.show()
+        self.prompt.complain(last_words)
+
+    # -- what the panes say -------------------------------------------------------------------------
+
+    def on_line_submitted(self, message: messages.LineSubmitted) -> None:
+        """Send a bench command."""
+        self._give_focus_back()
+        self._submit(message.line)
+
+    async def on_prompt_wanted(self, message: messages.PromptWanted) -> None:
+        """Open the prompt with a beginning."""
+        await self._open_prompt(message.text)
+
+    def on_instance_selected(self, message: messages.InstanceSelected) -> None:
+        """Let all panes follow another instance."""
+        if message.name == self._scene.selected:
+            return
+        self._scene.selected = message.name
+        self.history.forget()
+        self.status.point_at(None)
+        self._link(range(0), range(0))
+        self.table.cursor, self.table.of_job = None, False
+        self.received.data.cursor = self.received.job.cursor = None
+        self.show()
+
+    def on_peer_selected(self, message: messages.PeerSelected) -> None:
+        """Let composer and buttons speak for another peer."""
+        self._scene.peer = message.name
+        self.peer.composer.judge()
+        self.peer.show()
+
+    def on_edge_selected(self, message: messages.EdgeSelected) -> None:
+        """Explain an edge of the past."""
+        self.status.point_at(self.history.chosen())
+
+    def on_byte_selected(self, message: messages.ByteSelected) -> None:
+        """Show the member that a byte belongs to."""
+        self.table.of_job = message.of_job
+        self._link_decoded(self.table.field_at(message.offset))
+        self.table.show()
+
+    def on_field_selected(self, message: messages.FieldSelected) -> None:
+        """Show the bytes of a member."""
+        self._link_decoded(message.field)
+        self._decoded_view().go_to(message.field.start)
+
+    def _decoded_view(self) -> HexView:
+        return self.received.job if self.table.of_job else self.received.data
+
+    def _link_decoded(self, field: range) -> None:
+        none = range(0)
+        self._link(*((none, field) if self.table.of_job else (field, none)))
+
+    def _link(self, data: range, job: range) -> None:
+        self.received.data.show_link(data)
+        self.received.job.show_link(job)
+
+    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
+        """Open a pane by mouse."""
+        self.action_pane(message.digit)
+
+    def on_key_clicked(self, message: messages.KeyClicked) -> None:
+        """Act as if a key had been pressed."""
+        self.app.simulate_key(message.key)
+
+    def on_descendant_focus(self, event: events.DescendantFocus) -> None:
+        """Open the pane that got the focus, and name its keys."""
+        for digit, pane in self._panes().items():
+            if pane in event.widget.ancestors_with_self:
+                self._pane = digit
+                self._mark_pane()
+        self._show_keys()
+
+    # -- actions ------------------------------------------------------------------------------------
+
+    def action_pane(self, digit: int) -> None:
+        """Go to a pane."""
+        if digit != 1:
+            self._pane = digit
+            self._mark_pane()
+        elif self.has_class(ZOOM):
+            self.remove_class(ZOOM)
+        self.call_after_refresh(self._focus_target(digit).focus)
+
+    def _mark_pane(self) -> None:
+        for digit, pane in self._panes().items():
+            pane.set_class(digit == self._pane, CURRENT)
+        self.tabs.mark(self._pane)
+
+    def action_zoom(self) -> None:
+        """Give the pane the whole screen, or take it back."""
+        self.toggle_class(ZOOM)
+
+    def action_pin(self, letter: str) -> None:
+        """Toggle the pin of a letter."""
+        self.block.press(letter)
+
+    def action_hold(self) -> None:
+        """Hold the scans, or let them go on."""
+        picture = self._scene.picture
+        self._submit("go" if picture and picture.holding else "hold")
+
+    def action_single_scan(self) -> None:
+        """Let one scan pass; hold first where scans are passing."""
+        picture = self._scene.picture
+        if picture is not None and not picture.holding:
+            self._submit("hold")
+        self._submit("run 1")
+
+    async def action_prompt(self) -> None:
+        """Open the prompt."""
+        await self._open_prompt("")
+
+    async def _open_prompt(self, text: str) -> None:
+        self._focus_before_prompt = self.focused
+        await self.prompt.open(text)
+
+    def _give_focus_back(self) -> None:
+        before, self._focus_before_prompt = self._focus_before_prompt, None
+        if before is not None:
+            before.focus()
+
+    def action_calm(self) -> None:
+        """Leave what was opened: the zoom, the past."""
+        self.remove_class(ZOOM)
+        self.history.action_now()
+
+    def action_help(self) -> None:
+        """Open the help."""
+        from trcvtui.tui.screens.help import HelpScreen  # read when first asked for
+
+        self.app.push_screen(HelpScreen(self._scene))

@@ -1,0 +1,111 @@
+"""Buttons in one line: each with its letter, pressed by mouse, by letter or by enter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import ClassVar
+
+from textual import events
+
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+
+class ButtonLine(LineView):
+    """`labels` gives (letter, label) now, `press` is told the index; `chosen` is the one in force."""
+
+    DEFAULT_CSS = "ButtonLine { height: 1; }"
+    KEYS: ClassVar = (("←→", "button"), ("enter", "press"))
+    BINDINGS: ClassVar = [
+        ("left", "move(-1)", "left"),
+        ("right", "move(1)", "right"),
+        ("enter", "press", "press"),
+    ]
+
+    def __init__(
+        self,
+        id: str,
+        labels: Callable[[], Sequence[tuple[str, str]]],
+        press: Callable[[int], None],
+        chosen: Callable[[], int] | None = None,
+    ) -> None:
+        super().__init__(id=id)
+        self._labels = labels
+        self._press = press
+        self._chosen = chosen
+        self.cursor = 0
+        self.hover: int | None = None
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the buttons."""
+        if y:
+            return EMPTY
+        parts: list[Part] = []
+        for index, (letter, label) in enumerate(self._labels()):
+            style = self._style(index)
+            parts += [("[", f"faint {style}"), (letter, f"key {style}")]
+            parts += [(f" {label}" if letter else label, style), ("]", f"faint {style}"), (" ", "")]
+        return row(*parts)
+
+    def _style(self, index: int) -> str:
+        if self._chosen is not None and index == self._chosen():
+            return "cursor strong" if self.has_focus else "cursor-blurred strong"
+        if self._chosen is None and self.has_focus and index == self.cursor:
+            return "cursor"
+        return "hover" if index == self.hover else ""
+
+    def pointed_at(self) -> int | None:
+        """Return the button under the mouse, else the one under the cursor of a focused line."""
+        return self.hover if self.hover is not None else self.cursor if self.has_focus else None
+
+    def action_move(self, count: int) -> None:
+        """Move the cursor; where one button is in force, the next one comes into force."""
+        here = self._chosen() if self._chosen else self.cursor
+        self.cursor = (here + count) % len(self._labels())
+        if self._chosen is not None:
+            self._press(self.cursor)
+        self.show()
+
+    def action_press(self) -> None:
+        """Press the button under the cursor."""
+        self._press(min(self.cursor, len(self._labels()) - 1))
+        self.show()
+
+    def on_click(self, event: events.Click) -> None:
+        """Press the button under the mouse."""
+        index = self._index_at(event)
+        if index is not None:
+            self.cursor = index
+            self.action_press()
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        """Show which button a click would press."""
+        self.hover = self._index_at(event)
+        self.show()
+
+    def on_leave(self) -> None:
+        """The mouse has gone."""
+        self.hover = None
+        self.show()
+
+    def on_focus(self) -> None:
+        """Show the cursor."""
+        self.show()
+
+    def on_blur(self) -> None:
+        """Hide the cursor."""
+        self.show()
+
+    def _index_at(self, event: events.MouseEvent) -> int | None:
+        place, left = self.place_of(event), 0
+        if place is None:
+            return None
+        for index, (letter, label) in enumerate(self._labels()):
+            width = len(letter) + len(label) + (3 if letter else 2)
+            if left <= place[0] < left + width:
+                return index
+            left += width + 1
+        return None

@@ -1,0 +1,142 @@
+"""What the peer shall send: hex, text or udt, in which chunks and how often; judged while typed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar, Final
+
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.widget import Widget
+from textual.widgets import Input, Static
+
+from trcvtui.tui.messages import LineSubmitted
+from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.validity import fault_of
+from trcvtui.tui.widgets.button_line import ButtonLine
+
+OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every", "T#50ms"))
+EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
+
+
+class Field(Input):
+    """One line of input without a frame; escape gives the focus back to the pane."""
+
+    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
+
+    def action_leave(self) -> None:
+        """Give the focus back to the pane."""
+        self.screen.query_one("#peers").focus()
+
+
+class Composer(Vertical):
+    """The fields of `peer P send`; `line` is the command that they make."""
+
+    DEFAULT_CSS = """
+    Composer { height: 2; background: $surface; }
+    Composer Horizontal { height: 1; }
+    Composer #mode { width: 19; }
+    Composer #payload { width: 1fr; }
+    Composer Static { width: auto; color: $text-muted; padding: 0 1 0 0; }
+    Composer .option { width: 10; margin: 0 2 0 0; }
+    Composer Field { background: $panel; padding: 0 1; }
+    Composer Field:focus { background: $panel; background-tint: $primary 18%; }
+    Composer Field.-bad { color: $error; text-style: underline; }
+    Composer:ansi Field { text-style: underline; }
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="composer")
+        self._scene = scene
+        self.mode = HEX
+        self._texts = dict.fromkeys(MODES, "")
+        self._seen = ""
+        self.fault = ""
+        self._modes = ButtonLine(
+            "mode", lambda: [("", mode) for mode in MODES], self._to_mode, self._mode_now
+        )
+        self._payload = Field(id="payload", compact=True, placeholder=EXAMPLES[HEX], select_on_focus=False)
+        self._options = [
+            Field(id=f"option-{name}", classes="option", compact=True, placeholder=example)
+            for name, example in OPTIONS
+        ]
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the payload above, its options below."""
+        with Horizontal():
+            yield self._modes
+            yield self._payload
+        with Horizontal():
+            for (name, _), field in zip(OPTIONS, self._options, strict=True):
+                yield Static(name, markup=False)
+                yield field
+
+    # -- the command --------------------------------------------------------------------------------
+
+    @property
+    def line(self) -> str:
+        """Return the command as it stands, "" without a payload."""
+        if not self._payload.value.strip() or not self._scene.peer:
+            return ""
+        options = tuple((name, field.value) for (name, _), field in zip(OPTIONS, self._options, strict=True))
+        return send_line(self._scene.peer, self.mode, self._payload.value, options)
+
+    def judge(self) -> None:
+        """Ask whether the command would be taken, and show it in the fields."""
+        line = self.line
+        if line == self._seen:
+            return
+        self._seen = line
+        self.fault = fault_of(line, self._scene.project) if line else ""
+        bad_options = bool(self.fault) and not fault_of(self._without_options(), self._scene.project)
+        self._payload.set_class(bool(self.fault) and not bad_options, "-bad")
+        for field in self._options:
+            field.set_class(bad_options and bool(field.value.strip()) and self._is_bad(field), "-bad")
+
+    def _without_options(self) -> str:
+        return send_line(self._scene.peer, self.mode, self._payload.value, ())
+
+    def _is_bad(self, field: Field) -> bool:
+        name = (field.id or "").removeprefix("option-")
+        alone = send_line(self._scene.peer, self.mode, self._payload.value, ((name, field.value),))
+        return bool(fault_of(alone, self._scene.project))
+
+    def send(self) -> None:
+        """Send the command, or go to the payload while there is none."""
+        self.judge()
+        if not self.line:
+            self._payload.focus()
+        elif not self.fault:
+            self.post_message(LineSubmitted(self.line))
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Judge while typing; the pane shows the command as it grows."""
+        self.judge()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Send at enter, from any field."""
+        event.stop()
+        self.send()
+
+    # -- the mode -----------------------------------------------------------------------------------
+
+    def _mode_now(self) -> int:
+        return MODES.index(self.mode)
+
+    def next_mode(self) -> None:
+        """Go to the next way of writing a payload."""
+        self._to_mode((self._mode_now() + 1) % len(MODES))
+
+    def _to_mode(self, index: int) -> None:
+        self._texts[self.mode] = self._payload.value
+        self.mode = MODES[index]
+        text = self._texts[self.mode]
+        if self.mode == UDT and not text:
+            declared = self._scene.declaration
+            text = f"{declared.type_name} {{}}" if declared else ""
+        self._payload.placeholder = EXAMPLES[self.mode]
+        self._payload.value = text
+        self._payload.cursor_position = len(text) - 1 if text.endswith("}") else len(text)
+        self._modes.show()
+        self.judge()

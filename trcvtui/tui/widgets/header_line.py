@@ -1,0 +1,86 @@
+"""The first line: which file, dialect and model; whether scans pass, and how punctually."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from trcvtui.tui.formatting import count, plain, short_time
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.literals import format_time
+
+
+class Piece(NamedTuple):
+    """One word of the header; those with the highest `rank` give way first on a narrow screen."""
+
+    text: str
+    style: str
+    rank: int
+
+
+class HeaderLine(LineView, can_focus=False):
+    """One line that never scrolls."""
+
+    DEFAULT_CSS = "HeaderLine { height: 1; background: $panel; padding: 0 1; }"
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="header")
+        self._scene = scene
+        self.ended = False
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the line, with as many words as fit."""
+        if y:
+            return EMPTY
+        pieces = self._pieces()
+        while len(pieces) > 1 and _length(pieces) > self.line_width:
+            pieces.remove(max(pieces, key=lambda piece: piece.rank))
+        return row(*_spaced(pieces))
+
+    def _pieces(self) -> list[Piece]:
+        project, picture = self._scene.project, self._scene.picture
+        name = plain(project.path.name)
+        pieces = [Piece("trcvtui", "dim", 60), Piece(name, "strong", 10)]
+        pieces.append(Piece(f"{project.dialect.name} {project.model}", "", 20))
+        if self.ended:
+            return [*pieces, Piece(" ENGINE ENDED ", "stop", 0)]
+        if picture is None:
+            return [*pieces, Piece("the engine starts …", "dim", 5)]
+        snapshot, timing = picture.snapshot, picture.timing
+        pieces.append(_state(snapshot.running, picture.holding))
+        pieces.append(Piece(format_time(snapshot.interval_ns), "", 30))
+        pieces.append(Piece(f"scan {snapshot.scan}", "", 2))
+        pieces.append(Piece(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
+        style = "warn" if timing.overruns else "dim"
+        pieces.append(Piece(count(timing.overruns, "overrun"), style, 35))
+        pieces.append(Piece(picture.kernel, "dim", 50))
+        if snapshot.connections_limit:
+            used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
+            pieces.append(Piece(used, "dim", 70))
+        if snapshot.faults:
+            pieces.append(Piece(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
+        return pieces
+
+
+def _state(running: bool, holding: bool) -> Piece:
+    if not running:
+        return Piece(" ■ STOP ", "stop", 0)
+    return Piece(" ‖ HOLD ", "hold", 0) if holding else Piece(" ▶ RUN ", "run", 0)
+
+
+def _spaced(pieces: list[Piece]) -> list[Part]:
+    parts: list[Part] = []
+    for before, piece in zip([None, *pieces], pieces, strict=False):
+        if before is not None:
+            chip = "ARMED" in piece.text or before.rank == 0 or piece.rank == 0
+            parts.append(("  " if chip else " · ", "faint"))
+        parts.append((piece.text, piece.style))
+    return parts
+
+
+def _length(pieces: list[Piece]) -> int:
+    return sum(len(text) for text, _ in _spaced(pieces))

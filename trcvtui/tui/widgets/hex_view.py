@@ -1,0 +1,171 @@
+"""Bytes in hex and as text, drawn line by line whatever their number; one byte under the cursor."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import ClassVar, Final
+
+from textual import events
+
+from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
+from trcvtui.tui.messages import ByteSelected
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
+
+GHOST_HEX, GHOST_TEXT = "··", "·"
+WIDE, NARROW = 16, 8
+LEAST_DIGITS: Final = 4
+
+
+class HexView(LineView):
+    """`content` is what is there; up to `need` bytes, what is still missing is drawn as dots."""
+
+    KEYS: ClassVar = (("hjkl", "byte"), ("pgdn", "page"))
+    BINDINGS: ClassVar = [
+        ("left,h", "step(-1)", "byte back"),
+        ("right,l", "step(1)", "byte on"),
+    ]
+
+    def __init__(self, id: str, of_job: bool) -> None:
+        super().__init__(id=id)
+        self._of_job = of_job
+        self.content: bytes = b""
+        self.need = 0
+        self.cursor: int | None = None
+        self.link = range(0)
+
+    def show_bytes(self, content: bytes, need: int) -> None:
+        """Show these bytes; repaint the lines that differ."""
+        self.content, self.need = content, max(need, len(content))
+        self.show()
+
+    def show_link(self, link: range) -> None:
+        """Mark the bytes of a field."""
+        self.link = link
+        self.show()
+
+    def go_to(self, offset: int) -> None:
+        """Put the cursor on a byte and bring it into view, without telling anyone."""
+        self.cursor = offset
+        self.keep_in_view(offset // self.per_row)
+        self.show()
+
+    @property
+    def per_row(self) -> int:
+        """Return how many bytes stand in a line: 16, on a narrow pane 8."""
+        return WIDE if self.line_width >= self.digits + 68 else NARROW
+
+    @property
+    def digits(self) -> int:
+        """Return how many digits an offset has."""
+        return max(LEAST_DIGITS, len(f"{max(0, self.need - 1):x}"))
+
+    # -- drawing ------------------------------------------------------------------------------------
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return -(-self.need // self.per_row)
+
+    def row_at(self, y: int) -> Row:
+        """Return the bytes of one line."""
+        start = y * self.per_row
+        stop = min(start + self.per_row, self.need)
+        if start >= stop:
+            return EMPTY
+        styles = [self._style_of(offset) for offset in range(start, stop)]
+        parts: list[Part] = [(f"{start:0{self.digits}x}  ", "dim")]
+        parts += self._hex(start, styles)
+        parts += self._text(start, styles)
+        return Row(tuple(parts))
+
+    def _style_of(self, offset: int) -> str:
+        style = CLASS_OF[self.content[offset]] if offset < len(self.content) else "ghost"
+        if offset in self.link:
+            style += " link"
+        if offset == self.cursor:
+            style += " byte-cursor" if self.has_focus else " link strong"
+        return style
+
+    def _hex(self, start: int, styles: list[str]) -> list[Part]:
+        parts: list[Part] = []
+        for index in range(self.per_row):
+            gap = "  " if index == NARROW - 1 and self.per_row == WIDE else " "
+            if index >= len(styles):
+                parts.append(("  " + gap, ""))
+                continue
+            offset = start + index
+            text = HEX_OF[self.content[offset]] if offset < len(self.content) else GHOST_HEX
+            parts.append((text, styles[index]))
+            inside = offset in self.link and offset + 1 in self.link and index + 1 < len(styles)
+            parts.append((gap, "link" if inside else ""))
+        return _merged(parts)
+
+    def _text(self, start: int, styles: list[str]) -> list[Part]:
+        shown = self.content[start : start + len(styles)]
+        text = [CHARACTER_OF[byte] for byte in shown] + [GHOST_TEXT] * (len(styles) - len(shown))
+        return [(" │", "faint"), *_merged(list(zip(text, styles, strict=True)))]
+
+    # -- the cursor ---------------------------------------------------------------------------------
+
+    def action_step(self, count: int) -> None:
+        """Move the cursor by bytes."""
+        if self.need:
+            here = self.cursor if self.cursor is not None else -count if count > 0 else 0
+            self._select(max(0, min(self.need - 1, here + count)))
+
+    def action_move(self, rows: int) -> None:
+        """Move the cursor by lines."""
+        here = self.cursor or 0
+        target = here + rows * self.per_row
+        if self.cursor is None or 0 <= target < self.need:
+            self._select(target if self.cursor is not None else here)
+
+    def action_page(self, pages: int) -> None:
+        """Move the cursor by pages."""
+        step = pages * max(1, self.size.height - 1) * self.per_row
+        self.action_step(step)
+
+    def action_edge(self, direction: int) -> None:
+        """Go to the first or the last byte."""
+        if self.need:
+            self._select(0 if direction < 0 else self.need - 1)
+
+    def _select(self, offset: int) -> None:
+        if not self.need:
+            return
+        self.go_to(offset)
+        self.post_message(ByteSelected(offset, self._of_job))
+
+    def on_click(self, event: events.Click) -> None:
+        """Select the byte under the mouse, in either column."""
+        place = self.place_of(event)
+        offset = None if place is None else self._offset_at(*place)
+        if offset is not None:
+            self._select(offset)
+
+    def _offset_at(self, x: int, y: int) -> int | None:
+        column, text = x - self.digits - 2, 3 * self.per_row + (1 if self.per_row == WIDE else 0) + 1
+        if column < 0:
+            return None
+        if column >= text:
+            index = column - text
+        else:
+            index = (column - (1 if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
+        offset = y * self.per_row + index
+        return offset if index < self.per_row and offset < self.need else None
+
+    def on_focus(self) -> None:
+        """Show the cursor, and make this view the one that the table decodes."""
+        self.show()
+        self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self._of_job))
+
+    def on_blur(self) -> None:
+        """Show the cursor as a mark."""
+        self.show()
+
+
+def _merged(parts: list[Part]) -> list[Part]:
+    """Return parts with neighbours of one style put together: fewer pieces to paint."""
+    return [
+        ("".join(text for text, _ in group), style)
+        for style, group in groupby(parts, key=lambda part: part[1])
+    ]

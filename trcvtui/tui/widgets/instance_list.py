@@ -1,0 +1,146 @@
+"""Pane 1: one line for each instance: partner, STATUS, lamps, have and need, age of the last byte."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final, NamedTuple
+
+from textual import events
+
+from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
+from trcvtui.tui.afterglow import DONE, ERROR
+from trcvtui.tui.formatting import age, bar, clip, lamp, plain, status_word
+from trcvtui.tui.messages import InstanceSelected
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
+
+ROOMY: Final = 110
+BAR: Final = 10
+
+
+class Columns(NamedTuple):
+    """Widths of the columns; `bar` 0 leaves bar and age out."""
+
+    name: int
+    partner: int
+    word: int
+    condition: int
+    bar: int
+
+
+class InstanceList(LineView):
+    """The instances in call order; the cursor is the selection that all panes follow."""
+
+    DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
+    KEYS: ClassVar = (("↑↓", "instance"),)
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="instances")
+        self._scene = scene
+
+    def row_count(self) -> int:
+        """Return the number of instances."""
+        return len(self._scene.instances) or len(self._scene.project.instances)
+
+    def show(self) -> None:
+        """Repaint what changed; the title names the CONNECT budget when it gets tight."""
+        self.set_title(1, "Instances")
+        super().show()
+
+    def row_at(self, y: int) -> Row:
+        """Return one instance."""
+        instances = self._scene.instances
+        if y >= len(instances):
+            return row((f"  {plain(self._scene.project.instances[y].name)}", "dim"))
+        return self._row(instances[y], self._columns())
+
+    def _columns(self) -> Columns:
+        shown, roomy = self._scene.instances, self.line_width >= ROOMY
+        name = min(max((len(instance.name) for instance in shown), default=8), 24 if roomy else 12)
+        partners = (len(_partner(self._scene.connection_of(i), roomy)) for i in shown)
+        partner = max(partners, default=20)
+        if roomy:
+            # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
+            return Columns(name, min(partner, max(24, self.line_width - name - 86)), 7, 18, BAR)
+        return Columns(name, min(partner, 23), 4, 18, 0)
+
+    def _row(self, instance: InstanceSnapshot, columns: Columns) -> Row:
+        selected = instance.name == self._scene.selected
+        style = "" if not selected else "cursor" if self.has_focus else "cursor-blurred"
+        connection = self._scene.connection_of(instance)
+        parts: list[Part] = [
+            ("▸ " if selected else "  ", "key"),
+            (clip(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
+            (
+                clip(_partner(connection, columns.bar > 0), columns.partner).ljust(columns.partner) + "  ",
+                "dim",
+            ),
+            *_status(instance, columns),
+            *self._lamps(instance),
+            *self._progress(instance, columns),
+        ]
+        return row(*parts, style=style)
+
+    def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
+        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        done, error = glow(instance.name, DONE, now), glow(instance.name, ERROR, now)
+        return [
+            _lamp("B", instance.busy, "busy", False),
+            _lamp("D", instance.done, "done", done is not None),
+            _lamp("E", instance.error, "error", error is not None),
+        ]
+
+    def _progress(self, instance: InstanceSnapshot, columns: Columns) -> list[Part]:
+        if not columns.bar:
+            return [(f" {instance.have}/{instance.need}" if instance.need else "", "")]
+        last = instance.last_receive_ns
+        ago = f"last byte {age(self._scene.t_ns - last)} ago" if last is not None else ""
+        if not instance.need:
+            return [(" " * (BAR + 3), ""), (ago, "dim")]
+        full, empty = bar(instance.have, instance.need, BAR)
+        numbers = f" {instance.have}/{instance.need} B "
+        return [("  ", ""), (full, "busy"), (empty, "faint"), (numbers, ""), (ago, "dim")]
+
+    # -- choosing -----------------------------------------------------------------------------------
+
+    def action_move(self, rows: int) -> None:
+        """Select another instance."""
+        names = [instance.name for instance in self._scene.instances]
+        if not names:
+            return
+        here = names.index(self._scene.selected) if self._scene.selected in names else 0
+        self._choose(max(0, min(len(names) - 1, here + rows)))
+
+    def on_click(self, event: events.Click) -> None:
+        """Select the instance under the mouse."""
+        place = self.place_of(event)
+        if place is not None and place[1] < len(self._scene.instances):
+            self._choose(place[1])
+
+    def _choose(self, y: int) -> None:
+        self.post_message(InstanceSelected(self._scene.instances[y].name))
+        self.keep_in_view(y)
+
+
+def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
+    return f"{letter}{lamp(on, glowing)} ", style if on else "glow" if glowing else "faint"
+
+
+def _status(instance: InstanceSnapshot, columns: Columns) -> list[Part]:
+    style = "error" if instance.error else "done" if instance.done else "busy" if instance.busy else ""
+    word = status_word(instance.status)[-columns.word :]
+    return [
+        (word + " ", style),
+        (clip(instance.condition, columns.condition).ljust(columns.condition + 1), style),
+    ]
+
+
+def _partner(connection: ConnectionSnapshot | None, roomy: bool) -> str:
+    """Return who talks to whom: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, narrow `← 127.0.0.1:51322`."""
+    if connection is None:
+        return ""
+    connected = connection.state == "connected"
+    if connection.active:
+        return f"active  → {connection.remote}" if roomy else f"→ {connection.remote}"
+    if connected:
+        return f"passive {connection.local} ← {connection.remote}" if roomy else f"← {connection.remote}"
+    return f"passive {connection.local} ← no partner" if roomy else f"← waits {connection.local}"

@@ -1,0 +1,66 @@
+"""The last line: the few keys that matter where the focus is; each can be clicked."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from textual import events
+
+from trcvtui.tui.messages import KeyClicked
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+GLOBAL: Final = (
+    (":", "command"), ("space", "hold"), (".", "one scan"), ("1-7", "pane"), ("M", "zoom"),
+    ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
+)  # fmt: skip
+CLICKABLE: Final = {
+    ":": "colon", "space": "space", ".": "full_stop", "M": "M", "ctrl+p": "ctrl+p", "?": "question_mark",
+    "q": "q", "enter": "enter", "esc": "escape", "l": "l",
+}  # fmt: skip
+
+
+class KeyLine(LineView, can_focus=False):
+    """Keys of the focused pane first, then those that work everywhere, as far as they fit."""
+
+    DEFAULT_CSS = "KeyLine { height: 1; background: $panel; padding: 0 1; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="keys")
+        self._local: tuple[tuple[str, str], ...] = ()
+        self._holding = False
+
+    def show_keys(self, local: tuple[tuple[str, str], ...], holding: bool) -> None:
+        """Name these keys."""
+        self._local, self._holding = local, holding
+        self.show()
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def _keys(self) -> list[tuple[str, str]]:
+        keys = list(self._local)
+        for key, label in GLOBAL:
+            keys.append((key, "go" if key == "space" and self._holding else label))
+        # The last ones, help and quit, stay; what does not fit goes from the middle.
+        while len(keys) > 3 and sum(len(k) + len(label) + 3 for k, label in keys) - 2 > self.line_width:
+            del keys[-3]
+        return keys
+
+    def row_at(self, y: int) -> Row:
+        """Return the keys."""
+        if y:
+            return EMPTY
+        parts: list[Part] = []
+        for key, label in self._keys():
+            parts += [(key, "key"), (f" {label}", "dim"), ("  ", "")]
+        return row(*parts[:-1])
+
+    def on_click(self, event: events.Click) -> None:
+        """Act as if the key had been pressed."""
+        place, left = self.place_of(event), 0
+        for key, label in self._keys():
+            width = len(key) + len(label) + 3
+            if place is not None and left <= place[0] < left + width - 2 and key in CLICKABLE:
+                self.post_message(KeyClicked(CLICKABLE[key]))
+            left += width

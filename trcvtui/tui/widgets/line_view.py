@@ -1,0 +1,215 @@
+"""The base of every pane: it draws its own lines and repaints only those that changed.
+
+A subclass says how many rows there are and what stands in each: text with the names of its styles. Text is
+never markup, so whatever bytes a partner sends stay text.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final, NamedTuple
+
+from rich.segment import Segment
+from rich.style import Style
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.content import Content
+from textual.geometry import Size
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+
+from trcvtui.tui.styles import composed
+
+Part = tuple[str, str]
+# fmt: off
+STYLE_NAMES: Final = (
+    "dim", "faint", "strong", "label", "head", "key",           # weights of text
+    "on", "busy", "done", "error", "warn", "glow", "good", "bad",  # lamps and judgements
+    "cursor", "cursor-blurred", "hover", "link", "byte-cursor",  # what is pointed at
+    "run", "hold", "stop",                                       # chips of the header
+    "null", "printable", "space", "control", "high", "ghost",    # classes of bytes
+)
+# fmt: on
+
+
+class Row(NamedTuple):
+    """One line: its parts as (text, style names), and a style below all of them."""
+
+    parts: tuple[Part, ...] = ()
+    style: str = ""
+
+
+EMPTY = Row()
+
+
+def row(*parts: Part, style: str = "") -> Row:
+    """Return a row of these parts."""
+    return Row(parts, style)
+
+
+def pane_title(digit: int | None, name: str, detail: str = "") -> Content:
+    """Return what stands in the border of a pane; text, never markup."""
+    mark = [(f"{digit} ", "bold $accent")] if digit is not None else []
+    return Content.assemble(*mark, (name, "bold"), (f" · {detail}" if detail else "", "not bold"))
+
+
+class LineView(ScrollView, can_focus=True):
+    """Rows of text. `KEYS` are the keys that the footer names while this pane has the focus."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("down,j", "move(1)", show=False),
+        Binding("up,k", "move(-1)", show=False),
+        Binding("pagedown", "page(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("home,g", "edge(-1)", show=False),
+        Binding("end,G", "edge(1)", show=False),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"line--{name}" for name in STYLE_NAMES}
+    DEFAULT_CSS = """
+    LineView {
+        overflow-x: hidden; overflow-y: auto; scrollbar-size-vertical: 1;
+        background: $surface; color: $foreground;
+        & > .line--dim { color: $text-muted; }
+        & > .line--faint { color: $text-disabled; }
+        & > .line--strong { text-style: bold; }
+        & > .line--label { color: $text-muted; }
+        & > .line--head { color: $text-muted; text-style: underline; }
+        & > .line--on, & > .line--done, & > .line--good { color: $success; text-style: bold; }
+        & > .line--busy { color: $primary; text-style: bold; }
+        & > .line--error, & > .line--bad { color: $error; text-style: bold; }
+        & > .line--warn { color: $warning; }
+        & > .line--glow { color: $warning; text-style: bold; }
+        & > .line--key { color: $accent; text-style: bold; }
+        & > .line--cursor { background: $primary 22%; }
+        & > .line--cursor-blurred { background: $primary 10%; }
+        & > .line--hover { background: $primary 14%; }
+        & > .line--link { background: $accent 26%; text-style: underline; }
+        & > .line--byte-cursor { background: $accent; color: $background; text-style: bold; }
+        & > .line--run { background: $success 75%; color: $background; text-style: bold; }
+        & > .line--hold { background: $warning 80%; color: $background; text-style: bold; }
+        & > .line--stop { background: $error 80%; color: $background; text-style: bold; }
+        & > .line--ghost { color: $text-disabled; text-style: italic; }
+        & > .line--null { color: $text-disabled; }
+        & > .line--printable { color: $primary; }
+        & > .line--space { color: $success; }
+        & > .line--control { color: $secondary; }
+        & > .line--high { color: $warning; }
+        &:ansi {
+            background: ansi_default; color: ansi_default;
+            & > .line--busy, & > .line--printable { color: ansi_cyan; }
+            & > .line--control { color: ansi_magenta; }
+            & > .line--cursor { background: ansi_default; color: ansi_default; text-style: reverse; }
+            & > .line--byte-cursor { background: ansi_default; color: ansi_default; text-style: reverse; }
+            & > .line--link { background: ansi_default; text-style: bold underline; }
+            & > .line--cursor-blurred, & > .line--hover { background: ansi_default; text-style: bold; }
+            & > .line--run, & > .line--hold, & > .line--stop { color: ansi_black; }
+        }
+    }
+    """
+    KEYS: ClassVar[tuple[tuple[str, str], ...]] = ()
+
+    def __init__(self, id: str) -> None:
+        super().__init__(id=id)
+        self._painted: dict[int, Row] = {}
+        self._ready_styles: dict[str, Style] = {}
+        self._title = ""
+
+    # -- what a subclass says -----------------------------------------------------------------------
+
+    def row_count(self) -> int:
+        """Return how many rows there are."""
+        raise NotImplementedError
+
+    def row_at(self, y: int) -> Row:
+        """Return row `y`, counted from 0 at the top of all rows."""
+        raise NotImplementedError
+
+    # -- painting -----------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Repaint the rows in view that differ from what was painted."""
+        if not self.size.height:
+            return
+        self.resize_rows()
+        top, count = self.scroll_offset.y, self.row_count()
+        for y in range(top, top + self.size.height):
+            fresh = self.row_at(y) if y < count else EMPTY
+            if self._painted.get(y) != fresh:
+                self.refresh_line(y)
+
+    def resize_rows(self) -> None:
+        """Take over the number of rows, which costs a new layout of the screen, only where it differs."""
+        if self.virtual_size.height != (count := self.row_count()):
+            self.virtual_size = Size(0, count)
+
+    def render_line(self, y: int) -> Strip:
+        """Return line `y` of what is in view."""
+        number = y + self.scroll_offset.y
+        fresh = self.row_at(number) if number < self.row_count() else EMPTY
+        if len(self._painted) > 4 * self.size.height + 64:
+            self._painted.clear()
+        self._painted[number] = fresh
+        return self._strip(fresh)
+
+    @property
+    def line_width(self) -> int:
+        """Return how many characters a row has room for, beside a scrollbar."""
+        return self.scrollable_content_region.width
+
+    def _strip(self, line: Row) -> Strip:
+        base = self.named_style(line.style)
+        segments = [Segment(text, self.named_style(f"{style} {line.style}")) for text, style in line.parts]
+        return Strip(segments).adjust_cell_length(self.line_width, base)
+
+    def named_style(self, names: str) -> Style:
+        """Return the style of names such as `cursor dim`; made once a theme."""
+        if names not in self._ready_styles:
+            self._ready_styles[names] = composed(self, tuple(f"line--{name}" for name in names.split()))
+        return self._ready_styles[names]
+
+    def notify_style_update(self) -> None:
+        """Forget styles made under the old theme."""
+        super().notify_style_update()
+        self._ready_styles.clear()
+
+    def on_mount(self) -> None:
+        """Know the rows before the first paint."""
+        self.resize_rows()
+
+    def on_resize(self) -> None:
+        """Draw anew: rows may have changed while the pane was out of sight, and lines break elsewhere."""
+        self.show()
+
+    def set_title(self, digit: int | None, name: str, detail: str = "") -> None:
+        """Write digit, name and detail into the border, as text."""
+        title = f"{digit} {name} {detail}"
+        if title == self._title:
+            return
+        self._title = title
+        self.border_title = pane_title(digit, name, detail)
+
+    # -- moving -------------------------------------------------------------------------------------
+
+    def action_move(self, rows: int) -> None:
+        """Scroll by rows."""
+        self.scroll_to(y=self.scroll_offset.y + rows, animate=False)
+
+    def action_page(self, pages: int) -> None:
+        """Scroll by pages."""
+        self.action_move(pages * max(1, self.size.height - 1))
+
+    def action_edge(self, direction: int) -> None:
+        """Go to the first or the last row."""
+        self.action_move(direction * self.row_count())
+
+    def keep_in_view(self, y: int) -> None:
+        """Scroll as little as needed to have row `y` in view."""
+        top, height = self.scroll_offset.y, self.size.height
+        if y < top:
+            self.scroll_to(y=y, animate=False)
+        elif height and y >= top + height:
+            self.scroll_to(y=y - height + 1, animate=False)
+
+    def place_of(self, event: events.MouseEvent) -> tuple[int, int] | None:
+        """Return column and row (of all rows) under the mouse, None outside the rows."""
+        offset = event.get_content_offset(self)
+        return None if offset is None else (offset.x, offset.y + self.scroll_offset.y)

@@ -1,0 +1,105 @@
+"""The peers, one line each: state, both ends, what was sent and received."""
+
+from __future__ import annotations
+
+from textual import events
+
+from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.tui.formatting import clip, count, plain
+from trcvtui.tui.messages import PeerSelected
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
+
+ROOMY = 110
+STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}
+
+
+class PeerList(LineView):
+    """The cursor is the peer that the composer and the buttons speak for."""
+
+    DEFAULT_CSS = "PeerList { height: auto; max-height: 3; min-height: 1; }"
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="peers")
+        self._scene = scene
+
+    def row_count(self) -> int:
+        """Return the number of peers."""
+        return max(1, len(self._scene.project.peers))
+
+    def row_at(self, y: int) -> Row:
+        """Return one peer."""
+        peers = self._scene.peers
+        if not self._scene.project.peers:
+            return row(("no peer in this project: the partner is a real device", "dim"))
+        if y >= len(peers):
+            return row((f"  {plain(self._scene.project.peers[y].name)}", "dim"))
+        return self._row(peers[y])
+
+    def _row(self, peer: PeerSnapshot) -> Row:
+        selected = peer.name == self._scene.peer
+        style = "" if not selected else "cursor" if self.has_focus else "cursor-blurred"
+        parts: list[Part] = [
+            ("▸ " if selected else "  ", "key"),
+            (clip(plain(peer.name), 12).ljust(self._name_width()) + " ", "strong"),
+            (f"{'active' if peer.active else 'passive':<8}", "dim"),
+            (f"{peer.state:<10} ", STYLES.get(peer.state, "")),
+            (self._ends(peer), "dim"),
+            *self._counters(peer),
+        ]
+        if peer.stalled:
+            parts.append((" STALLED ", "hold"))
+        return row(*parts, style=style)
+
+    def _ends(self, peer: PeerSnapshot) -> str:
+        roomy = self._roomy()
+        width = max((len(_ends(each, roomy)) for each in self._scene.peers), default=0)
+        return plain(_ends(peer, roomy)).ljust(width) + "  "
+
+    def _name_width(self) -> int:
+        return min(12, max((len(peer.name) for peer in self._scene.peers), default=4))
+
+    def _roomy(self) -> bool:
+        return self.line_width >= ROOMY
+
+    def _counters(self, peer: PeerSnapshot) -> list[Part]:
+        if not self._roomy():
+            return [(f"sent {peer.bytes_sent}, got {peer.bytes_received} B", "")]
+        parts: list[Part] = [
+            (f"sent {count(peer.messages_sent, 'message')}, {peer.bytes_sent} B", ""),
+            (f"  received {peer.bytes_received} B", ""),
+        ]
+        if peer.pending:
+            parts.append((f"  {peer.pending} B on their way", "warn"))
+        return parts
+
+    def action_move(self, rows: int) -> None:
+        """Select another peer."""
+        names = [peer.name for peer in self._scene.peers]
+        if self._scene.peer in names:
+            self._choose(max(0, min(len(names) - 1, names.index(self._scene.peer) + rows)))
+
+    def on_click(self, event: events.Click) -> None:
+        """Select the peer under the mouse."""
+        place = self.place_of(event)
+        if place is not None and place[1] < len(self._scene.peers):
+            self._choose(place[1])
+
+    def _choose(self, y: int) -> None:
+        self.post_message(PeerSelected(self._scene.peers[y].name))
+        self.keep_in_view(y)
+
+    def on_focus(self) -> None:
+        """Show the cursor."""
+        self.show()
+
+    def on_blur(self) -> None:
+        """Show the cursor as a mark."""
+        self.show()
+
+
+def _ends(peer: PeerSnapshot, roomy: bool) -> str:
+    if peer.state != "connected":
+        return f"→ {peer.remote}" if peer.active else f"at {peer.local}"
+    local = f"{peer.local} " if roomy else ""
+    return f"{local}→ {peer.remote}" if peer.active else f"{local}← {peer.remote}"

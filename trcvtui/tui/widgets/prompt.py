@@ -1,0 +1,168 @@
+"""The command line: `:` opens it; closed, it shows the last command and what became of it."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.suggester import Suggester
+from textual.widget import Widget
+from textual.widgets import Input, Static
+
+from trcvtui.rig.picture import Answer
+from trcvtui.tui.formatting import clip, plain, wrapped
+from trcvtui.tui.messages import LineSubmitted
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+
+KEPT_LINES: Final = 200
+MOST_ROWS: Final = 3
+
+
+class EchoLine(LineView, can_focus=False):
+    """The last command with its answer; an error takes up to three lines rather than lose its end."""
+
+    DEFAULT_CSS = "EchoLine { height: 1; background: $background; padding: 0 1; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="echo")
+        self._line, self._error, self._waits = "", "", False
+        self._rows = 1
+
+    def say(self, line: str, error: str = "", waits: bool = False) -> None:
+        """Show a command and its answer."""
+        self._line, self._error, self._waits = plain(line), plain(error), waits
+        rows = min(MOST_ROWS, len(self._texts()))
+        if rows != self._rows:
+            self._rows = self.styles.height = rows
+        self.show()
+
+    def _texts(self) -> tuple[str, ...]:
+        width = max(20, self.line_width - 2)
+        return wrapped(f"{self._line}  ✗ {self._error}" if self._error else self._line, width)
+
+    def row_count(self) -> int:
+        """Return the lines of the answer."""
+        return len(self._texts()) if self._error else 1
+
+    def row_at(self, y: int) -> Row:
+        """Return one line of the answer."""
+        if self._error:
+            texts = self._texts()
+            return row((": " if y == 0 else "  ", "dim"), (texts[y], "error")) if y < len(texts) else EMPTY
+        if not self._line:
+            return row((": ", "key"), ("type a bench command: set, pulse, peer, fault, plc …", "faint"))
+        mark = ("  … with the next scan", "dim") if self._waits else ("  ✓", "good")
+        return row((": ", "dim"), (clip(self._line, self.line_width - 6), ""), mark)
+
+
+class PromptInput(Input):
+    """The open command line."""
+
+    BINDINGS: ClassVar = [
+        Binding("up", "recall(-1)", show=False),
+        Binding("down", "recall(1)", show=False),
+        Binding("tab", "cursor_right", show=False),
+        Binding("escape", "close", show=False),
+    ]
+
+    def __init__(self, prompt: Prompt, suggester: Suggester) -> None:
+        super().__init__(compact=True, suggester=suggester, select_on_focus=False)
+        self._prompt = prompt
+
+    def action_recall(self, step: int) -> None:
+        """Walk the history."""
+        self._prompt.recall(step)
+
+    def action_cursor_right(self, select: bool = False) -> None:
+        """Accept the completion, wherever the cursor stands."""
+        if self._suggestion and not select:
+            self.cursor_position = len(self.value)
+        super().action_cursor_right(select)
+
+    def action_close(self) -> None:
+        """Close the command line."""
+        self._prompt.close()
+
+
+class Prompt(Vertical):
+    """Echo and, while open, the input; remembers what was typed and which lines wait for their answer."""
+
+    DEFAULT_CSS = """
+    Prompt { height: auto; background: $background; }
+    Prompt #open-line { height: 1; display: none; background: $panel; padding: 0 1; }
+    Prompt Static { width: 2; color: $accent; text-style: bold; }
+    Prompt PromptInput { background: $panel; width: 1fr; }
+    Prompt PromptInput:focus { background: $panel; background-tint: $primary 12%; }
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="prompt")
+        self._scene = scene
+        self._echo = EchoLine()
+        self._open_line = Horizontal(id="open-line")
+        self._input: PromptInput | None = None
+        self._lines: list[str] = []
+        self._at = 0
+        self._last = 0
+
+    def compose(self) -> list[Widget]:
+        """Compose the closed prompt; the input comes with the first `:`."""
+        return [self._echo, self._open_line]
+
+    # -- open and closed ----------------------------------------------------------------------------
+
+    async def open(self, text: str = "") -> None:
+        """Open the command line with a text to complete."""
+        if self._input is None:
+            from trcvtui.tui.completion import BenchSuggester
+
+            self._input = PromptInput(self, BenchSuggester(self._scene.project))
+            await self._open_line.mount(Static(":", markup=False), self._input)
+        self._at = len(self._lines)
+        self._fill(text)
+        self._open_line.display, self._echo.display = True, False
+        self._input.focus()
+
+    def close(self) -> None:
+        """Close the command line; the pane that had the focus gets it back."""
+        self._open_line.display, self._echo.display = False, True
+
+    def _fill(self, text: str) -> None:
+        if self._input is not None:
+            self._input.value = text
+            self._input.cursor_position = len(text)
+
+    def recall(self, step: int) -> None:
+        """Fill in an older or newer line."""
+        if self._lines:
+            self._at = max(0, min(len(self._lines), self._at + step))
+            self._fill(self._lines[self._at] if self._at < len(self._lines) else "")
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Send the line."""
+        event.stop()
+        self.close()
+        if event.value.strip():
+            self.post_message(LineSubmitted(event.value.strip()))
+
+    # -- lines and answers --------------------------------------------------------------------------
+
+    def sent(self, line: str, number: int) -> None:
+        """Take note of a line that was sent, from here or from a toggle or button."""
+        if not self._lines or self._lines[-1] != line:
+            self._lines.append(line)
+            del self._lines[:-KEPT_LINES]
+        self._last = number
+        self._echo.say(line, waits=True)
+
+    def answered(self, answers: dict[int, Answer]) -> None:
+        """Show what became of the last line, or of any that was refused."""
+        for number, answer in answers.items():
+            if answer.error or number == self._last:
+                self._echo.say(answer.line, answer.error)
+
+    def complain(self, text: str) -> None:
+        """Show trouble that is no answer."""
+        self._echo.say("", text)

@@ -1,0 +1,113 @@
+"""Pane 5: the bytes of DATA, and below them what the running job has collected but not delivered yet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from textual.containers import Vertical
+from textual.widget import Widget
+
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.tui.formatting import bar, clip, plain
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.hex_view import HexView
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, pane_title, row
+
+MOST_JOB_ROWS: Final = 4
+BAR: Final = 12
+
+
+class JobLine(LineView, can_focus=False):
+    """One line between both views: how far the job is."""
+
+    DEFAULT_CSS = "JobLine { height: 1; }"
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="job-line")
+        self._scene = scene
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the line."""
+        instance = self._scene.instance
+        if y or instance is None:
+            return EMPTY
+        if not instance.need:
+            return row(("── no job running ", "dim"), ("─" * self.line_width, "faint"))
+        full, empty = bar(instance.have, instance.need, BAR)
+        mode = "ad-hoc, at most" if instance.adhoc else "of"
+        numbers = f" {instance.have} {mode} {instance.need} B "
+        return row(
+            ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
+            ("not in DATA yet ", "dim"), ("─" * self.line_width, "faint"),
+        )  # fmt: skip
+
+
+class Received(Vertical):
+    """Both hex views in one frame."""
+
+    DEFAULT_CSS = """
+    Received { background: $surface; }
+    Received #data { height: 1fr; min-height: 1; }
+    Received #job { height: 1; display: none; }
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="received")
+        self._scene = scene
+        self.data = HexView("data", of_job=False)
+        self.job = HexView("job", of_job=True)
+        self._line = JobLine(scene)
+        self._title = ""
+        self._job_rows = 0
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose DATA above, the job below."""
+        yield self.data
+        yield self._line
+        yield self.job
+
+    def show(self) -> None:
+        """Show the bytes of the selected instance."""
+        instance = self._scene.instance
+        self._show_title(instance)
+        if instance is None:
+            return
+        self.data.show_bytes(self._scene.data, 0)
+        self._line.show()
+        self._size_job(instance)
+        grown = len(self._scene.partial) > len(self.job.content)
+        self.job.show_bytes(self._scene.partial, instance.need)
+        if grown and not self.job.has_focus:
+            self.job.keep_in_view(max(0, len(self._scene.partial) - 1) // self.job.per_row)
+
+    def on_resize(self) -> None:
+        """Other widths hold other numbers of bytes in a line."""
+        self.show()
+
+    def _size_job(self, instance: InstanceSnapshot) -> None:
+        # Between two jobs there is a scan without one: the room stays, or the screen would jump at each DONE.
+        if not instance.need and instance.pin("EN_R") and self._connected():
+            return
+        rows = min(MOST_JOB_ROWS, -(-instance.need // self.job.per_row))
+        if rows != self._job_rows:
+            self._job_rows = rows
+            self.job.styles.height = max(1, rows)
+            self.job.display = rows > 0
+
+    def _connected(self) -> bool:
+        connection = self._scene.connection
+        return connection is not None and connection.state == "connected"
+
+    def _show_title(self, instance: InstanceSnapshot | None) -> None:
+        declared = self._scene.declaration
+        detail = f"{plain(declared.name)}, {declared.size} B" if declared else "no DATA"
+        if instance is None:
+            detail = ""
+        if detail != self._title or not self.border_title:
+            self._title = detail
+            self.border_title = pane_title(5, "Received", clip(detail, 60))

@@ -1,0 +1,105 @@
+"""Pane 3: the STATUS word, what it means, why it is shown now, and what to check next."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.tui.afterglow import DONE, ERROR
+from trcvtui.tui.explain import why, why_now
+from trcvtui.tui.formatting import GLOW, lamp, moment, plain, status_word, wrapped
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+LABEL: Final = 6
+
+
+class StatusCard(LineView):
+    """The STATUS of the selected instance, or of an edge of its past that the history points at."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="status")
+        self._scene = scene
+        self._past: Line | None = None
+        self._rows: list[Row] = []
+
+    def point_at(self, line: Line | None) -> None:
+        """Explain this edge of the past; None: the present."""
+        self._past = line
+        self.show()
+
+    def show(self) -> None:
+        """Repaint what changed."""
+        self.set_title(3, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
+        self._rows = self._card()
+        super().show()
+
+    def row_count(self) -> int:
+        """Return the number of lines of the card."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line of the card."""
+        return self._rows[y] if y < len(self._rows) else EMPTY
+
+    def _card(self) -> list[Row]:
+        instance = self._scene.instance
+        if instance is None:
+            return [row(("waiting for the first scan", "dim"))]
+        if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
+            when = f"in scan {self._past.scan}, at {moment(self._past.t_ns)} s"
+            return self._rows_for(edge, when, why(edge), [])
+        reason = why_now(instance, self._scene.connection, self._scene.t_ns)
+        return self._rows_for(instance, f"since scan {instance.since_scan}", reason, self._lamps(instance))
+
+    def _rows_for(
+        self, shown: InstanceSnapshot | StatusEdge, when: str, reason: str, lamps: list[Part]
+    ) -> list[Row]:
+        found = self._scene.project.dialect.row(shown.status, shown.block)
+        title = found.title if found else shown.condition
+        style = "error" if shown.error else "done" if shown.done else "busy" if shown.busy else "strong"
+        flag = "ERROR  " if shown.error else ""
+        head: tuple[Part, ...] = (
+            (f"{status_word(shown.status)}  ", style),
+            (flag, "error"),
+            (title, style),
+            (f"  {when}", "dim"),
+        )
+        rows = [row(*head)]
+        if lamps:
+            rows.append(row(*lamps))
+        rows += self._paragraph("why", [reason], "warn" if shown.cause.injected else "")
+        if found is not None and found.checks:
+            rows += self._paragraph("next", found.checks, "dim")
+        return rows
+
+    def _paragraph(self, label: str, texts: tuple[str, ...] | list[str], style: str) -> list[Row]:
+        rows: list[Row] = []
+        for text in texts:
+            mark = "· " if len(texts) > 1 else ""
+            for number, line in enumerate(wrapped(text, self.line_width - LABEL - len(mark))):
+                shown = label if not rows else ""
+                lead = mark if number == 0 else " " * len(mark)
+                rows.append(row((shown.ljust(LABEL), "label"), (lead + line, style)))
+        return rows
+
+    def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
+        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        parts: list[Part] = [(f"BUSY {lamp(instance.busy)}   ", "busy" if instance.busy else "faint")]
+        for name, on, style in ((DONE, instance.done, "done"), (ERROR, instance.error, "error")):
+            pulse = glow(instance.name, name, now)
+            if on or pulse is None:
+                parts.append((f"{name} {lamp(on)}   ", style if on else "faint"))
+                continue
+            what = f" {pulse.rcvd_len} B" if pulse.rcvd_len else ""
+            what = f" {status_word(pulse.status)}" if name == ERROR and pulse.status else what
+            parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", "glow"))
+        if (
+            instance.last_error_status is not None
+            and not instance.error
+            and not glow(instance.name, ERROR, now)
+        ):
+            last = f"last error {status_word(instance.last_error_status)} in scan {instance.last_error_scan}"
+            parts.append((plain(last), "dim"))
+        return parts

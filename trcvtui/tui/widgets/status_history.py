@@ -1,0 +1,134 @@
+"""Pane 4: every change of the outputs, newest first, straight from the ledger: no scan is missed."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual import events
+
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.tui.explain import why
+from trcvtui.tui.formatting import ON, clip, moment, plain, status_word
+from trcvtui.tui.messages import EdgeSelected
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+WORD: Final = 26
+LAMP: Final = 12
+
+
+class StatusHistory(LineView):
+    """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
+
+    KEYS: ClassVar = (("↑↓", "explain an edge"), ("esc", "now"))
+    BINDINGS: ClassVar = [("escape", "now", "now")]
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="history")
+        self._scene = scene
+        self._edges: list[Line] = []
+        self._chosen: int | None = None
+
+    def show(self) -> None:
+        """Repaint what changed; a view that is scrolled into the past stays on its edges."""
+        before = self._edges[0].seq if self._edges else 0
+        self._edges = list(reversed(self._scene.history.of(self._scene.selected)))
+        self.set_title(4, "History", self._detail())
+        if self.scroll_offset.y:
+            fresh = sum(1 for line in self._edges[:64] if line.seq > before) if before else 0
+            self.resize_rows()
+            if fresh:
+                self.scroll_to(y=self.scroll_offset.y + fresh, animate=False)
+        super().show()
+
+    def _detail(self) -> str:
+        if not self._scene.history.skipped:
+            return ""
+        return f"{self._scene.history.skipped} lines came too fast for this list"
+
+    def resize_rows(self) -> None:
+        """Grow in steps while the newest edges are in view: each new size costs a layout of the screen."""
+        count, known = self.row_count(), self.virtual_size.height
+        settled = self.scroll_offset.y == 0 and self.size.height < known <= count < known + known // 4
+        if not settled:
+            super().resize_rows()
+
+    def row_count(self) -> int:
+        """Return the number of edges and the head."""
+        return len(self._edges) + 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the head or one edge."""
+        if y == 0:
+            return self._head()
+        line = self._edges[y - 1]
+        if not isinstance(line.event, StatusEdge):
+            return EMPTY
+        style = "cursor" if line.seq == self._chosen else ""
+        return row(*self._edge(line, line.event), style=style)
+
+    def _widths(self) -> tuple[int, int]:
+        """Return the widths of scan and time, as wide as the newest edge needs."""
+        newest = self._edges[0] if self._edges else None
+        if newest is None:
+            return 5, 7
+        return max(5, len(str(newest.scan))), max(7, len(moment(newest.t_ns)))
+
+    def _head(self) -> Row:
+        scan, time = self._widths()
+        return row(
+            (f"{'scan':>{scan}}  {'t in s':>{time}}  {'STATUS':<{WORD}}  {'lamp':<{LAMP}}  why", "dim")
+        )
+
+    def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
+        scan, time = self._widths()
+        style = "error" if edge.error else "done" if edge.done else "busy" if edge.busy else ""
+        word = f"{status_word(edge.status)} {clip(edge.condition, 18)}"
+        reason = clip(plain(why(edge)), self.line_width - scan - time - WORD - LAMP - 8)
+        return [
+            (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
+            (word.ljust(WORD + 2), style),
+            (_lamp(edge).ljust(LAMP + 2), style),
+            (reason, "warn" if edge.cause.injected else "dim"),
+        ]
+
+    # -- choosing -----------------------------------------------------------------------------------
+
+    def action_move(self, rows: int) -> None:
+        """Choose an older or a newer edge; above the newest stands the present."""
+        here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
+        self._choose(min(len(self._edges) - 1, here + rows))
+
+    def action_now(self) -> None:
+        """Go back to the present."""
+        self._choose(-1)
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the edge under the mouse."""
+        place = self.place_of(event)
+        if place is not None and place[1] <= len(self._edges):
+            self._choose(place[1] - 1)
+
+    def _choose(self, y: int) -> None:
+        self._chosen = self._edges[y].seq if y >= 0 else None
+        super().resize_rows()
+        self.keep_in_view(y + 1 if y >= 0 else 0)
+        self.post_message(EdgeSelected(self._chosen))
+        self.show()
+
+    def forget(self) -> None:
+        """Another instance was selected: back to the present."""
+        self._chosen = None
+        self.scroll_to(y=0, animate=False)
+
+    def chosen(self) -> Line | None:
+        """Return the chosen edge."""
+        return next((line for line in self._edges if line.seq == self._chosen), None)
+
+
+def _lamp(edge: StatusEdge) -> str:
+    if edge.error:
+        return f"{ON} ERROR"
+    if edge.done:
+        return f"{ON} DONE {edge.rcvd_len} B" if edge.rcvd_len is not None else f"{ON} DONE"
+    return f"{ON} BUSY" if edge.busy else ""

@@ -1,0 +1,52 @@
+"""The panes as tabs, for a small screen: digit and name, the open one marked."""
+
+from __future__ import annotations
+
+from textual import events
+
+from trcvtui.tui.messages import PaneWanted
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+TABS = ((2, "Block"), (3, "STATUS"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"))
+
+
+class TabLine(LineView, can_focus=False):
+    """One line; a click opens a tab."""
+
+    DEFAULT_CSS = "TabLine { height: 1; background: $background; padding: 0 1; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="tabs")
+        self._open = 2
+
+    def mark(self, digit: int) -> None:
+        """Mark the tab that is open."""
+        self._open = digit
+        self.show()
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the tabs."""
+        if y:
+            return EMPTY
+        parts: list[Part] = []
+        for digit, name in TABS:
+            style = "cursor strong" if digit == self._open else "dim"
+            parts += [
+                (f" {digit} ", f"key {style}" if digit == self._open else "key"),
+                (f"{name} ", style),
+                (" ", ""),
+            ]
+        return row(*parts)
+
+    def on_click(self, event: events.Click) -> None:
+        """Open the tab under the mouse."""
+        place, left = self.place_of(event), 0
+        for digit, name in TABS:
+            width = len(name) + 5
+            if place is not None and left <= place[0] < left + width - 1:
+                self.post_message(PaneWanted(digit))
+            left += width

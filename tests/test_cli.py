@@ -63,6 +63,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(trcvtui.__file__).parent.par
         ("scenario --kernel fast x.toml", "trcvtui scenario: argument --kernel: invalid choice: 'fast'"),
         ("udt", "trcvtui udt: the following arguments are required: WHAT"),
         ("udt show --lay packed telegram.st", "trcvtui: unrecognized arguments: --lay"),
+        ("scenario --format xml nix.toml", "--format: found 'xml', expected one of text, jsonl"),
         # status
         ("status 1234", "CODE: found 16#1234, expected a code in the table"),
         ("status 80G5", "CODE: found '80G5', expected a STATUS word"),

@@ -125,10 +125,19 @@ def _open_screen(path: Path, kernel: str) -> int:
 
 
 def _scenario(args: argparse.Namespace) -> int:
+    from trcvtui.rig.report import FORMATS
     from trcvtui.rig.scenario_command import run_files
 
+    if args.format not in FORMATS:
+        raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(FORMATS))
     out = None if args.out is None else _path(args.out)
     return run_files([_path(file) for file in args.files], args.kernel, args.format, out, args.set)
+
+
+def _format_names() -> str:
+    from trcvtui.rig.report import FORMATS
+
+    return "formats: " + ", ".join(FORMATS)
 
 
 def _status(args: argparse.Namespace) -> int:
@@ -258,9 +267,10 @@ def _add_run(parser: _Parser) -> None:
 
 def _add_scenario(parser: _Parser) -> None:
     parser.set_defaults(command=_scenario)
+    parser.last_words = _format_names
     parser.add_argument("files", metavar="FILE.toml", nargs="+")
     parser.add_argument("--kernel", choices=KERNELS, default="sim", help="default: sim")
-    parser.add_argument("--format", choices=("text", "jsonl", "junit"), default="text", help="default: text")
+    parser.add_argument("--format", metavar="NAME", default="text", help="default: text")
     parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
     parser.add_argument(
         "--set", metavar="PATH=VALUE", action="append", default=[], help="such as options.retry=T#100ms"

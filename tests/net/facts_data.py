@@ -210,6 +210,32 @@ def data_for_a_connection_that_was_shut_down_is_answered_with_rst(b: Bench) -> N
 
 
 @fact
+def a_probe_puts_nothing_on_the_wire_so_that_the_abort_behind_it_is_a_rst(b: Bench) -> None:
+    one = b.pair()
+    assert b.kernel.probe(one.client) is None
+    b.settle()
+    assert b.kernel.loss(one.server) is None
+    assert b.kernel.abort(one.client) is None
+    assert b.answer(one.server) == Fault("recv", "ECONNRESET")
+
+
+@fact
+def a_probe_answers_as_shutdown_would(b: Bench) -> None:
+    one = b.pair()
+    b.kernel.abort(one.client)
+    b.settle()
+    assert b.kernel.probe(one.server) == Fault("shutdown", "ENOTCONN")
+    fresh = b.socket()
+    assert b.kernel.probe(fresh) == Fault("shutdown", "ENOTCONN")
+    b.kernel.close(fresh)
+    assert b.kernel.probe(fresh) == Fault("shutdown", "EBADF")
+    two = b.pair()
+    b.kernel.close(two.client)
+    assert b.answer(two.server) == 0
+    assert b.kernel.probe(two.server) is None
+
+
+@fact
 def a_shutdown_before_an_abort_leaves_no_time_wait_either(b: Bench) -> None:
     one = b.pair(client=b.socket(end=ANY_PORT))
     local = b.end(one.client)

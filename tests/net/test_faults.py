@@ -252,6 +252,9 @@ def test_a_failed_shutdown_sends_no_fin() -> None:
     assert b.kernel.shutdown(one.client) == injected("shutdown", "ENOTCONN")
     b.settle()
     assert b.kernel.loss(one.server) is None
+    b.plan.add("shutdown", on="X")
+    assert b.kernel.probe(one.client) == injected("shutdown", "ENOTCONN")
+    assert b.kernel.probe(one.client) is None
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ KEEP_ALIVE_PROBES: Final = 2
 SMALL_SEND_BUFFER: Final = 4608
 SMALL_RECEIVE_BUFFER: Final = 2304
 RTO_MAX_MS: Final = 1000
+LARGEST: Final = (1 << 31) - 1  # a socket option is a C int
 
 TCP: Final = socket.IPPROTO_TCP
 BASE: Final = socket.SOL_SOCKET
@@ -64,10 +65,10 @@ def _wanted(options: SocketOptions) -> Iterator[tuple[str, int, int | None, int]
 
 
 def _accepts(sock: socket.socket, level: int, option: int | None, value: int) -> bool:
-    if option is None:
+    if option is None or not -LARGEST <= value <= LARGEST:
         return False
     try:
         sock.setsockopt(level, option, value)
-    except (OSError, ValueError, OverflowError):
+    except (OSError, ValueError):
         return False
     return True

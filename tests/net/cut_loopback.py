@@ -1,0 +1,80 @@
+"""Run alone, as its own process: cut loopback in a network of its own, and print how each connection died.
+
+Needs no root: a user namespace with a network namespace is enough (status-reproduction 1). Prints one line a
+connection, `idle recv ETIMEDOUT`, or `refused` where the system allows no namespaces. Takes three seconds.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import os
+import select
+import socket
+import struct
+
+from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, SocketOptions
+from trcvtui.net.os_kernel import OsKernel
+
+CLONE_NEWUSER = 0x10000000
+CLONE_NEWNET = 0x40000000
+SIOCSIFFLAGS = 0x8914
+IFF_UP = 1
+
+
+def own_network() -> bool:
+    """Move this process into a network of its own; return whether the system allows it."""
+    refused: int = ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWUSER | CLONE_NEWNET)
+    return refused == 0
+
+
+def set_loopback(up: bool) -> None:
+    """Set the loopback interface up or down."""
+    with socket.socket() as door:
+        fcntl.ioctl(door, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP if up else 0))
+
+
+def connection(kernel: OsKernel, options: SocketOptions) -> tuple[Handle, Handle]:
+    """Return both ends of a new connection; the first has the options and is in the poll set."""
+    listener, client = kernel.socket("S"), kernel.socket("C")
+    assert not isinstance(listener, Fault)
+    assert not isinstance(client, Fault)
+    assert kernel.bind(listener, Endpoint("127.0.0.1", 0)) is None
+    assert kernel.listen(listener, 1) is None
+    end = kernel.local_end(listener)
+    assert end is not None
+    kernel.set_options(client, options)
+    assert kernel.connect(client, end) is None
+    while kernel.connect_result(client) is WOULD_BLOCK:
+        pass
+    assert kernel.poll_add(client) is None
+    server = kernel.accept(listener)
+    assert isinstance(server, Accepted)
+    return client, server.handle
+
+
+def wait_for_the_end(kernel: OsKernel, ours: dict[str, Handle]) -> None:
+    """Print the loss of each connection as it comes; give up after eight seconds."""
+    for _ in range(800):
+        kernel.poll()
+        for name, handle in list(ours.items()):
+            seen = kernel.loss(handle)
+            if seen is not None:
+                print(name, seen.fault, flush=True)
+                del ours[name]
+        if not ours:
+            return
+        select.select([quiet], [], [], 0.01)
+
+
+quiet, _other = socket.socketpair()
+if own_network():
+    set_loopback(up=True)
+    kernel = OsKernel()
+    idle, _ = connection(kernel, SocketOptions(keep_alive_s=1))
+    busy, _ = connection(kernel, SocketOptions(keep_alive_s=1, user_timeout_ms=2000))
+    set_loopback(up=False)
+    kernel.send(busy, memoryview(b"into the dark"))
+    wait_for_the_end(kernel, {"idle": idle, "busy": busy})
+    os._exit(0)  # the ends of cut connections need no farewell
+print("refused")

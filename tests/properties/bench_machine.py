@@ -55,7 +55,7 @@ DOCUMENT: dict[str, object] = {
 class Stream:
     """What one TCP connection delivered to the PLC: which bytes were received, and what became of each."""
 
-    peer_end: str
+    peer_ends: tuple[str, str]
     received: int = 0
     settled: int = 0  # every byte before this offset went to DATA or was noted as dropped
     open_job: JobStarted | None = None
@@ -75,7 +75,7 @@ class BenchMachine(RuleBasedStateMachine):
         self.data = {name: self.bench.runtime.data(name) for name in SIZES}
         self.seq = 0
         self.streams: dict[tuple[str, int], Stream] = {}
-        self.sent: dict[str, bytes] = {}  # by the peer's local end
+        self.sent: dict[tuple[str, str], bytes] = {}  # by the peer's local and remote end
         self.number = 0
 
     def teardown(self) -> None:
@@ -98,6 +98,22 @@ class BenchMachine(RuleBasedStateMachine):
     def run_on(self, scans: int) -> None:
         self.run(scans)
 
+    @rule(peer=st.sampled_from(("P1", "P2")), sizes=st.lists(st.integers(1, 40), max_size=8))
+    def talk(self, peer: str, sizes: list[int]) -> None:
+        for size in sizes:
+            self.send(peer, size, size // 3)
+            self.run(1 + size % 3)
+
+    @rule()
+    def bring_up(self) -> None:
+        for line in ("fault clear", "plc run", "link C2 up", "peer P2 listen", "peer P1 resume"):
+            self.do(line)
+        for name in INSTANCES:
+            self.do(f"set {name} CONT=1 EN_R=1 LEN=0")
+        self.run(8)
+        self.do("peer P1 connect")
+        self.run(8)
+
     def run(self, scans: int) -> None:
         for _ in range(scans):
             self.bench.step()
@@ -107,10 +123,6 @@ class BenchMachine(RuleBasedStateMachine):
     @rule(name=st.sampled_from(INSTANCES), pin=st.sampled_from(("EN_R", "CONT")), value=st.booleans())
     def set_pin(self, name: str, pin: str, value: bool) -> None:
         self.do(f"set {name} {pin}={int(value)}")
-
-    @rule(name=st.sampled_from(INSTANCES))
-    def switch_on(self, name: str) -> None:
-        self.do(f"set {name} CONT=1 EN_R=1")
 
     @rule(name=st.sampled_from(INSTANCES), adhoc=st.booleans(), length=st.sampled_from((0, 1, 3, 5, 8, 70)))
     def set_mode(self, name: str, adhoc: bool, length: int) -> None:
@@ -134,7 +146,8 @@ class BenchMachine(RuleBasedStateMachine):
         before = self.bench.peers[peer].snapshot()
         cut = f" split={split} gap=T#10ms" if 0 < split < size else ""
         if not self.do(f"peer {peer} send hex {payload.hex()}{cut}"):
-            self.sent[before.local] = self.sent.get(before.local, b"") + payload
+            ends = before.local, before.remote
+            self.sent[ends] = self.sent.get(ends, b"") + payload
 
     @rule(peer=st.sampled_from(PEERS), move=st.sampled_from(("stall", "resume")))
     def stall(self, peer: str, move: str) -> None:
@@ -148,9 +161,11 @@ class BenchMachine(RuleBasedStateMachine):
     def clear_faults(self) -> None:
         self.do("fault clear")
 
-    @rule(stop=st.booleans())
-    def stop_or_run(self, stop: bool) -> None:
-        self.do("plc stop" if stop else "plc run")
+    @rule(scans=st.integers(1, 20))
+    def stop_for_a_while(self, scans: int) -> None:
+        self.do("plc stop")
+        self.run(scans)
+        self.do("plc run")
 
     @rule(up=st.booleans())
     def link(self, up: bool) -> None:
@@ -188,8 +203,8 @@ class BenchMachine(RuleBasedStateMachine):
         delivered = set()
         for line in news:
             match line.event:
-                case ConnectionNote(name, incarnation, What.CONNECTED, _, peer):
-                    self.streams[name, incarnation] = Stream(peer)
+                case ConnectionNote(name, incarnation, What.CONNECTED, local, peer):
+                    self.streams[name, incarnation] = Stream((peer, local))
                 case BytesReceived(name, incarnation, _, offset, size):
                     stream = self.streams[name, incarnation]
                     assert offset == stream.received, "no byte lost or doubled"
@@ -213,5 +228,5 @@ class BenchMachine(RuleBasedStateMachine):
         assert stream.settled <= stream.received
 
     def check_bytes(self, instance: str, name: str, incarnation: int, offset: int, size: int) -> None:
-        expected = self.sent[self.streams[name, incarnation].peer_end][offset : offset + size]
+        expected = self.sent[self.streams[name, incarnation].peer_ends][offset : offset + size]
         assert self.bench.runtime.data(DATA_OF[instance])[:size] == expected

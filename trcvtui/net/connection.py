@@ -294,7 +294,7 @@ class Connection:
         assert self.handle is not None
         removed = self._kernel.poll_del(self.handle)
         # On Linux SO_LINGER and close succeed on a dead socket: only this probe can fail (2.3, 80A3).
-        probed = self._kernel.shutdown(self.handle)
+        probed = self._kernel.probe(self.handle)
         self.drop(-1, self.unread(), "COM_RST")
         freed = self._kernel.abort(self.handle)
         fault = removed or probed or freed

@@ -251,6 +251,10 @@ class FaultyKernel:
         """Send FIN; a planned fault sends none."""
         return self._take("shutdown", handle) or self.inner.shutdown(handle, both)
 
+    def probe(self, handle: Handle) -> Fault | None:
+        """Answer as `shutdown` would; a fault planned for shutdown hits the probe."""
+        return self._take("shutdown", handle) or self.inner.probe(handle)
+
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle, also when it is made to fail."""
         fault = self._take("abort", handle)

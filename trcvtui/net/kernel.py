@@ -166,6 +166,10 @@ class Kernel(Protocol):
         """Send FIN; both=False keeps reading (half-close). ENOTCONN when the partner has reset."""
         ...
 
+    def probe(self, handle: Handle) -> Fault | None:
+        """Answer as `shutdown` would (ENOTCONN when the partner has reset), but put nothing on the wire."""
+        ...
+
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle; leaves no TIME_WAIT. Frees the handle even when it answers a Fault."""
         ...

@@ -303,6 +303,10 @@ class OsKernel:
         how = socket.SHUT_RDWR if both else socket.SHUT_WR
         return self._do("shutdown", handle, lambda sock: sock.shutdown(how))
 
+    def probe(self, handle: Handle) -> Fault | None:
+        """Answer as `shutdown` would; ending only the receiving side puts nothing on the wire."""
+        return self._do("shutdown", handle, lambda sock: sock.shutdown(socket.SHUT_RD))
+
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle."""
         fault = self._do("abort", handle, lambda s: s.setsockopt(BASE, socket.SO_LINGER, RESET_ON_CLOSE))

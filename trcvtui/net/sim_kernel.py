@@ -250,6 +250,11 @@ class SimKernel:
         socket = self._sockets.get(handle)
         return _fault("shutdown", "EBADF" if socket is None else socket.shut(both))
 
+    def probe(self, handle: Handle) -> Fault | None:
+        """Answer as `shutdown` would; nothing crosses the wire."""
+        socket = self._sockets.get(handle)
+        return _fault("shutdown", "EBADF" if socket is None else socket.probe())
+
     def abort(self, handle: Handle) -> Fault | None:
         """Send RST and free the handle."""
         return self._free("abort", handle)

@@ -150,6 +150,10 @@ class SimSocket:
             return LOOPBACK
         return remote if self._wire.owns(remote) else self._wire.addresses[0]
 
+    def probe(self) -> str:
+        """Return what `shut` would answer, without a FIN."""
+        return "ENOTCONN" if self.stream is None or self.stream.phase is Phase.OVER else ""
+
     def shut(self, both: bool) -> str:
         """Send FIN; a listener stops to listen when reading is shut as well."""
         if self.stream is not None:

@@ -1,0 +1,56 @@
+"""Run scenario files inside the test process, as `trcvtui scenario` does."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.live_pace import LivePace
+from trcvtui.rig.report import JsonLines
+from trcvtui.rig.runner import Runner, Verdict, VirtualPace
+from trcvtui.rig.scenario import load_scenario
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BAOSKY = sorted((CONFIGS / "scenarios" / "baosky").glob("*.toml"))
+SIM_ONLY = sorted((CONFIGS / "scenarios" / "sim").glob("*.toml"))
+
+
+@dataclass(frozen=True)
+class Played:
+    """What one run gave: the verdict, the jsonl text, the ledger's words."""
+
+    verdict: Verdict
+    text: str
+    injected: frozenset[int]
+    real: frozenset[int]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the jsonl records without the scenario's own line."""
+        return [json.loads(line) for line in self.text.splitlines()][:-1]
+
+
+def play(path: Path, kernel: str) -> Played:
+    """Run one scenario; every handle must be free afterwards."""
+    from trcvtui.plc.ledger import StatusEdge
+
+    scenario = load_scenario(path)
+    bench = Bench(scenario.project, kernel)
+    out = io.StringIO()
+    report = JsonLines(out.write, bench.runtime.interval_ns)
+    pace = LivePace() if kernel == "live" else VirtualPace()
+    verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
+    report.verdict(verdict)
+    edges = [line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+    bench.close()
+    assert bench.leaks() == ()
+    injected = frozenset(edge.status for edge in edges if edge.cause.injected)
+    return Played(verdict, out.getvalue(), injected, frozenset(e.status for e in edges) - injected)
+
+
+def failures(verdict: Verdict) -> str:
+    """Return what failed, one line each."""
+    return "\n".join(f"step {f.step}: {f.line}\n    found {f.found}" for f in verdict.failures)

@@ -1,0 +1,94 @@
+"""`--set PATH=VALUE`: checked like what stands in the file, but named by its path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.plc.project import Project
+from trcvtui.plc.project_file import read_project
+
+PORT = "a whole number from 0 to 65535"
+FORMS = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
+RETRY = "a duration such as T#1s500ms, not negative"
+
+DOCUMENT: dict[str, Any] = {
+    "dialect": "baosky",
+    "options": {"retry": "T#1s"},
+    "data": [{"name": "rx", "type": "INT"}],
+    "connect": [{"name": "C1", "LocalPort": 1}],
+    "instance": [{"name": "X", "block": "TRCV_C", "connect": "C1", "LEN": 1}],
+    "peer": [{"name": "P", "active": True, "remote": "@C1"}],
+}
+
+
+def read(*overrides: str) -> Project:
+    return read_project(DOCUMENT, "b.toml", Path("."), overrides)
+
+
+@pytest.mark.parametrize(
+    ("override", "look", "value"),
+    [
+        ("connect.C1.LocalPort=2000", lambda p: p.connects[0].local.port, 2000),
+        ("connect.C1.LocalPort=16#10", lambda p: p.connects[0].local.port, 16),
+        ("connect.C1.RemotePort=@P", lambda p: p.connects[0].remote_port, "@P"),
+        ("connect.C1.RemotePort=5", lambda p: p.connects[0].remote_port, 5),
+        ("connect.C1.LocalAddress=127.0.0.1", lambda p: p.connects[0].local.address, "127.0.0.1"),
+        ("connect.C1.ActiveEstablished=TRUE", lambda p: p.connects[0].active, True),
+        ("options.retry=T#100ms", lambda p: p.options["retry"], 100_000_000),
+        ("options.com_rst_autoclear=0", lambda p: p.options["com_rst_autoclear"], False),
+        ("options.max_len=65536", lambda p: p.rules.max_len, 65536),
+        ("instance.X.LEN=4", lambda p: p.instances[0].inputs, (("LEN", 4),)),
+        ("instance.X.ADHOC=1", lambda p: p.instances[0].inputs, (("LEN", 1), ("ADHOC", True))),
+        ("instance.X.data=rx", lambda p: p.instances[0].data, "rx"),
+        ("data.rx.type=ARRAY[0..9] OF BYTE", lambda p: p.data[0].size, 10),
+        ("peer.P.remote=127.0.0.1:7", lambda p: p.peers[0].end.port, 7),
+        ("task.MAIN.interval=T#1ms", lambda p: p.tasks[0].interval_ns, 1_000_000),
+        ("model=T3", lambda p: p.connection_limit, 8),
+        ("start=set X CONT=1", lambda p: p.start, "set X CONT=1"),
+        ("sim.seed=7", lambda p: p.sim.seed, 7),
+        ("sim.addresses=10.0.0.1,10.0.0.2", lambda p: p.sim.addresses, ("10.0.0.1", "10.0.0.2")),
+    ],
+)
+def test_a_value_is_set(override: str, look: Any, value: Any) -> None:
+    assert look(read(override)) == value
+
+
+def test_the_last_of_two_wins_and_the_document_stays_as_it_was() -> None:
+    assert read("connect.C1.LocalPort=2", "connect.C1.LocalPort=3").connects[0].local.port == 3
+    assert DOCUMENT["connect"][0]["LocalPort"] == 1
+    assert read().options["retry"] == 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("connect.C1.LocalPort=70000", f"--set connect.C1.LocalPort: found '70000', expected {PORT}"),
+        ("connect.C1.LocalPort=", f"--set connect.C1.LocalPort: found '', expected {PORT}"),
+        ("connect.C1.LocalPrt=1", "--set connect.C1.LocalPrt: found an unknown key, expected LocalPort"),
+        ("connect.C2.LocalPort=1", "--set connect.C2.LocalPort: found 'C2', expected C1"),
+        ("connect.C1.RemotePort=@Q", "--set connect.C1.RemotePort: found 'Q', expected one of P, C1"),
+        ("instance.X.ADHOC=yes", "--set instance.X.ADHOC: found 'yes', expected true or false"),
+        ("instance.X.connect=C9", "--set instance.X.connect: found 'C9', expected C1"),
+        ("instance.X.name=Y", f"--set instance.X.name: found 'instance.X.name', expected {FORMS}"),
+        ("options.retry=1s", f"--set options.retry: found '1s', expected {RETRY}"),
+        ("data.rx.type=NIX", "--set data.rx.type:1:1: found 'NIX', expected a known type"),
+        ("model=T9", "--set model: found 'T9', expected one of T3, T4"),
+        (
+            "colour=1",
+            "--set colour: found 'colour', expected one of dialect, model, start, options, sim, "
+            "task, data, connect, instance, peer",
+        ),
+        ("conect.C1.LocalPort=1", "--set conect.C1.LocalPort: found 'conect', expected connect"),
+        ("connect.C1=1", f"--set connect.C1: found 'connect.C1', expected {FORMS}"),
+        ("x", f"--set: found 'x', expected {FORMS}"),
+        ("=1", f"--set: found '=1', expected {FORMS}"),
+    ],
+)
+def test_a_mistake_is_named_by_its_path(override: str, said: str) -> None:
+    with pytest.raises(UserError) as caught:
+        read(override)
+    assert caught.value.lines() == [said]

@@ -71,9 +71,9 @@ class BenchApp(App[None]):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield everything that can be done, by name."""
-        from trcvtui.tui.palette import commands  # read when first asked for
+        from trcvtui.tui.palette import Reach, commands  # read when first asked for
 
-        yield from commands(self)
+        yield from commands(Reach(self.scene, self.main, self.submit))
         yield SystemCommand("Theme", "another look", self.action_change_theme)
         yield SystemCommand("Screenshot", "save the screen as an SVG file", self.deliver_screenshot)
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)

@@ -21,6 +21,10 @@ class PromptWanted(Message):
         self.text = text
 
 
+class PromptClosed(Message):
+    """The prompt was closed: the focus goes back to where it was."""
+
+
 class InstanceSelected(Message):
     """The instance that the panes show shall be `name`."""
 

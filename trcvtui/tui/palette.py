@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import Final, NamedTuple
 
 from textual.app import SystemCommand
 
 from trcvtui.tui.formatting import plain
+from trcvtui.tui.messages import InstanceSelected, PeerSelected
 from trcvtui.tui.peer_commands import SEND, buttons_for
-
-if TYPE_CHECKING:
-    from trcvtui.tui.app import BenchApp
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.screens.main import MainScreen
 
 PANES: Final = {
     1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",
 }  # fmt: skip
 
 
-def commands(app: BenchApp) -> Iterator[SystemCommand]:
+class Reach(NamedTuple):
+    """What the commands may reach."""
+
+    scene: Scene
+    main: MainScreen
+    submit: Callable[[str], None]
+
+
+def commands(bench: Reach) -> Iterator[SystemCommand]:
     """Yield the commands that make sense now."""
-    yield from _of_scans(app)
-    yield from _of_block(app)
-    yield from _of_peer(app)
-    yield from _of_instances(app)
-    yield from _of_screen(app)
+    yield from _of_scans(bench)
+    yield from _of_block(bench)
+    yield from _of_peer(bench)
+    yield from _of_instances(bench)
+    yield from _of_screen(bench)
 
 
-def _of_scans(app: BenchApp) -> Iterator[SystemCommand]:
+def _of_scans(bench: Reach) -> Iterator[SystemCommand]:
     for title, key, line in (
         ("Hold the scans", "space", "hold"),
         ("Let the scans go on", "space", "go"),
@@ -36,61 +44,57 @@ def _of_scans(app: BenchApp) -> Iterator[SystemCommand]:
         ("PLC to RUN", "", "plc run"),
         ("Clear all faults", "", "fault clear"),
     ):
-        yield SystemCommand(title, _said(line, key), partial(app.submit, line))
-    yield SystemCommand("One single scan", "run 1 · key .", app.main.action_single_scan)
+        yield SystemCommand(title, _said(line, key), partial(bench.submit, line))
+    yield SystemCommand("One single scan", "run 1 · key .", bench.main.action_single_scan)
 
 
-def _of_block(app: BenchApp) -> Iterator[SystemCommand]:
-    name = plain(app.scene.selected)
-    for pin in app.main.block.drawing().inputs:
+def _of_block(bench: Reach) -> Iterator[SystemCommand]:
+    name = plain(bench.scene.selected)
+    for pin in bench.main.block.drawing().inputs:
         title = f"{'Pulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
         about = f"{name}: {pin.text}" + (f" · key {pin.letter}" if pin.letter else "")
-        yield SystemCommand(title, about, partial(app.main.block.press, pin.letter))
+        yield SystemCommand(title, about, partial(bench.main.block.press, pin.letter))
 
 
-def _of_peer(app: BenchApp) -> Iterator[SystemCommand]:
-    peer = app.scene.peer_snapshot
+def _of_peer(bench: Reach) -> Iterator[SystemCommand]:
+    peer = bench.scene.peer_snapshot
     if peer is None:
         return
-    for button in buttons_for(bool(app.scene.snapshot and app.scene.snapshot.faults)):
-        line = app.main.peer.composer.line or "the payload" if button.letter == SEND else button.line(peer)
-        press = partial(app.main.peer.action_button, button.letter)
+    for button in buttons_for(bool(bench.scene.snapshot and bench.scene.snapshot.faults)):
+        line = bench.main.peer.composer.line or "the payload" if button.letter == SEND else button.line(peer)
+        press = partial(bench.main.peer.action_button, button.letter)
         yield SystemCommand(f"Peer {plain(peer.name)}: {button.label(peer)}", plain(line), press)
-    for other in app.scene.peers:
+    for other in bench.scene.peers:
         if other.name != peer.name:
             yield SystemCommand(
-                f"Peer {plain(other.name)}", "speak for this peer", partial(_peer, app, other.name)
+                f"Peer {plain(other.name)}", "speak for this peer", partial(_peer, bench, other.name)
             )
 
 
-def _of_instances(app: BenchApp) -> Iterator[SystemCommand]:
-    for instance in app.scene.instances:
-        if instance.name != app.scene.selected:
+def _of_instances(bench: Reach) -> Iterator[SystemCommand]:
+    for instance in bench.scene.instances:
+        if instance.name != bench.scene.selected:
             about = f"select this instance of {instance.block}"
             yield SystemCommand(
-                f"Instance {plain(instance.name)}", about, partial(_select, app, instance.name)
+                f"Instance {plain(instance.name)}", about, partial(_select, bench, instance.name)
             )
 
 
-def _of_screen(app: BenchApp) -> Iterator[SystemCommand]:
+def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     for digit, name in PANES.items():
-        yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(app.main.action_pane, digit))
-    yield SystemCommand("Zoom the pane", "alone on the screen, and back · key M", app.main.action_zoom)
-    yield SystemCommand("Command line", "type a bench command · key :", app.main.action_prompt)
-    yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", app.main.action_help)
+        yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
+    yield SystemCommand("Zoom the pane", "alone on the screen, and back · key M", bench.main.action_zoom)
+    yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
+    yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
 
 
 def _said(line: str, key: str) -> str:
     return f"{line} · key {key}" if key else line
 
 
-def _select(app: BenchApp, name: str) -> None:
-    from trcvtui.tui.messages import InstanceSelected
-
-    app.main.post_message(InstanceSelected(name))
+def _select(bench: Reach, name: str) -> None:
+    bench.main.post_message(InstanceSelected(name))
 
 
-def _peer(app: BenchApp, name: str) -> None:
-    from trcvtui.tui.messages import PeerSelected
-
-    app.main.post_message(PeerSelected(name))
+def _peer(bench: Reach, name: str) -> None:
+    bench.main.post_message(PeerSelected(name))

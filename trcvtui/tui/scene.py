@@ -13,6 +13,7 @@ from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.rig.picture import Answer, PeerSnapshot, Picture, PictureRequest
 from trcvtui.tui.afterglow import Afterglow
 from trcvtui.tui.history import History
+from trcvtui.tui.provenance import Provenance
 
 MOST_LINES: Final = 400
 
@@ -25,6 +26,7 @@ class Scene:
         self.picture: Picture | None = None
         self.history = History()
         self.afterglow = Afterglow()
+        self.provenance = Provenance()
         self.selected = project.instances[0].name if project.instances else ""
         self.peer = project.peers[0].name if project.peers else ""
         self.answers: dict[int, Answer] = {}
@@ -36,6 +38,7 @@ class Scene:
         """Make this the newest picture."""
         self.picture = picture
         for line in picture.lines:
+            self.provenance.note(line)
             if isinstance(line.event, StatusEdge):
                 self.history.note(line, line.event)
                 self.afterglow.note(line.scan, line.t_ns, line.event)

@@ -128,12 +128,16 @@ class MainScreen(Screen[None]):
 
     def on_line_submitted(self, message: messages.LineSubmitted) -> None:
         """Send a bench command."""
-        self._give_focus_back()
         self._submit(message.line)
 
     async def on_prompt_wanted(self, message: messages.PromptWanted) -> None:
         """Open the prompt with a beginning."""
         await self._open_prompt(message.text)
+
+    def on_prompt_closed(self) -> None:
+        """Give the focus back."""
+        before, self._focus_before_prompt = self._focus_before_prompt, None
+        (before or self.instances).focus()
 
     def on_instance_selected(self, message: messages.InstanceSelected) -> None:
         """Let all panes follow another instance."""
@@ -162,11 +166,13 @@ class MainScreen(Screen[None]):
         self.table.of_job = message.of_job
         self._link_decoded(self.table.field_at(message.offset))
         self.table.show()
+        self.received.show()
 
     def on_field_selected(self, message: messages.FieldSelected) -> None:
         """Show the bytes of a member."""
         self._link_decoded(message.field)
         self._decoded_view().go_to(message.field.start)
+        self.received.show()
 
     def _decoded_view(self) -> HexView:
         return self.received.job if self.table.of_job else self.received.data
@@ -238,11 +244,6 @@ class MainScreen(Screen[None]):
     async def _open_prompt(self, text: str) -> None:
         self._focus_before_prompt = self.focused
         await self.prompt.open(text)
-
-    def _give_focus_back(self) -> None:
-        before, self._focus_before_prompt = self._focus_before_prompt, None
-        if before is not None:
-            before.focus()
 
     def action_calm(self) -> None:
         """Leave what was opened: the zoom, the past."""

@@ -91,14 +91,6 @@ class ButtonLine(LineView):
         self.hover = None
         self.show()
 
-    def on_focus(self) -> None:
-        """Show the cursor."""
-        self.show()
-
-    def on_blur(self) -> None:
-        """Hide the cursor."""
-        self.show()
-
     def _index_at(self, event: events.MouseEvent) -> int | None:
         place, left = self.place_of(event), 0
         if place is None:

@@ -27,7 +27,7 @@ class HexView(LineView):
 
     def __init__(self, id: str, of_job: bool) -> None:
         super().__init__(id=id)
-        self._of_job = of_job
+        self.of_job = of_job
         self.content: bytes = b""
         self.need = 0
         self.cursor: int | None = None
@@ -133,7 +133,7 @@ class HexView(LineView):
         if not self.need:
             return
         self.go_to(offset)
-        self.post_message(ByteSelected(offset, self._of_job))
+        self.post_message(ByteSelected(offset, self.of_job))
 
     def on_click(self, event: events.Click) -> None:
         """Select the byte under the mouse, in either column."""
@@ -156,11 +156,7 @@ class HexView(LineView):
     def on_focus(self) -> None:
         """Show the cursor, and make this view the one that the table decodes."""
         self.show()
-        self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self._of_job))
-
-    def on_blur(self) -> None:
-        """Show the cursor as a mark."""
-        self.show()
+        self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self.of_job))
 
 
 def _merged(parts: list[Part]) -> list[Part]:

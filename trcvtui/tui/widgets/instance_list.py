@@ -7,7 +7,7 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
-from trcvtui.tui.afterglow import DONE, ERROR
+from trcvtui.tui.afterglow import DONE, ERROR, Pulse
 from trcvtui.tui.formatting import age, bar, clip, lamp, plain, status_word
 from trcvtui.tui.messages import InstanceSelected
 from trcvtui.tui.scene import Scene
@@ -36,6 +36,7 @@ class InstanceList(LineView):
     def __init__(self, scene: Scene) -> None:
         super().__init__(id="instances")
         self._scene = scene
+        self._columns = self._measure()
 
     def row_count(self) -> int:
         """Return the number of instances."""
@@ -44,6 +45,7 @@ class InstanceList(LineView):
     def show(self) -> None:
         """Repaint what changed; the title names the CONNECT budget when it gets tight."""
         self.set_title(1, "Instances")
+        self._columns = self._measure()
         super().show()
 
     def row_at(self, y: int) -> Row:
@@ -51,9 +53,9 @@ class InstanceList(LineView):
         instances = self._scene.instances
         if y >= len(instances):
             return row((f"  {plain(self._scene.project.instances[y].name)}", "dim"))
-        return self._row(instances[y], self._columns())
+        return self._row(instances[y], self._columns)
 
-    def _columns(self) -> Columns:
+    def _measure(self) -> Columns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
         name = min(max((len(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         partners = (len(_partner(self._scene.connection_of(i), roomy)) for i in shown)
@@ -90,15 +92,31 @@ class InstanceList(LineView):
         ]
 
     def _progress(self, instance: InstanceSnapshot, columns: Columns) -> list[Part]:
+        pulse = self._newest_pulse(instance)
         if not columns.bar:
-            return [(f" {instance.have}/{instance.need}" if instance.need else "", "")]
+            have = f" {instance.have}/{instance.need}" if instance.need else ""
+            return [(have, ""), (f" ◂{pulse.scan}" if pulse else "", "glow")]
+        parts: list[Part] = [(" " * (BAR + 3), "")]
+        if instance.need:
+            full, empty = bar(instance.have, instance.need, BAR)
+            parts = [
+                ("  ", ""),
+                (full, "busy"),
+                (empty, "faint"),
+                (f" {instance.have}/{instance.need} B", ""),
+            ]
+        if pulse is not None:
+            return [*parts, (f"  ◂ scan {pulse.scan}", "glow")]
         last = instance.last_receive_ns
-        ago = f"last byte {age(self._scene.t_ns - last)} ago" if last is not None else ""
-        if not instance.need:
-            return [(" " * (BAR + 3), ""), (ago, "dim")]
-        full, empty = bar(instance.have, instance.need, BAR)
-        numbers = f" {instance.have}/{instance.need} B "
-        return [("  ", ""), (full, "busy"), (empty, "faint"), (numbers, ""), (ago, "dim")]
+        return [
+            *parts,
+            (f"  last byte {age(self._scene.t_ns - last)} ago" if last is not None else "", "dim"),
+        ]
+
+    def _newest_pulse(self, instance: InstanceSnapshot) -> Pulse | None:
+        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        pulses = [glow(instance.name, lamp_name, now) for lamp_name in (DONE, ERROR)]
+        return max((pulse for pulse in pulses if pulse), key=lambda pulse: pulse.scan, default=None)
 
     # -- choosing -----------------------------------------------------------------------------------
 

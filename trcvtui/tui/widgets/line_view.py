@@ -179,6 +179,14 @@ class LineView(ScrollView, can_focus=True):
         """Draw anew: rows may have changed while the pane was out of sight, and lines break elsewhere."""
         self.show()
 
+    def on_focus(self) -> None:
+        """Show the cursor."""
+        self.show()
+
+    def on_blur(self) -> None:
+        """Show the cursor as a mark, or not at all."""
+        self.show()
+
     def set_title(self, digit: int | None, name: str, detail: str = "") -> None:
         """Write digit, name and detail into the border, as text."""
         title = f"{digit} {name} {detail}"

@@ -89,14 +89,6 @@ class PeerList(LineView):
         self.post_message(PeerSelected(self._scene.peers[y].name))
         self.keep_in_view(y)
 
-    def on_focus(self) -> None:
-        """Show the cursor."""
-        self.show()
-
-    def on_blur(self) -> None:
-        """Show the cursor as a mark."""
-        self.show()
-
 
 def _ends(peer: PeerSnapshot, roomy: bool) -> str:
     if peer.state != "connected":

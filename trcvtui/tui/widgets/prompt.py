@@ -12,7 +12,7 @@ from textual.widgets import Input, Static
 
 from trcvtui.rig.picture import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
-from trcvtui.tui.messages import LineSubmitted
+from trcvtui.tui.messages import LineSubmitted, PromptClosed
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
@@ -128,6 +128,7 @@ class Prompt(Vertical):
     def close(self) -> None:
         """Close the command line; the pane that had the focus gets it back."""
         self._open_line.display, self._echo.display = False, True
+        self.post_message(PromptClosed())
 
     def _fill(self, text: str) -> None:
         if self._input is not None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from textual.containers import Vertical
+from textual.content import Content
 from textual.widget import Widget
 
 from trcvtui.plc.snapshot import InstanceSnapshot
@@ -63,6 +64,7 @@ class Received(Vertical):
         self.job = HexView("job", of_job=True)
         self._line = JobLine(scene)
         self._title = ""
+        self._subtitle = ""
         self._job_rows = 0
 
     def compose(self) -> Iterator[Widget]:
@@ -82,8 +84,32 @@ class Received(Vertical):
         self._size_job(instance)
         grown = len(self._scene.partial) > len(self.job.content)
         self.job.show_bytes(self._scene.partial, instance.need)
+        self._show_origin()
         if grown and not self.job.has_focus:
             self.job.keep_in_view(max(0, len(self._scene.partial) - 1) // self.job.per_row)
+
+    def _show_origin(self) -> None:
+        view = self.job if self.job.has_focus else self.data
+        byte = view.cursor
+        text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
+        if text != self._subtitle:
+            self._subtitle = text
+            self.border_subtitle = Content(text)
+
+    def _origin(self, view: HexView, byte: int) -> str:
+        value = view.content[byte]
+        text = f"byte {byte} = 16#{value:02X} = {value}"
+        origin = self._scene.provenance.origin(self._scene.selected, view.of_job, byte)
+        if origin is None:
+            return text
+        text += f" · job {origin.job.number}"
+        if origin.recv is not None:
+            text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
+        if origin.message is not None:
+            text += (
+                f" · {plain(origin.message.peer)} message {origin.message.number} byte {origin.message_byte}"
+            )
+        return text
 
     def on_resize(self) -> None:
         """Other widths hold other numbers of bytes in a line."""

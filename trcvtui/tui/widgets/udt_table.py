@@ -166,14 +166,6 @@ class UdtTable(LineView):
         leaf = declared.layout.leaf(number)
         self.post_message(FieldSelected(range(leaf.offset, leaf.offset + leaf.size)))
 
-    def on_focus(self) -> None:
-        """Show the cursor."""
-        self.show()
-
-    def on_blur(self) -> None:
-        """Show the cursor as a mark."""
-        self.show()
-
 
 def _split(path: str, before: str) -> tuple[str, str]:
     """Return the part of a path that the row above has too, up to its last dot, and the rest."""

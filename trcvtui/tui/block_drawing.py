@@ -1,0 +1,86 @@
+"""A function block as a drawing: its pins on both sides, as the project names them for the block."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from trcvtui.plc.project import Project
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.tui.afterglow import DONE, ERROR, Afterglow
+from trcvtui.tui.formatting import lamp, status_word
+from trcvtui.tui.keys import letters_of
+
+UNNAMED: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
+LAMP_STYLES: Final = {"ERROR": "error", "DONE": "done", "BUSY": "busy"}
+
+
+class DrawnPin(NamedTuple):
+    """A pin as the drawing needs it; `letter` toggles it, "" on an output."""
+
+    name: str
+    text: str
+    is_bool: bool
+    edge: bool
+    letter: str
+
+
+class Drawing(NamedTuple):
+    """Both sides of a block."""
+
+    inputs: tuple[DrawnPin, ...] = ()
+    outputs: tuple[DrawnPin, ...] = ()
+
+    @property
+    def name_width(self) -> int:
+        """Return the width of the longest input name."""
+        return max((len(pin.name) for pin in self.inputs), default=4)
+
+    @property
+    def height(self) -> int:
+        """Return the lines of the longer side."""
+        return max(len(self.inputs), len(self.outputs))
+
+
+def drawing_of(project: Project, block: str) -> Drawing:
+    """Return the drawing of a block."""
+    pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
+    letters = letters_of(pin.name for pin in pins if pin.direction != "out")
+    drawn = [
+        (pin.direction, DrawnPin(pin.name, pin.text, pin.is_bool, pin.edge, letters.get(pin.name, "")))
+        for pin in pins
+    ]
+    inputs = tuple(pin for direction, pin in drawn if direction != "out")
+    return Drawing(inputs, tuple(pin for direction, pin in drawn if direction == "out"))
+
+
+def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool) -> tuple[str, str]:
+    """Return the value of an output inside the box, and its style."""
+    value = (instance.pin(pin.name) if instance else None) or 0
+    if pin.is_bool:
+        style = LAMP_STYLES.get(pin.name, "on") if value else "glow" if glowing else ""
+        return f"{int(value)} {lamp(bool(value), glowing)}", style
+    if pin.name == "STATUS":
+        return status_word(value), _status_style(instance)
+    return str(int(value)), "glow" if glowing else ""
+
+
+def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: Afterglow, t_ns: int) -> str:
+    """Return what an output was for one scan a moment ago: its scan, RCVD_LEN, or STATUS."""
+    if instance is None:
+        return ""
+    done = None if instance.done else afterglow.glow(instance.name, DONE, t_ns)
+    error = None if instance.error else afterglow.glow(instance.name, ERROR, t_ns)
+    texts = {
+        "DONE": f"{done.scan}" if done else "",
+        "RCVD_LEN": f"{done.rcvd_len}" if done and done.rcvd_len is not None else "",
+        "ERROR": f"{error.scan}" if error else "",
+        "STATUS": f"{error.status:04X}" if error and error.status else "",
+    }
+    text = texts.get(pin.name, "")
+    return f" ◂{text}" if text else ""
+
+
+def _status_style(instance: InstanceSnapshot | None) -> str:
+    if instance is None:
+        return ""
+    return "error" if instance.error else "done" if instance.done else "strong"

@@ -1,0 +1,167 @@
+"""Where a byte came from: the job, the recv call, the scan and the peer's message, as the ledger tells it.
+
+Rule: what the ledger did not tell (lines skipped, a partner that is no peer here) is left out, not guessed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple, Protocol
+
+from trcvtui.plc.ledger import Line, PeerSent
+
+KEPT: Final = 2000
+
+
+class Span(NamedTuple):
+    """Bytes `offset` .. `offset + size` of a stream, by which recv call or message, in which scan."""
+
+    offset: int
+    size: int
+    number: int
+    scan: int
+    peer: str = ""
+
+
+class Job(NamedTuple):
+    """A receive job: what it began or ended with. `scan` is that of its end, of a running job its start."""
+
+    number: int
+    scan: int
+    link: tuple[str, int]
+    offset: int
+    size: int
+
+
+class Origin(NamedTuple):
+    """What is known of one byte; empty fields are not known."""
+
+    job: Job
+    recv: Span | None
+    message: Span | None
+    message_byte: int = 0
+
+
+class _Bytes(Protocol):
+    """The ledger's BytesReceived, JobEnded and JobStarted in what they share."""
+
+    @property
+    def connection(self) -> str: ...
+    @property
+    def incarnation(self) -> int: ...
+    @property
+    def offset(self) -> int: ...
+
+
+class _Recv(_Bytes, Protocol):
+    @property
+    def recv(self) -> int: ...
+    @property
+    def size(self) -> int: ...
+
+
+class _Started(_Bytes, Protocol):
+    @property
+    def instance(self) -> str: ...
+    @property
+    def job(self) -> int: ...
+    @property
+    def length(self) -> int: ...
+
+
+class _Ended(_Bytes, Protocol):
+    @property
+    def instance(self) -> str: ...
+    @property
+    def job(self) -> int: ...
+    @property
+    def size(self) -> int: ...
+    @property
+    def done(self) -> bool: ...
+
+
+class _Noted(Protocol):
+    @property
+    def connection(self) -> str: ...
+    @property
+    def incarnation(self) -> int: ...
+    @property
+    def what(self) -> str: ...
+    @property
+    def local(self) -> str: ...
+    @property
+    def peer(self) -> str: ...
+
+
+class Provenance:
+    """The ledger's lines about bytes, bounded. A link is (CONNECT, incarnation)."""
+
+    def __init__(self) -> None:
+        self._recvs: dict[str, tuple[int, deque[Span]]] = {}
+        self._sent: dict[tuple[str, str], deque[Span]] = {}
+        self._ends: dict[str, tuple[int, str, str]] = {}
+        self._delivered: dict[str, Job] = {}
+        self._running: dict[str, Job] = {}
+        # The classes live below the floors that the screen may import: they are known by name.
+        self._takers: dict[str, Callable[[int, Any], None]] = {
+            "PeerSent": self._message_sent,
+            "BytesReceived": self._bytes_received,
+            "JobStarted": self._job_started,
+            "JobEnded": self._job_ended,
+            "ConnectionNote": self._connection_noted,
+        }
+
+    def note(self, line: Line) -> None:
+        """Take one line of the ledger."""
+        take = self._takers.get(type(line.event).__name__)
+        if take is not None:
+            take(line.scan, line.event)
+
+    def _message_sent(self, scan: int, event: PeerSent) -> None:
+        spans = self._sent.setdefault((event.local, event.remote), deque(maxlen=KEPT))
+        spans.append(Span(event.offset, event.size, event.message, scan, event.peer))
+
+    def _bytes_received(self, scan: int, event: _Recv) -> None:
+        span = Span(event.offset, event.size, event.recv, scan)
+        self._recvs_of(event.connection, event.incarnation).append(span)
+
+    def _job_started(self, scan: int, event: _Started) -> None:
+        link = (event.connection, event.incarnation)
+        self._running[event.instance] = Job(event.job, scan, link, event.offset, event.length)
+
+    def _job_ended(self, scan: int, event: _Ended) -> None:
+        self._running.pop(event.instance, None)
+        if event.done:
+            link = (event.connection, event.incarnation)
+            self._delivered[event.instance] = Job(event.job, scan, link, event.offset, event.size)
+
+    def _connection_noted(self, scan: int, event: _Noted) -> None:
+        if event.what == "connected":
+            self._ends[event.connection] = (event.incarnation, event.local, event.peer)
+
+    def _recvs_of(self, connection: str, incarnation: int) -> deque[Span]:
+        if connection not in self._recvs or self._recvs[connection][0] != incarnation:
+            self._recvs[connection] = (incarnation, deque(maxlen=KEPT))
+        return self._recvs[connection][1]
+
+    def origin(self, instance: str, of_job: bool, byte: int) -> Origin | None:
+        """Return where byte number `byte` of DATA, or of the running job, came from."""
+        job = (self._running if of_job else self._delivered).get(instance)
+        if job is None or not 0 <= byte < job.size:
+            return None
+        place = job.offset + byte
+        message = self._message_at(job.link, place)
+        return Origin(job, self._recv_at(job.link, place), message, place - message.offset if message else 0)
+
+    def _recv_at(self, link: tuple[str, int], place: int) -> Span | None:
+        incarnation, spans = self._recvs.get(link[0], (0, deque[Span]()))
+        return _covering(spans, place) if incarnation == link[1] else None
+
+    def _message_at(self, link: tuple[str, int], place: int) -> Span | None:
+        incarnation, local, peer = self._ends.get(link[0], (0, "", ""))
+        return _covering(self._sent.get((peer, local), ()), place) if incarnation == link[1] else None
+
+
+def _covering(spans: deque[Span] | tuple[Span, ...], place: int) -> Span | None:
+    return next((s for s in reversed(spans) if s.offset <= place < s.offset + s.size), None)

@@ -1,4 +1,4 @@
-"""A Hypothesis machine that plays with a simulated bench: pins, peers, faults, STOP; and what must always hold."""
+"""A Hypothesis machine that plays with a simulated bench, and what must hold after every scan."""
 
 from __future__ import annotations
 
@@ -132,7 +132,9 @@ class BenchMachine(RuleBasedStateMachine):
     def reset(self, name: str) -> None:
         self.do(f"pulse {name} COM_RST")
 
-    @rule(peer=st.sampled_from(PEERS), move=st.sampled_from(("connect", "connect", "close", "rst", "shutdown")))
+    @rule(
+        peer=st.sampled_from(PEERS), move=st.sampled_from(("connect", "connect", "close", "rst", "shutdown"))
+    )
     def move_peer(self, peer: str, move: str) -> None:
         if move != "connect" or peer != "P2":
             self.do(f"peer {peer} {move}")

@@ -58,6 +58,6 @@ def test_every_status_of_trcv_c_is_reached_and_is_labelled_for_what_it_is() -> N
     missing = [row.word for row in rows if row.code not in reached]
     assert missing == []
     only_injected = [row.word for row in rows if reached[row.code] == {"injected"}]
-    # What no ordinary socket does (status-reproduction, section 1), and 8086 (it would take the process's last
-    # descriptor): everything else is brought about by its own condition.
+    # What no ordinary socket does (status-reproduction, section 1), and 8086 (it would take
+    # the process's last descriptor): everything else is brought about by its own condition.
     assert only_injected == ["16#8082", "16#8084", "16#8086", "16#8087"]

@@ -8,6 +8,7 @@ from typing import Final
 from trcvtui.net.kernel import Endpoint
 
 ANY_ADDRESS: Final = "0.0.0.0"
+ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
 SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system setting, 10 s
 
 
@@ -17,7 +18,7 @@ class ConnectConfig:
 
     name: str
     active: bool = False
-    local: Endpoint = Endpoint(ANY_ADDRESS, 0)
+    local: Endpoint = ANY_END
     remote_address: str = ANY_ADDRESS
     remote_port: int | str = 0
     send_delay_opt: bool = False

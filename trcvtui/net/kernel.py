@@ -18,7 +18,7 @@ from trcvtui.net.answers import WouldBlock as WouldBlock
 
 Handle = NewType("Handle", int)
 
-# The calls that a fault plan can make fail. `buffer` and `queue` are the PLC's own resources (net/resources.py).
+# The calls that a fault plan can make fail; `buffer` and `queue` are the PLC's own (net/resources.py).
 CALLS: Final = (
     "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "connect",
     "recv", "send", "shutdown", "abort", "close", "buffer", "queue",
@@ -134,7 +134,7 @@ class Kernel(Protocol):
         """Start to connect; None = pending, ask `connect_result`."""
         ...
 
-    def connect_result(self, handle: Handle) -> None | WouldBlock | Fault:
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return None when connected, WOULD_BLOCK while pending, the Fault exactly once."""
         ...
 
@@ -171,7 +171,7 @@ class Kernel(Protocol):
         ...
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle; leaves no TIME_WAIT. Frees the handle even when it answers a Fault."""
+        """Send RST and free the handle, also when it answers a Fault; leaves no TIME_WAIT."""
         ...
 
     def close(self, handle: Handle) -> Fault | None:

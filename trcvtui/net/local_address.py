@@ -1,4 +1,4 @@
-"""Whether LocalAddress is a usable address of this PLC: decided from the address list, not from errno (8081)."""
+"""Whether LocalAddress is a usable address of this PLC: the address list decides, not errno (8081)."""
 
 from __future__ import annotations
 

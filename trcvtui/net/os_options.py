@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import socket  # noqa: TID251 - the os_ files are one adapter
+import socket
 import struct
 import sys
 from collections.abc import Iterator

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-import select  # noqa: TID251 - the os_ files are one adapter
+import select
 from typing import Final, Protocol
 
 # poll and epoll share these numbers.

@@ -83,7 +83,7 @@ class Line:
 
 
 class Ledger:
-    """A bounded list of lines; the oldest are dropped and counted. `scan` and `t_ns` stamp what is written."""
+    """A bounded list of lines; the oldest are dropped. `scan` and `t_ns` stamp what is written."""
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
         self._lines: deque[Line] = deque(maxlen=keep)

@@ -1,4 +1,4 @@
-"""Real time for a live bench: a scan at each multiple of the interval, late ones never caught up in a burst."""
+"""Real time for a live bench: a scan at each multiple of the interval, never two in a burst."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from trcvtui.plc.snapshot import Snapshot
 
 @dataclass(frozen=True, slots=True)
 class PictureRequest:
-    """What the screen wants: the ledger's news after `since_seq`, and the bytes of these variables and jobs."""
+    """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs."""
 
     since_seq: int = 0
     data: tuple[str, ...] = ()

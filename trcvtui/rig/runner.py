@@ -79,7 +79,12 @@ class Trace:
 
     def __str__(self) -> str:
         """Return all runs in the notation of a trace pattern."""
-        return " ".join(collapse([scan] * min(count, 1)) + (f"{{{count}}}" if count > 1 else "") for scan, count in self._runs)
+        words = (f"{status:04X}{'!' * error}{_times(count)}" for (status, error), count in self._runs)
+        return " ".join(words)
+
+
+def _times(count: int) -> str:
+    return f"{{{count}}}" if count > 1 else ""
 
 
 class Runner:

@@ -38,9 +38,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     table.finish()
     if table.problems or text is None:
         raise UserError(table.problems)
-    return Scenario(
-        name, about, project, start_steps(project), tuple(parse_script(text, project, str(path)))
-    )
+    return Scenario(name, about, project, start_steps(project), tuple(parse_script(text, project, str(path))))
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:

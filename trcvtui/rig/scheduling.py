@@ -46,6 +46,6 @@ def _ask_slice() -> bool:
     number = _SYS_SCHED_SETATTR.get(platform.machine())
     if number is None:
         return False
-    # struct sched_attr: size, policy SCHED_OTHER, flags, nice, priority, runtime = the slice, deadline, period
+    # struct sched_attr: size, policy SCHED_OTHER, flags, nice, priority, slice, deadline, period
     attr = struct.pack("=IIQiIQQQ", 48, 0, 0, 0, 0, SLICE_NS, 0, 0)
     return bool(ctypes.CDLL(None, use_errno=True).syscall(number, 0, attr, 0) == 0)

@@ -112,7 +112,7 @@ def _open_screen(path: Path, kernel: str) -> int:
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     from trcvtui.rig.driver import start_engine
 
-    driver = start_engine(path, kernel)
+    driver = start_engine(project, kernel)
     try:
         from trcvtui.tui.app import run_app
 

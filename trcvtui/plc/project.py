@@ -21,6 +21,7 @@ from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Type
 
 DEFAULT_INTERVAL_NS: Final = 10_000_000
+DEFAULT_EVERY_NS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +60,18 @@ class InstanceDecl:
 class PeerDecl:
     """One partner. `end` is what an active peer connects to (`@C1`: where C1 listens), else where it listens.
 
-    `source` is the local end of an active peer, where the file gives one.
+    `source` is the local end of an active peer, where the file gives one. The rest is what the peer does by
+    itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
+    every `every_ns`; a message is written as behind `peer P1 send`.
     """
 
     name: str
     active: bool
     end: Endpoint | str
     source: Endpoint | None = None
+    reconnect_ns: int = 0
+    says: tuple[str, ...] = ()
+    every_ns: int = DEFAULT_EVERY_NS
 
 
 @dataclass(frozen=True, slots=True)

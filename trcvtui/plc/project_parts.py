@@ -13,13 +13,14 @@ from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, parse_reference
-from trcvtui.plc.project import DEFAULT_INTERVAL_NS, InstanceDecl, PeerDecl, SimDecl, Task
+from trcvtui.plc.project import DEFAULT_EVERY_NS, DEFAULT_INTERVAL_NS, InstanceDecl, PeerDecl, SimDecl, Task
 from trcvtui.plc.tables import (
     ADDRESS,
     ADDRESSES,
     DELAY,
     ENDPOINT,
     INTERVAL,
+    MESSAGES,
     PORT,
     TEXT,
     TRUTH,
@@ -143,8 +144,13 @@ def read_peer(table: Table) -> PeerDecl | None:
         if table.has("remote"):
             table.know("remote")
             table.wrong("remote", "an address to connect to", "active = true, or local alone")
+    reconnect = table.get("reconnect", DELAY, 0) if active else 0
+    says = table.get("says", MESSAGES, ())
+    every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     table.finish()
-    return PeerDecl(name, active, end, source) if name is not None and end is not None else None
+    if name is None or end is None:
+        return None
+    return PeerDecl(name, active, end, source, reconnect, says, every)
 
 
 def read_sim(table: Table) -> SimDecl:

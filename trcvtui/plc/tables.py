@@ -77,6 +77,12 @@ def _duration_from(least: int) -> Callable[[str], int | None]:
     return read
 
 
+def _texts(value: object) -> tuple[str, ...] | None:
+    texts = value if isinstance(value, list) else [value]
+    read = tuple(text for text in texts if isinstance(text, str))
+    return read if len(read) == len(texts) else None
+
+
 def parse_endpoint(text: str) -> Endpoint | None:
     """Return `127.0.0.1:2000` as an Endpoint, None when it is none."""
     address, colon, port = text.rpartition(":")
@@ -104,6 +110,7 @@ ADDRESSES: Final = Kind(
     'a list of IPv4 addresses such as ["10.0.0.1"]', _addresses, lambda text: _addresses(text.split(","))
 )
 PORT: Final = whole(0, 65535)
+MESSAGES: Final = Kind('a list of messages such as ["hex 01 02", "random 8"]', _texts, lambda text: (text,))
 
 
 class Table:

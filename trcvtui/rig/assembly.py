@@ -16,6 +16,7 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.peer import Peer
+from trcvtui.rig.routine import SelfActing, read_routines
 
 KERNELS: Final = ("sim", "live")
 
@@ -40,6 +41,9 @@ class Bench:
             decl.name: Peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write)
             for decl in project.peers
         }
+        self._self_acting = [
+            SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
+        ]
         for peer in self.peers.values():
             if not peer.decl.active:
                 peer.listen()
@@ -73,6 +77,8 @@ class Bench:
 
     def step_peers(self) -> None:
         """Let every peer take what has arrived and send what is due."""
+        for acting in self._self_acting:
+            acting.step(self.now)
         for peer in self.peers.values():
             peer.step(self.now)
 

@@ -7,9 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
+from trcvtui.plc.project import Project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.console import Console
 from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
+from trcvtui.rig.routine import read_routines
+from trcvtui.rig.scenario import start_steps
 
 LAST_WORDS_S: Final = 2.0
 
@@ -138,6 +141,8 @@ class LocalDriver:
         self.console.bench.close()
 
 
-def start_engine(path: Path, kernel: str, overrides: Sequence[str] = ()) -> EngineDriver:
-    """Start the engine for a project file that has been loaded without a mistake."""
-    return EngineDriver(path, kernel, overrides)
+def start_engine(project: Project, kernel: str) -> EngineDriver:
+    """Start the engine for a project; raise UserError for a mistake in its bench commands."""
+    start_steps(project)
+    read_routines(project)
+    return EngineDriver(project.path, kernel)

@@ -8,6 +8,7 @@ from typing import Final
 
 IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that begins with no digit"
 MOST_LISTED: Final = 12
+ALIKE: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -44,5 +45,5 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
     # Imported here: a file without mistakes does not pay for it.
     import difflib
 
-    found = difflib.get_close_matches(wrong.casefold()[:100], folded, n=1)
+    found = difflib.get_close_matches(wrong.casefold()[:100], folded, n=1, cutoff=ALIKE)
     return folded[found[0]] if found else None

@@ -70,6 +70,8 @@ def _members(braces: str, where: str) -> list[tuple[str, str]]:
 
 
 def _read_braces(text: str, at: int, where: str) -> tuple[list[tuple[str, str]], int]:
+    if text[at : at + 1] != "{":
+        raise mistake(where, shown(text[at:]), VALUES_FORM)
     empty = _EMPTY.match(text, at)
     if empty is not None:
         return [], empty.end()

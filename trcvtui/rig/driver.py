@@ -58,6 +58,11 @@ class EngineDriver:
         self._number = 0
         self._outstanding = False
 
+    @property
+    def pid(self) -> int | None:
+        """Return the number of the engine's process."""
+        return self._process.pid
+
     def submit(self, line: str) -> int:
         """Send one bench command line."""
         self._number += 1
@@ -69,6 +74,10 @@ class EngineDriver:
         if not self._outstanding:
             self._outstanding = True
             self._send(request)
+
+    def wait(self, seconds: float) -> None:
+        """Wait until a picture has arrived, at most so long."""
+        self._channel.poll(seconds)
 
     def picture(self) -> Picture | None:
         """Return the newest picture that has arrived."""
@@ -94,7 +103,7 @@ class EngineDriver:
             self._raise_last_words()
 
     def _raise_last_words(self) -> None:
-        while self._channel.poll(LAST_WORDS_S):
+        while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
             self._receive()
         raise EngineStopped("the engine has ended without a word")
 

@@ -258,6 +258,20 @@ def test_close_is_a_fin_even_with_unread_bytes(wire: Wire) -> None:
     assert wire.ending(other) == "FIN"
 
 
+def test_close_behind_the_partners_fin_leaves_the_listener_open(wire: Wire) -> None:
+    peer = wire.peer("P2", False)
+    peer.listen()
+    client = wire.client(peer)
+    wire.until(lambda: peer.state == "connected")
+    peer.stall()
+    write(wire, client, b"unread")
+    wire.kernel.close(client)
+    wire.step()
+    assert peer.state == "connected", "a stalled peer reads neither the bytes nor the FIN behind them"
+    peer.close()
+    assert peer.is_in("closed") and peer.is_in("listening") and peer.has_received(b"unread")
+
+
 def test_rst_is_a_reset_and_counts_as_closed(wire: Wire) -> None:
     peer, other = connected(wire)
     peer.rst()
@@ -270,7 +284,7 @@ def test_shutdown_sends_fin_and_goes_on_reading(wire: Wire) -> None:
     peer.shutdown()
     assert wire.ending(other) == "FIN"
     write(wire, other, b"still here")
-    wire.until(lambda: peer.inbox.count == 10)
+    wire.until(lambda: peer.traffic.inbox.count == 10)
     assert peer.is_in("connected")
     assert peer.send(PeerSend("P1", b"x"), wire.now) == "P1 has shut down its sending side"
     wire.kernel.close(other)
@@ -371,7 +385,7 @@ def test_a_stalled_peer_reads_nothing_until_it_resumes(wire: Wire) -> None:
     write(wire, other, b"wait")
     for _ in range(5):
         wire.step()
-    assert (peer.inbox.count, peer.snapshot().stalled) == (0, True)
+    assert (peer.traffic.inbox.count, peer.snapshot().stalled) == (0, True)
     peer.resume()
     wire.until(lambda: peer.has_received(b"wait"))
 
@@ -406,13 +420,13 @@ def test_a_stall_closes_the_partners_window(wire: Wire) -> None:
 def test_received_means_all_of_the_connection_or_all_since_it_last_held(wire: Wire) -> None:
     peer, other = connected(wire)
     write(wire, other, b"\x01\x02")
-    wire.until(lambda: peer.inbox.count == 2)
+    wire.until(lambda: peer.traffic.inbox.count == 2)
     assert not peer.has_received(b"\x01") and not peer.has_received(b"\x02")
     assert peer.has_received(b"\x01\x02")
     assert peer.has_received(b"\x01\x02"), "what has held holds until more arrives"
 
     write(wire, other, b"\x03")
-    wire.until(lambda: peer.inbox.count == 3)
+    wire.until(lambda: peer.traffic.inbox.count == 3)
     assert not peer.has_received(b"\x01\x02")
     assert peer.has_received(b"\x03")
     assert peer.has_received(b"\x01\x02\x03")
@@ -422,10 +436,10 @@ def test_what_is_kept_of_a_flood_is_bounded(wire: Wire) -> None:
     peer, other = connected(wire)
     for number in range(8):
         write(wire, other, bytes([number]) * 32768)
-        wire.until(lambda: peer.inbox.count == 32768 * (number + 1))  # noqa: B023 - called at once
+        wire.until(lambda: peer.traffic.inbox.count == 32768 * (number + 1))  # noqa: B023 - called at once
     snapshot = peer.snapshot()
     assert snapshot.bytes_received == 8 * 32768
-    assert peer.inbox.last == b"\x06" * 32768 + b"\x07" * 32768
+    assert peer.traffic.inbox.last == b"\x06" * 32768 + b"\x07" * 32768
     assert len(snapshot.last_received) == 4096
 
 

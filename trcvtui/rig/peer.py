@@ -9,25 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.net.kernel import (
-    WOULD_BLOCK,
-    Accepted,
-    Endpoint,
-    Fault,
-    Handle,
-    Kernel,
-    SocketOptions,
-)
-from trcvtui.plc.ledger import BenchNote, Event, PeerSent
+from trcvtui.net.kernel import Accepted, Endpoint, Fault, Handle, Kernel, SocketOptions
+from trcvtui.plc.ledger import BenchNote, Event
 from trcvtui.plc.project import PeerDecl
 from trcvtui.rig.bench_words import PeerSend
-from trcvtui.rig.inbox import Inbox
-from trcvtui.rig.outbox import Outbox
+from trcvtui.rig.peer_traffic import FIN, PeerTraffic
 from trcvtui.rig.picture import PeerSnapshot
 
 BACKLOG: Final = 4
-READ_BYTES: Final = 65536
-MOST_A_STEP: Final = 64  # reads and accepts: a flood costs bounded work between two scans
+MOST_ACCEPTS: Final = 64  # a flood of clients costs bounded work between two scans
 PEER_OPTIONS: Final = SocketOptions(nodelay=True)
 LAST_SHOWN: Final = 4096  # received bytes in a snapshot
 
@@ -44,14 +34,12 @@ class Peer:
         options: SocketOptions = PEER_OPTIONS,
     ) -> None:
         self.decl = decl
-        self.inbox = Inbox()
         self.stalled = False
+        self.traffic = PeerTraffic(decl.name, kernel, journal)
         self._kernel = kernel
         self._resolve = resolve
         self._journal = journal
         self._options = options
-        self._outbox = Outbox()
-        self._buffer = memoryview(bytearray(READ_BYTES))
         self._listener: Handle | None = None
         self._attempt: Handle | None = None
         self._handle: Handle | None = None
@@ -60,7 +48,7 @@ class Peer:
         self._local: Endpoint | None = None
         self._remote: Endpoint | None = None
         self._port = 0 if isinstance(decl.end, str) else decl.end.port
-        self._offset = self._messages = self._bytes_sent = 0
+        self._now = 0
 
     # -- what others ask -----------------------------------------------------------------------------
 
@@ -87,7 +75,7 @@ class Peer:
 
     def has_received(self, payload: bytes) -> bool:
         """Return whether exactly these bytes came on this connection, or since this last was true."""
-        return self.inbox.is_exactly(payload)
+        return self.traffic.inbox.is_exactly(payload)
 
     @property
     def listening_port(self) -> int | None:
@@ -96,7 +84,7 @@ class Peer:
 
     def settled(self) -> bool:
         """Return whether the local kernel has taken everything that was due so far."""
-        return self._handle is None or self._outbox.due(self._now) is None
+        return self._handle is None or not self.traffic.is_due(self._now)
 
     def snapshot(self) -> PeerSnapshot:
         """Return the frozen picture."""
@@ -107,11 +95,11 @@ class Peer:
             local=str(self._local or ""),
             remote=str(self._remote or ""),
             stalled=self.stalled,
-            messages_sent=self._messages,
-            bytes_sent=self._bytes_sent,
-            bytes_received=self.inbox.total,
-            pending=self._outbox.unsent,
-            last_received=self.inbox.last[-LAST_SHOWN:],
+            messages_sent=self.traffic.messages,
+            bytes_sent=self.traffic.bytes_sent,
+            bytes_received=self.traffic.inbox.total,
+            pending=self.traffic.unsent,
+            last_received=self.traffic.inbox.last[-LAST_SHOWN:],
         )
 
     # -- commands ------------------------------------------------------------------------------------
@@ -160,12 +148,7 @@ class Peer:
     def close(self) -> str:
         """Send FIN; without a connection, withdraw the attempt or stop to listen."""
         if self._handle is not None:
-            # Unread bytes would turn the FIN into a RST.
-            self._read(self._handle)
-        if self._handle is not None:
-            self._kernel.shutdown(self._handle)
-            self._kernel.close(self._handle)
-            self._end(("closed",), "closed")
+            self._close_connection(self._handle)
         elif self._attempt is not None:
             self._withdraw()
             self._note("attempt withdrawn")
@@ -174,6 +157,13 @@ class Peer:
             self._listener = None
             self._note("stopped listening")
         return ""
+
+    def _close_connection(self, handle: Handle) -> None:
+        self._read(handle)  # unread bytes would turn the FIN into a RST
+        if self._handle is not None:  # else the partner was faster
+            self._kernel.shutdown(handle)
+            self._kernel.close(handle)
+            self._end(("closed",), "closed")
 
     def rst(self) -> str:
         """Send RST; without a connection nothing is sent."""
@@ -214,8 +204,8 @@ class Peer:
             return f"{self.decl.name} is {self.state}, not connected"
         if self._half_closed:
             return f"{self.decl.name} has shut down its sending side"
-        self._outbox.put(send, now)
-        self._send_due()
+        self.traffic.put(send, now)
+        self._send_due(self._handle)
         return ""
 
     def end(self) -> None:
@@ -239,9 +229,7 @@ class Peer:
         if self._listener is not None:
             self._accept(self._listener)
         if self._handle is not None:
-            self._send_due()
-
-    _now = 0
+            self._send_due(self._handle)
 
     def _look(self) -> None:
         assert self._attempt is not None
@@ -255,7 +243,7 @@ class Peer:
             self._refused(str(verdict))
 
     def _accept(self, listener: Handle) -> None:
-        for _ in range(MOST_A_STEP):
+        for _ in range(MOST_ACCEPTS):
             got = self._kernel.accept(listener)
             if not isinstance(got, Accepted):
                 return
@@ -269,8 +257,8 @@ class Peer:
     def _connected(self, handle: Handle, remote: Endpoint) -> None:
         self._handle, self._remote = handle, remote
         self._local = self._kernel.local_end(handle)
-        self._half_closed, self._offset = False, 0
-        self.inbox.begin()
+        self._half_closed = False
+        self.traffic.begin(str(self._local or ""), str(remote))
         self._note("connected", f"{self._local} to {remote}")
 
     def _watch(self, handle: Handle) -> None:
@@ -282,42 +270,16 @@ class Peer:
             self._partner_closed(handle)
 
     def _read(self, handle: Handle) -> None:
-        for _ in range(MOST_A_STEP):
-            got = self._kernel.recv(handle, self._buffer)
-            if got is WOULD_BLOCK:
-                return
-            if isinstance(got, Fault):
-                self._lost(handle, got)
-                return
-            assert isinstance(got, int)
-            if got == 0:
-                self._partner_closed(handle)
-                return
-            self.inbox.take(self._buffer[:got])
+        ending = self.traffic.read(handle)
+        if isinstance(ending, Fault):
+            self._lost(handle, ending)
+        elif ending is FIN:
+            self._partner_closed(handle)
 
-    def _send_due(self) -> None:
-        while self._handle is not None:
-            chunk = self._outbox.due(self._now)
-            if chunk is None:
-                return
-            got = self._kernel.send(self._handle, chunk)
-            if got is WOULD_BLOCK:
-                return
-            if isinstance(got, Fault):
-                self._lost(self._handle, got)
-                return
-            assert isinstance(got, int)
-            self._sent(got)
-
-    def _sent(self, count: int) -> None:
-        size = self._outbox.message_begins
-        if size:
-            self._messages += 1
-            ends = str(self._local or ""), str(self._remote or "")
-            self._journal(PeerSent(self.decl.name, self._messages, *ends, self._offset, size))
-        self._offset += count
-        self._bytes_sent += count
-        self._outbox.taken(count, self._now)
+    def _send_due(self, handle: Handle) -> None:
+        fault = self.traffic.send_due(handle, self._now)
+        if fault is not None:
+            self._lost(handle, fault)
 
     # -- ends ----------------------------------------------------------------------------------------
 
@@ -335,7 +297,7 @@ class Peer:
         self._drop_unsent()
 
     def _drop_unsent(self) -> None:
-        unsent = self._outbox.clear()
+        unsent = self.traffic.drop_unsent()
         if unsent:
             self._note("not sent", f"{unsent} bytes")
 

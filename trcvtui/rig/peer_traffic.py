@@ -1,0 +1,97 @@
+"""The bytes of one peer: what comes in is read, what is due goes out and is told to the journal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from typing import Final
+
+from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle, Kernel
+from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.rig.bench_words import PeerSend
+from trcvtui.rig.inbox import Inbox
+from trcvtui.rig.outbox import Outbox
+
+READ_BYTES: Final = 65536
+MOST_READS: Final = 64  # a flood costs bounded work between two scans
+
+
+class Fin(Enum):
+    """The partner's FIN."""
+
+    FIN = "FIN"
+
+
+FIN: Final = Fin.FIN
+
+
+class PeerTraffic:
+    """What one peer sends and receives, over all of its connections; counters in bytes."""
+
+    def __init__(self, name: str, kernel: Kernel, journal: Callable[[Event], None]) -> None:
+        self.inbox = Inbox()
+        self.messages = self.bytes_sent = 0
+        self._name = name
+        self._kernel = kernel
+        self._journal = journal
+        self._outbox = Outbox()
+        self._buffer = memoryview(bytearray(READ_BYTES))
+        self._ends = ("", "")
+        self._offset = 0  # in the sent stream of this connection
+
+    def begin(self, local: str, remote: str) -> None:
+        """Begin with a new connection between these ends."""
+        self._ends, self._offset = (local, remote), 0
+        self.inbox.begin()
+
+    def read(self, handle: Handle) -> Fault | Fin | None:
+        """Read what has arrived; return how the connection has ended, None while it stands."""
+        for _ in range(MOST_READS):
+            got = self._kernel.recv(handle, self._buffer)
+            if got is WOULD_BLOCK:
+                return None
+            if isinstance(got, Fault):
+                return got
+            assert isinstance(got, int)
+            if got == 0:
+                return FIN
+            self.inbox.take(self._buffer[:got])
+        return None
+
+    def put(self, send: PeerSend, now: int) -> None:
+        """Take one send command, behind those that are not finished."""
+        self._outbox.put(send, now)
+
+    def is_due(self, now: int) -> bool:
+        """Return whether something should have gone out that the stack has not taken."""
+        return self._outbox.due(now) is not None
+
+    def send_due(self, handle: Handle, now: int) -> Fault | None:
+        """Send what is due as far as the stack takes it; return the Fault that ends the connection."""
+        while (chunk := self._outbox.due(now)) is not None:
+            got = self._kernel.send(handle, chunk)
+            if got is WOULD_BLOCK:
+                return None
+            if isinstance(got, Fault):
+                return got
+            assert isinstance(got, int)
+            self._sent(got, now)
+        return None
+
+    def _sent(self, count: int, now: int) -> None:
+        size = self._outbox.message_begins
+        if size:
+            self.messages += 1
+            self._journal(PeerSent(self._name, self.messages, *self._ends, self._offset, size))
+        self._offset += count
+        self.bytes_sent += count
+        self._outbox.taken(count, now)
+
+    @property
+    def unsent(self) -> int:
+        """Return how many bytes are still to come, those of all repetitions included."""
+        return self._outbox.unsent
+
+    def drop_unsent(self) -> int:
+        """Forget what is still to come; return how many bytes that were."""
+        return self._outbox.clear()

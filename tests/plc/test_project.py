@@ -219,6 +219,12 @@ def test_a_scenario_file_may_name_another_file_as_its_project(folder: Path) -> N
         (SMALLEST, "s.toml: scenario: found nothing, expected a table [scenario] with steps"),
         (f"scenario = 3\n{SMALLEST}", "s.toml: scenario: found 3, expected a table [scenario] with steps"),
         (
+            SMALLEST + "model = 3",
+            "s.toml: scenario: found nothing, expected a table [scenario] with steps\n"
+            "s.toml: connect C1: model: found an unknown key, expected one of name, ActiveEstablished, "
+            "LocalAddress, LocalPort, RemoteAddress, RemotePort, SendDelayOpt, KeepAliveTimeInterval",
+        ),
+        (
             'project = "x.toml"\nmodel = "T3"\n[scenario]\n',
             's.toml: model: found an unknown key beside project = "...", expected one of project, scenario',
         ),
@@ -236,7 +242,7 @@ def test_a_mistake_in_the_frame_of_a_scenario(
     Path("s.toml").write_text(text)
     with pytest.raises(UserError) as caught:
         load_scenario_document("s.toml")
-    assert caught.value.lines() == [line]
+    assert caught.value.lines() == line.split("\n")
 
 
 def test_a_project_alone_knows_no_scenario_key() -> None:

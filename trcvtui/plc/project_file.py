@@ -34,18 +34,29 @@ def load_scenario_document(
     path = Path(path)
     document = read_toml(path)
     scenario = document.pop("scenario", None)
+    problems: list[Problem] = []
     if not isinstance(scenario, Mapping):
         found = "nothing" if scenario is None else shown(scenario)
-        raise UserError(Problem(f"{path}: scenario", found, "a table [scenario] with steps"))
+        problems.append(Problem(f"{path}: scenario", found, "a table [scenario] with steps"))
+    try:
+        project = _project_of(document, path, overrides)
+    except UserError as wrong:
+        problems += wrong.problems
+    if problems:
+        raise UserError(problems)
+    return project, scenario
+
+
+def _project_of(document: dict[str, Any], path: Path, overrides: Iterable[str]) -> Project:
     if "project" not in document:
-        return read_project(document, str(path), path.parent, overrides, also=("scenario",)), scenario
+        return read_project(document, str(path), path.parent, overrides, also=("scenario",))
     table = Table(document, str(path), [])
     other = table.read("project", TEXT)
     table.know("scenario")
     table.finish('key beside project = "..."')
     if table.problems or other is None:
         raise UserError(table.problems)
-    return load_project(path.parent / other, overrides), scenario
+    return load_project(path.parent / other, overrides)
 
 
 def read_project(

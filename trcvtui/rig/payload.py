@@ -31,17 +31,6 @@ def text_bytes(text: str, where: str = "text") -> bytes:
     return b"".join(parts)
 
 
-def text_of(payload: bytes) -> str:
-    """Return the text that `text_bytes` reads back to these bytes; whatever is not plain ASCII is escaped."""
-    names = {value: f"\\{letter}" for letter, value in ESCAPES.items() if letter != "'"}
-    parts = []
-    for number in payload:
-        byte = bytes((number,))
-        plain = chr(number) if 0x20 <= number < 0x7F else f"\\x{number:02X}"
-        parts.append(names.get(byte, plain))
-    return "".join(parts)
-
-
 def random_bytes(count: int, seed: int) -> bytes:
     """Return `count` bytes that depend on the seed alone."""
     return random.Random(seed).randbytes(count)

@@ -1,4 +1,4 @@
-"""The screen's side of the bench: lines in, answers and pictures out, in this process and from the engine's."""
+"""The screen's side of the bench: lines in, answers and pictures out, here and from the engine's process."""
 
 from __future__ import annotations
 

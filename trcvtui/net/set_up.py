@@ -227,7 +227,7 @@ class SetUp:
         fault = None
         if self.listener is not None:
             fault = self._kernel.close(self.listener)
-            self.listener = None
+            self.listener = self.local = None
         return self.free_attempt() or fault
 
     def free_attempt(self) -> Fault | None:

@@ -1,0 +1,89 @@
+"""The installed program in a pseudo-terminal: the demo, a bench with socat as the device, keys and prompt."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.e2e.terminal import TRCVTUI, Terminal, need
+from tests.rig.scenarios import CONFIGS
+
+PASSIVE = CONFIGS / "passive.toml"
+
+
+@pytest.fixture
+def terminals() -> Iterator[list[Terminal]]:
+    opened: list[Terminal] = []
+    yield opened
+    for terminal in opened:
+        terminal.close()
+
+
+def open_terminal(opened: list[Terminal], columns: int, rows: int, *args: str) -> Terminal:
+    command = " ".join([str(TRCVTUI), *args]) + "; echo ended with $?; exec cat"
+    opened.append(Terminal(f"t{len(opened)}", columns, rows, command))
+    return opened[-1]
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (140, 45)])
+def test_the_demo_is_alive_and_quits_on_q(terminals: list[Terminal], columns: int, rows: int) -> None:
+    terminal = open_terminal(terminals, columns, rows)
+    screen = terminal.wait(lambda text: len(re.findall("7006", text)) >= 2)
+    assert "TRCV_C_1" in screen and "TRCV_C_2" in screen
+    assert all(len(line) <= columns for line in screen.splitlines())
+    terminal.keys("q")
+    terminal.wait("ended with 0")
+
+
+def test_socat_as_the_device_five_bytes_then_three_then_twenty_five(terminals: list[Terminal]) -> None:
+    socat = need("socat")
+    terminal = open_terminal(terminals, 140, 45, "run", str(PASSIVE))
+    terminal.wait("7000")
+    terminal.keys(":")
+    terminal.type("set TRCV_C_1 CONT=1 EN_R=1")
+    terminal.keys("Enter")
+    screen = terminal.wait(lambda text: re.search(r"127\.0\.0\.1:\d+", text) is not None and "7002" in text)
+    found = re.search(r"127\.0\.0\.1:(\d+)", screen)
+    assert found is not None
+    with subprocess.Popen([socat, "-", f"TCP:127.0.0.1:{found[1]}"], stdin=subprocess.PIPE) as device:
+        assert device.stdin is not None
+        terminal.wait("7006")
+        device.stdin.write(b"12345")
+        device.stdin.flush()
+        terminal.wait("5/8")
+        device.stdin.write(b"678")
+        device.stdin.flush()
+        terminal.wait(lambda text: "31 32 33 34 35 36 37 38" in text and "0/8" in text)
+        device.stdin.write(b"abcdefghABCDEFGHijklmnopZ")
+        device.stdin.flush()
+        screen = terminal.wait(lambda text: "69 6a 6b 6c 6d 6e 6f 70" in text and "1/8" in text)
+        assert screen.count("7008") >= 1, "the history shows each DONE"
+        device.stdin.close()
+        device.wait()
+    terminal.wait("80C5")
+    terminal.keys("q")
+    terminal.wait("ended with 0")
+
+
+def test_keys_toggle_the_pins_of_the_block(terminals: list[Terminal]) -> None:
+    terminal = open_terminal(terminals, 140, 45, "run", str(PASSIVE), "--kernel", "sim")
+    terminal.wait("7000")
+    terminal.keys("t")
+    terminal.wait("7002")
+    terminal.keys("n")
+    terminal.wait("80A1")
+    terminal.keys("t")
+    terminal.wait(lambda text: "7003" in text and "7000" in text)
+
+
+def test_a_wrong_project_is_one_line_and_exit_2(terminals: list[Terminal], tmp_path: Path) -> None:
+    project = tmp_path / "bench.toml"
+    project.write_text('dialect = "baosky"\n\n[[connect]]\nname = "C1"\nLocalAddress = "300.1.1.1"\n')
+    terminal = open_terminal(terminals, 120, 24, "run", str(project))
+    screen = terminal.wait("ended with 2")
+    assert "connect C1: LocalAddress" in screen and "300.1.1.1" in screen
+    assert "Traceback" not in screen

@@ -1,0 +1,57 @@
+"""Every command that the README shows in an `sh` block works as it stands."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = [
+    line
+    for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    for line in block.splitlines()
+    if line.strip()
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_of_the_readme_works(command: str) -> None:
+    words = shlex.split(command)
+    assert words[0] == "trcvtui"
+    program = str(Path(sys.executable).with_name("trcvtui"))
+    done = subprocess.run([program, *words[1:]], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout and not done.stderr
+
+
+def test_every_file_that_the_readme_links_is_there() -> None:
+    links = re.findall(r"\]\(([^)#:]+)\)", README)
+    assert links
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_every_make_target_of_the_readme_is_in_the_makefile() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"make (\w+)", README))
+    assert targets
+    assert [target for target in targets if not re.search(rf"^{target}\b.*:", makefile, re.MULTILINE)] == []
+
+
+def test_the_project_file_of_the_readme_is_a_project(tmp_path: Path) -> None:
+    from trcvtui.plc.project_file import load_project
+    from trcvtui.rig.routine import read_routines
+
+    (toml,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "types").mkdir()
+    for name in ("weight.st",):
+        source = (ROOT / "configs" / "types" / name).read_text(encoding="utf-8")
+        (tmp_path / "types" / name).write_text(source, encoding="utf-8")
+    project = tmp_path / "bench.toml"
+    project.write_text(toml, encoding="utf-8")
+    assert len(read_routines(load_project(project))["Device"].says) == 1

@@ -89,7 +89,7 @@ def test_entries_are_shown_as_the_commands_that_make_them() -> None:
     assert shown == [
         "fault bind EADDRINUSE on C1",
         "fault send ENOBUFS nth=2 times=3",
-        "fault recv ECONNRESET until cleared",
+        "fault recv ECONNRESET times=forever",
     ]
     plan.take("send", "X")
     plan.take("send", "X")

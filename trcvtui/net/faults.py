@@ -68,7 +68,7 @@ class PlannedFault:
         parts += [f"on {self.on}"] if self.on is not None else []
         parts += [f"nth={self.nth}"] if self.nth != 1 else []
         if self.times is None:
-            parts.append("until cleared")
+            parts.append("times=forever")
         elif self.times != 1:
             parts.append(f"times={self.times}")
         return " ".join(parts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from trcvtui.errors import mistake
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.os_kernel import OsKernel
@@ -46,7 +47,14 @@ class Bench:
         ]
         for peer in self.peers.values():
             if not peer.decl.active:
-                peer.listen()
+                self._must_listen(peer)
+
+    def _must_listen(self, peer: Peer) -> None:
+        """Let a passive peer listen at load; a taken port is the user's to mend."""
+        wrong = peer.listen()
+        if wrong:
+            self.close()
+            raise mistake(f"{self.project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
 
     def _resources(self, project: Project) -> Resources:
         return Resources(

@@ -20,7 +20,7 @@ def holds(bench: Bench, condition: words.Condition) -> bool:
         case words.DataIs(data, offset, payload):
             return bench.runtime.data(data)[offset : offset + len(payload)] == payload
         case words.MemberIs(data, path, value):
-            return bool(_member(bench, data, path) == value)
+            return _same(_member(bench, data, path), value)
 
 
 def found(bench: Bench, condition: words.Condition) -> str:
@@ -56,6 +56,11 @@ def _pin_text(pin: str, value: bool | int) -> str:
 
 def _hex(payload: bytes) -> str:
     return payload.hex(" ") if len(payload) <= 32 else f"{payload[:32].hex(' ')} ... {len(payload)} bytes"
+
+
+def _same(found: Value | None, expected: Value) -> bool:
+    # NaN is expected by name and equals nothing, not even itself.
+    return bool(found == expected) or (found != found and expected != expected)
 
 
 def _member(bench: Bench, data: str, path: str) -> Value | None:

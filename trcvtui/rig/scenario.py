@@ -34,7 +34,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     table = Table(raw, f"{path}: scenario", [])
     name = table.get("name", TEXT, path.stem)
     about = table.get("about", TEXT, "")
-    text = table.read("steps", TEXT)
+    text = table.must("steps", TEXT)
     table.finish()
     if table.problems or text is None:
         raise UserError(table.problems)

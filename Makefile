@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 ARGS   ?=
 READY  := $(VENV)/.ready
 
-.PHONY: run test lint types contracts unit bench scenarios clean
+.PHONY: run test lint types contracts unit bench scenarios pictures clean
 
 run: $(READY)
 	@$(BIN)/trcvtui $(ARGS)
@@ -36,6 +36,9 @@ $(READY): pyproject.toml
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
 	@touch $@
+
+pictures: $(READY)
+	$(BIN)/python docs/make_pictures.py
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

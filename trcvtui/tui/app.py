@@ -59,7 +59,9 @@ class BenchApp(App[None]):
             self._end(str(stopped))
 
     def submit(self, line: str) -> None:
-        """Send one bench command line to the engine."""
+        """Send one bench command line to the engine, while there is one."""
+        if self.last_words:
+            return
         try:
             self.main.prompt.sent(line, self._engine.submit(line))
         except EngineStopped as stopped:

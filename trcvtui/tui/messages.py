@@ -67,11 +67,15 @@ class EdgeSelected(Message):
 
 
 class KeyClicked(Message):
-    """A key named on the screen was clicked: it shall act as if pressed."""
+    """A key named on the screen was clicked: its action shall be carried out."""
 
-    def __init__(self, key: str) -> None:
+    def __init__(self, action: str) -> None:
         super().__init__()
-        self.key = key
+        self.action = action
+
+
+class ButtonPointed(Message):
+    """Another button is under the cursor or the mouse, or none is any more."""
 
 
 class PaneWanted(Message):

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple, Protocol
 from trcvtui.plc.ledger import Line, PeerSent
 
 KEPT: Final = 2000
+KEPT_LINKS: Final = 256
 
 
 class Span(NamedTuple):
@@ -119,7 +120,10 @@ class Provenance:
             take(line.scan, line.event)
 
     def _message_sent(self, scan: int, event: PeerSent) -> None:
-        spans = self._sent.setdefault((event.local, event.remote), deque(maxlen=KEPT))
+        ends = (event.local, event.remote)
+        if ends not in self._sent and len(self._sent) >= KEPT_LINKS:
+            del self._sent[next(iter(self._sent))]
+        spans = self._sent.setdefault(ends, deque(maxlen=KEPT))
         spans.append(Span(event.offset, event.size, event.message, scan, event.peer))
 
     def _bytes_received(self, scan: int, event: _Recv) -> None:

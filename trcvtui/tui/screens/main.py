@@ -29,7 +29,7 @@ from trcvtui.tui.widgets.tab_line import TabLine
 from trcvtui.tui.widgets.udt_table import UdtTable
 
 LEAST_WIDTH, LEAST_HEIGHT = 116, 34
-TABS, ZOOM, CURRENT = "-tabs", "-zoom", "-current"
+TABS, ZOOM = "-tabs", "-zoom"
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
 
@@ -93,7 +93,7 @@ class MainScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Begin in the list of instances."""
-        self._mark_pane()
+        self._arrange()
         self.instances.focus()
         self.show()
 
@@ -101,6 +101,7 @@ class MainScreen(Screen[None]):
         """Take all panes side by side only where nothing has to be cut."""
         small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
         self.set_class(small, TABS)
+        self._arrange()
 
     # -- what comes in ------------------------------------------------------------------------------
 
@@ -189,16 +190,15 @@ class MainScreen(Screen[None]):
         """Open a pane by mouse."""
         self.action_pane(message.digit)
 
-    def on_key_clicked(self, message: messages.KeyClicked) -> None:
-        """Act as if a key had been pressed."""
-        self.app.simulate_key(message.key)
+    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
+        """Do what the key does."""
+        await self.run_action(message.action)
 
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         """Open the pane that got the focus, and name its keys."""
         for digit, pane in self._panes().items():
             if pane in event.widget.ancestors_with_self:
-                self._pane = digit
-                self._mark_pane()
+                self._open(digit)
         self._show_keys()
 
     # -- actions ------------------------------------------------------------------------------------
@@ -206,20 +206,26 @@ class MainScreen(Screen[None]):
     def action_pane(self, digit: int) -> None:
         """Go to a pane."""
         if digit != 1:
-            self._pane = digit
-            self._mark_pane()
+            self._open(digit)
         elif self.has_class(ZOOM):
-            self.remove_class(ZOOM)
-        self.call_after_refresh(self._focus_target(digit).focus)
+            self.action_zoom()
+        self.set_focus(self._focus_target(digit))
 
-    def _mark_pane(self) -> None:
+    def _open(self, digit: int) -> None:
+        self._pane = digit
+        self._arrange()
+
+    def _arrange(self) -> None:
+        """Show one pane or all; the tab that is open is marked."""
+        alone = self.has_class(TABS) or self.has_class(ZOOM)
         for digit, pane in self._panes().items():
-            pane.set_class(digit == self._pane, CURRENT)
+            pane.display = not alone or digit == self._pane
         self.tabs.mark(self._pane)
 
     def action_zoom(self) -> None:
         """Give the pane the whole screen, or take it back."""
         self.toggle_class(ZOOM)
+        self._arrange()
 
     def action_pin(self, letter: str) -> None:
         """Toggle the pin of a letter."""
@@ -247,7 +253,8 @@ class MainScreen(Screen[None]):
 
     def action_calm(self) -> None:
         """Leave what was opened: the zoom, the past."""
-        self.remove_class(ZOOM)
+        if self.has_class(ZOOM):
+            self.action_zoom()
         self.history.action_now()
 
     def action_help(self) -> None:

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from textual import events
 
+from trcvtui.tui.messages import ButtonPointed
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 
@@ -34,6 +35,14 @@ class ButtonLine(LineView):
         self._chosen = chosen
         self.cursor = 0
         self.hover: int | None = None
+        self._told: int | None = None
+
+    def show(self) -> None:
+        """Repaint what changed, and tell when another button is pointed at."""
+        if (pointed := self.pointed_at()) != self._told:
+            self._told = pointed
+            self.post_message(ButtonPointed())
+        super().show()
 
     def row_count(self) -> int:
         """Return 1."""

@@ -143,7 +143,7 @@ class HexView(LineView):
             self._select(offset)
 
     def _offset_at(self, x: int, y: int) -> int | None:
-        column, text = x - self.digits - 2, 3 * self.per_row + (1 if self.per_row == WIDE else 0) + 1
+        column, text = x - self.digits - 2, 3 * self.per_row + (1 if self.per_row == WIDE else 0) + 2
         if column < 0:
             return None
         if column >= text:

@@ -13,9 +13,9 @@ GLOBAL: Final = (
     (":", "command"), ("space", "hold"), (".", "one scan"), ("1-7", "pane"), ("M", "zoom"),
     ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
-CLICKABLE: Final = {
-    ":": "colon", "space": "space", ".": "full_stop", "M": "M", "ctrl+p": "ctrl+p", "?": "question_mark",
-    "q": "q", "enter": "enter", "esc": "escape", "l": "l",
+ACTIONS: Final = {
+    ":": "prompt", "space": "hold", ".": "single_scan", "M": "zoom", "ctrl+p": "app.command_palette",
+    "?": "help", "q": "app.quit", "esc": "calm", "l": "pin('l')",
 }  # fmt: skip
 
 
@@ -61,6 +61,6 @@ class KeyLine(LineView, can_focus=False):
         place, left = self.place_of(event), 0
         for key, label in self._keys():
             width = len(key) + len(label) + 3
-            if place is not None and left <= place[0] < left + width - 2 and key in CLICKABLE:
-                self.post_message(KeyClicked(CLICKABLE[key]))
+            if place is not None and left <= place[0] < left + width - 2 and key in ACTIONS:
+                self.post_message(KeyClicked(ACTIONS[key]))
             left += width

@@ -158,7 +158,10 @@ class LineView(ScrollView, can_focus=True):
     def _strip(self, line: Row) -> Strip:
         base = self.named_style(line.style)
         segments = [Segment(text, self.named_style(f"{style} {line.style}")) for text, style in line.parts]
-        return Strip(segments).adjust_cell_length(self.line_width, base)
+        strip, width = Strip(segments), self.line_width
+        if strip.cell_length > width > 0:
+            strip = Strip([*strip.crop(0, width - 1), Segment("…", base)])
+        return strip.adjust_cell_length(width, base)
 
     def named_style(self, names: str) -> Style:
         """Return the style of names such as `cursor dim`; made once a theme."""

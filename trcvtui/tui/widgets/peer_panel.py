@@ -126,6 +126,10 @@ class PeerPanel(Vertical):
         event.stop()
         self._show_preview()
 
+    def on_button_pointed(self) -> None:
+        """Show the command of that button."""
+        self._show_preview()
+
     def action_button(self, letter: str) -> None:
         """Press the button of this letter."""
         button = next((b for b in self._buttons_now() if b.letter == letter), None)

@@ -1,0 +1,109 @@
+"""Open the screen on pictures, press keys, read what stands on it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from textual.app import App
+from textual.pilot import Pilot
+
+from tests.tui.fakes import FakeDriver, bench_project, picture
+from trcvtui.rig.picture import Picture
+from trcvtui.tui.app import BenchApp
+
+WIDE, SMALL = (140, 45), (80, 24)
+BOTH = pytest.mark.parametrize("size", [WIDE, SMALL], ids=["140x45", "80x24"])
+SNAPSHOTS = Path(__file__).parent / "snapshots"
+UPDATE = "UPDATE_SNAPSHOTS"  # UPDATE_SNAPSHOTS=1 writes the pictures anew: look at them before you commit
+
+
+class Looker:
+    """A running screen: its driver, its keys, its text."""
+
+    def __init__(self, app: BenchApp, driver: FakeDriver, pilot: Pilot[None]) -> None:
+        self.app = app
+        self.driver = driver
+        self.pilot = pilot
+
+    async def press(self, *keys: str) -> None:
+        """Press keys, one after the other."""
+        for key in keys:
+            await self.pilot.press(key)
+        await self.settle()
+
+    async def type(self, text: str) -> None:
+        """Type a text."""
+        await self.press(*text)
+
+    async def show(self, *pictures: Picture) -> None:
+        """Let the engine send pictures, and wait until the last one is shown."""
+        self.driver.waiting.extend(pictures)
+        while self.driver.waiting:
+            await self.pilot.pause(0.01)
+        await self.settle()
+
+    async def settle(self) -> None:
+        """Let messages and repaints come to an end."""
+        await self.pilot.pause()
+        await self.pilot.pause(0.06)
+
+    @property
+    def lines(self) -> list[str]:
+        """Return the bench commands that were sent."""
+        return self.driver.lines
+
+    @property
+    def text(self) -> str:
+        """Return what stands on the screen."""
+        return screen_text(self.app)
+
+    def line(self, needle: str, pane: str = "") -> str:
+        """Return the first line of the screen, or of a pane, that holds `needle`."""
+        text = self.pane(pane) if pane else self.text
+        found = [line for line in text.splitlines() if needle in line]
+        assert found, f"{needle!r} is not there:\n{text}"
+        return found[0]
+
+    def pane(self, id: str) -> str:
+        """Return what stands inside one pane."""
+        region = self.app.main.query_one(f"#{id}").region
+        lines = self.text.splitlines()[region.y : region.bottom]
+        return "\n".join(line[region.x : region.right].strip(" │") for line in lines)
+
+    def words(self, id: str) -> str:
+        """Return what stands inside one pane, its lines put together."""
+        return " ".join(self.pane(id).split())
+
+
+def screen_text(app: App[None]) -> str:
+    """Return the screen as plain text, blanks at the ends of lines cut off."""
+    strips = app.screen._compositor.render_strips()
+    return "\n".join(strip.text.rstrip() for strip in strips) + "\n"
+
+
+@asynccontextmanager
+async def looking(size: tuple[int, int] = WIDE, *pictures: Picture) -> AsyncIterator[Looker]:
+    """Open the screen; without pictures the usual one is shown."""
+    driver = FakeDriver()
+    app = BenchApp(driver, bench_project())
+    async with app.run_test(size=size) as pilot:
+        looker = Looker(app, driver, pilot)
+        await looker.show(*(pictures or (picture(),)))
+        yield looker
+
+
+def same_as_snapshot(looker: Looker, name: str, kept: Path) -> None:
+    """Compare the screen with its picture in words; a difference keeps the screen as SVG in `kept`."""
+    path, found = SNAPSHOTS / f"{name}.txt", looker.text
+    if os.environ.get(UPDATE):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(found, encoding="utf-8")
+    expected = path.read_text(encoding="utf-8") if path.exists() else ""
+    if found != expected:
+        svg = kept / f"{name}.svg"
+        svg.write_text(looker.app.export_screenshot(), encoding="utf-8")
+        assert found == expected, f"the screen changed; it is kept in {svg}; {UPDATE}=1 accepts it"

@@ -1,0 +1,154 @@
+"""Panes 5 and 6: bytes beside members, linked both ways; bytes are data and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from tests.tui.fakes import TELEGRAM, connecting, picture, receiving
+from tests.tui.looking import BOTH, SMALL, WIDE, looking
+
+ALL = bytes(range(256))
+
+
+@BOTH
+async def test_data_stands_in_hex_and_as_text(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("5")
+        assert "0000  29 00 00 00 01 00 01 00  00 50 9a 44 08 05 68 65" in looker.text
+        assert ")⋄⋄⋄•⋄•⋄⋄P×D••he" in looker.text
+
+
+@BOTH
+async def test_the_bytes_of_the_running_job_stand_apart_from_data(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("5")
+        assert "17 of 24 B not in DATA yet" in looker.line("job", "received")
+        assert "6c ·· ·· ·· ·· ·· ·· ··" in looker.text
+
+
+@BOTH
+async def test_members_stand_with_offset_type_value_and_padding(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("6")
+        for words in (
+            "E_State",
+            "1 (Running)",
+            "TRUE",
+            "1234.5",
+            "'hello'",
+            "+ 1 B padding",
+            "+ 2 B padding",
+        ):
+            assert words in looker.text
+
+
+@BOTH
+async def test_a_byte_finds_its_member(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("5", *["right"] * 10)
+        assert looker.app.main.received.data.cursor == 9
+        assert looker.app.main.received.data.link == range(8, 12)
+        await looker.press("6")
+        assert "▸   8 speed" in looker.text
+
+
+@BOTH
+async def test_a_member_finds_its_bytes(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("6", *["down"] * 5)
+        assert looker.app.main.received.data.link == range(12, 22)
+        assert looker.app.main.received.data.cursor == 12
+
+
+async def test_the_mouse_links_both_ways() -> None:
+    async with looking(WIDE) as looker:
+        await looker.pilot.click("#data", offset=(6 + 3 * 5, 0))
+        await looker.settle()
+        assert looker.app.main.table.cursor == 1
+        await looker.pilot.click("#udt", offset=(10, 4))
+        await looker.settle()
+        assert looker.app.main.received.data.link == range(8, 12)
+
+
+async def test_a_click_in_the_text_column_is_a_byte_too() -> None:
+    async with looking(WIDE) as looker:
+        text = looker.line(")⋄")
+        row = next(n for n, line in enumerate(looker.text.splitlines()) if ")⋄" in line)
+        await looker.pilot.click(None, offset=(text.index(")⋄") + 9, row))
+        await looker.settle()
+        assert looker.app.main.received.data.cursor == 9
+
+
+async def test_padding_belongs_to_no_member() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("5", *["right"] * 8)
+        assert looker.app.main.received.data.cursor == 7
+        assert looker.app.main.received.data.link == range(0)
+        assert "▸   6 alarm" in looker.text, "the member before the padding is marked"
+
+
+@BOTH
+async def test_the_running_job_is_decoded_as_far_as_it_goes(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("5", "tab", "right")
+        await looker.press("6")
+        assert "the running job, 17/24 B" in looker.text
+        assert "… 5 of 10 B" in looker.line("tag"), "a member that is partly here is a ghost"
+        assert "1234.5" in looker.text
+
+
+async def test_the_selected_byte_tells_its_value() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("5", *["right"] * 11)
+        assert "byte 10 = 16#9A = 154" in looker.text
+
+
+@BOTH
+async def test_no_byte_changes_anything_but_the_bytes(size: tuple[int, int]) -> None:
+    plain = replace(receiving(0, 24), cause=replace(receiving().cause, have=0))
+    nasty = (b"\x1b[31;1m\x1b]0;x\x07[red][/]$x@y\r\n\t" + ALL)[:24]
+    async with looking(size, picture(plain, connecting(), data=bytes(24), partial=b"")) as looker:
+        before = looker.text
+        await looker.show(picture(plain, connecting(), data=nasty, partial=b""))
+        assert _outside_bytes(looker.text) == _outside_bytes(before)
+        assert "\x1b" not in looker.text
+        await looker.press("5")
+        assert "1b 5b 33 31" in looker.text
+
+
+@pytest.mark.parametrize("start", range(0, 256, 64))
+async def test_every_byte_has_one_character(start: int) -> None:
+    piece = ALL[start : start + 64]
+    async with looking(WIDE, picture(data=piece, partial=b"")) as looker:
+        rows = [line for line in looker.text.splitlines() if f" │ {0:04x}"[3:] in line]
+        assert rows
+        for offset in range(0, 64, 16):
+            row = looker.line(f"{offset:04x}  {piece[offset]:02x}")
+            assert " ".join(f"{b:02x}" for b in piece[offset : offset + 8]) in row
+            assert all(c.isprintable() for c in row)
+
+
+async def test_markup_in_a_string_member_stays_text() -> None:
+    red = TELEGRAM[:12] + b"\x08\x07[b]\x1b[1m" + bytes(5)
+    async with looking(WIDE, picture(data=red[:24])) as looker:
+        assert r"'[b]\x1b[1m'" in looker.line("tag")
+
+
+async def test_a_large_variable_is_drawn_from_any_place() -> None:
+    large = ALL * 256
+    async with looking(SMALL, picture(data=large, partial=b"")) as looker:
+        await looker.press("5", "right", "G")
+        assert looker.app.main.received.data.cursor == 65535
+        assert "fff0  f0 f1" in looker.text
+        await looker.press("g")
+        assert "0000  00 01" in looker.text
+
+
+def _outside_bytes(text: str) -> list[str]:
+    """Return the screen without what bytes may change: hex rows, values of members."""
+    lines = text.splitlines()
+    first = next((n for n, line in enumerate(lines) if "5 Received ·" in line), len(lines))
+    last = next((n for n, line in enumerate(lines) if "7 Peer P1" in line), first)
+    return lines[: first + 1] + lines[last:]

@@ -1,0 +1,211 @@
+"""Panes, prompt, hold and step, palette, help: every action has a key and every change is a command."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.tui.fakes import picture
+from tests.tui.looking import BOTH, SMALL, WIDE, looking
+from trcvtui.rig.picture import Answer
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("digit", "focused"),
+    [
+        ("1", "instances"),
+        ("2", "block"),
+        ("3", "status"),
+        ("4", "history"),
+        ("5", "data"),
+        ("6", "udt"),
+        ("7", "peers"),
+    ],
+)
+async def test_a_digit_goes_to_its_pane(size: tuple[int, int], digit: str, focused: str) -> None:
+    async with looking(size) as looker:
+        await looker.press(digit)
+        assert looker.app.focused is not None
+        assert looker.app.focused.id == focused
+
+
+async def test_a_click_opens_a_tab() -> None:
+    async with looking(SMALL) as looker:
+        place = looker.line("3 STATUS").index("5 Received")
+        await looker.pilot.click("#tabs", offset=(place, 0))
+        await looker.settle()
+        assert "5 Received · rx, 24 B" in looker.text
+
+
+@BOTH
+async def test_tab_goes_round(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        seen = set()
+        for _ in range(16):
+            await looker.press("tab")
+            seen.add(looker.app.focused.id if looker.app.focused else None)
+        assert "instances" in seen
+        assert len(seen) >= 2
+
+
+@pytest.mark.parametrize("key", ["M", "backslash"])
+async def test_a_pane_can_have_the_screen_alone(key: str) -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("4", key)
+        assert "4 History" in looker.text
+        assert "2 TRCV_C_1" not in looker.text
+        assert "1 Instances" not in looker.text
+        await looker.press(key)
+        assert "2 TRCV_C_1" in looker.text
+
+
+# -- scans ---------------------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_space_holds_and_lets_go(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("space")
+        assert looker.lines == ["hold"]
+        await looker.show(picture(holding=True))
+        assert "‖ HOLD" in looker.text
+        assert "space go" in looker.text
+        await looker.press("space")
+        assert looker.lines == ["hold", "go"]
+
+
+async def test_a_full_stop_lets_one_scan_pass_and_holds_first_where_scans_pass() -> None:
+    async with looking(SMALL) as looker:
+        await looker.press("full_stop")
+        assert looker.lines == ["hold", "run 1"]
+        await looker.show(picture(holding=True))
+        await looker.press("full_stop")
+        assert looker.lines == ["hold", "run 1", "run 1"]
+
+
+# -- prompt --------------------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_a_typed_command_is_sent_and_answered(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("4", "colon")
+        await looker.type("plc stop")
+        await looker.press("enter")
+        assert looker.lines == ["plc stop"]
+        assert "… with the next scan" in looker.line(": plc stop")
+        await looker.show(picture(answers=[Answer(1, "plc stop", "")]))
+        assert "✓" in looker.line(": plc stop")
+        assert looker.app.focused is not None
+        assert looker.app.focused.id == "history", "the pane has the focus again"
+
+
+@BOTH
+async def test_an_error_is_shown_whole(size: tuple[int, int]) -> None:
+    error = "prompt: found 'TRCV_C_9', expected an instance of this project: one of TRCV_C_1, TRCV_C_2"
+    async with looking(size) as looker:
+        await looker.press("colon")
+        await looker.type("set TRCV_C_9 EN_R=1")
+        await looker.press("enter")
+        await looker.show(picture(answers=[Answer(1, "set TRCV_C_9 EN_R=1", error)]))
+        words = " ".join(looker.text.split())
+        assert f"✗ {error}" in words
+
+
+async def test_up_and_down_walk_the_commands_of_toggles_too() -> None:
+    async with looking(SMALL) as looker:
+        await looker.press("n", "a", "colon", "up", "up", "down", "enter")
+        assert looker.lines == ["set TRCV_C_1 EN_R=0", "set TRCV_C_1 ADHOC=1", "set TRCV_C_1 ADHOC=1"]
+
+
+async def test_tab_completes_verbs_instances_and_pins() -> None:
+    async with looking(SMALL) as looker:
+        await looker.press("colon")
+        await looker.type("se")
+        await looker.press("tab")
+        await looker.type(" TR")
+        await looker.press("tab")
+        await looker.type(" AD")
+        await looker.press("tab")
+        await looker.type("1")
+        await looker.press("enter")
+        assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
+
+
+async def test_escape_closes_the_prompt_without_a_word() -> None:
+    async with looking(SMALL) as looker:
+        await looker.press("6", "colon")
+        await looker.type("plc stop")
+        await looker.press("escape")
+        assert looker.lines == []
+        assert looker.app.focused is not None
+        assert looker.app.focused.id == "udt"
+
+
+async def test_markup_and_control_characters_in_an_answer_stay_text() -> None:
+    async with looking(SMALL) as looker:
+        await looker.show(picture(answers=[Answer(1, "x [red]\x1b[1m", "found [/] \x07")]))
+        assert r": x [red]\x1b[1m  ✗ found [/] \x07" in looker.text
+
+
+# -- help, palette, end --------------------------------------------------------------------------------
+
+
+@BOTH
+@pytest.mark.parametrize("key", ["question_mark", "f1"])
+async def test_help_shows_the_keys_and_then_the_status_table(size: tuple[int, int], key: str) -> None:
+    async with looking(size) as looker:
+        await looker.press(key)
+        assert "command palette" in looker.text
+        await looker.press("G")
+        assert "16#80C5" in looker.text
+        await looker.press("escape")
+        assert "1 Instances" in looker.text
+
+
+async def test_the_palette_reaches_everything() -> None:
+    async with looking(WIDE) as looker:
+        titles = {command.title for command in looker.app.get_system_commands(looker.app.screen)}
+    for title in (
+        "Hold the scans", "One single scan", "Toggle EN_R", "Pulse COM_RST", "Write LEN", "Peer P1: RST",
+        "Peer P2", "Instance TRCV_C_2", "Pane Received", "Zoom the pane", "Command line", "Help", "Theme",
+        "PLC to STOP", "Clear all faults", "Screenshot", "Quit",
+    ):  # fmt: skip
+        assert title in titles
+
+
+async def test_a_command_of_the_palette_is_carried_out() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("ctrl+p")
+        await looker.type("toggle adhoc")
+        await looker.pilot.pause(0.5)
+        await looker.press("enter")
+        assert looker.lines == ["set TRCV_C_1 ADHOC=1"]
+
+
+async def test_a_key_named_in_the_last_line_can_be_clicked() -> None:
+    async with looking(SMALL) as looker:
+        place = looker.line("space hold").index("space")
+        await looker.pilot.click("#keys", offset=(place, 0))
+        await looker.settle()
+        assert looker.lines == ["hold"]
+
+
+async def test_an_engine_that_ends_is_told_and_leaves_the_last_picture() -> None:
+    async with looking(SMALL) as looker:
+        looker.driver.stopped = "Traceback\n  ...\nAssertionError: two receivers"
+        await looker.pilot.pause(0.15)
+        assert "ENGINE ENDED" in looker.text
+        assert "✗ AssertionError: two receivers" in looker.text
+        assert "7006 receiving" in looker.text
+        await looker.press("n")
+        assert looker.lines == []
+
+
+@pytest.mark.parametrize("theme", ["bench-light", "ansi-dark", "ansi-light", "textual-dark", "nord"])
+async def test_another_theme_changes_no_word(theme: str) -> None:
+    async with looking(WIDE) as looker:
+        before = looker.text
+        looker.app.theme = theme
+        await looker.settle()
+        assert looker.text == before

@@ -1,0 +1,132 @@
+"""Pane 7: the composer's fields and every button are bench commands, judged before they are sent."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.tui.fakes import picture
+from tests.tui.looking import BOTH, SMALL, WIDE, looking
+
+
+@BOTH
+async def test_the_peers_stand_with_state_and_counters(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("7")
+        for words in ("connected", "→ 127.0.0.1:2000", "sent", "89"):
+            assert words in looker.line("▸ P1")
+        assert "listening" in looker.line("P2")
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("c", "peer P1 connect"),
+        ("f", "peer P1 close"),
+        ("r", "peer P1 rst"),
+        ("h", "peer P1 shutdown"),
+        ("z", "peer P1 stall"),
+    ],
+)
+async def test_one_key_presses_a_button(size: tuple[int, int], key: str, line: str) -> None:
+    async with looking(size) as looker:
+        await looker.press("7", key)
+        assert looker.lines == [line]
+
+
+@BOTH
+async def test_a_payload_is_typed_and_sent_with_its_options(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("7", "i")
+        await looker.type("01 02 0A")
+        await looker.press("tab")
+        await looker.type("1,1")
+        await looker.press("tab")
+        await looker.type("T#20ms")
+        await looker.press("tab")
+        await looker.type("2")
+        assert "▸ peer P1 send hex 01 02 0A split=1,1 gap=T#20ms repeat=2" in looker.text
+        await looker.press("enter")
+        assert looker.lines == ["peer P1 send hex 01 02 0A split=1,1 gap=T#20ms repeat=2"]
+
+
+@BOTH
+async def test_a_payload_that_is_none_says_what_is_wrong_and_is_not_sent(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("7", "i")
+        await looker.type("01 zz")
+        assert "✗" in looker.text
+        assert "'z'" in looker.line("✗")
+        assert looker.app.main.query_one("#payload").has_class("-bad")
+        await looker.press("enter")
+        assert looker.lines == []
+
+
+async def test_a_wrong_option_is_marked_and_the_payload_is_not() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "i")
+        await looker.type("01 02")
+        await looker.press("tab", "tab")
+        await looker.type("20 ms")
+        assert looker.app.main.query_one("#option-gap").has_class("-bad")
+        assert not looker.app.main.query_one("#payload").has_class("-bad")
+
+
+@pytest.mark.parametrize(
+    ("typed", "line"),
+    [
+        ("hello", 'peer P1 send text "hello"'),
+        ('say "x"', r'peer P1 send text "say \"x\""'),
+        (r"end\r\n", r'peer P1 send text "end\r\n"'),
+    ],
+)
+async def test_a_text_payload_is_quoted(typed: str, line: str) -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "m", "i")
+        await looker.type(typed)
+        await looker.press("enter")
+        assert looker.lines == [line]
+
+
+async def test_a_udt_payload_begins_with_the_type_of_data() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "m", "m", "i")
+        await looker.type("speed=1.5")
+        await looker.press("enter")
+        assert looker.lines == ["peer P1 send udt Telegram {speed=1.5}"]
+
+
+async def test_a_button_shows_its_command_before_it_is_pressed() -> None:
+    async with looking(WIDE) as looker:
+        looker.app.main.query_one("#buttons").focus()
+        await looker.press("right", "right", "right")
+        assert "▸ peer P1 rst" in looker.text
+        await looker.press("enter")
+        assert looker.lines == ["peer P1 rst"]
+
+
+async def test_a_click_presses_a_button() -> None:
+    async with looking(WIDE) as looker:
+        place = looker.line("[s Send]").index("[f FIN]") - looker.line("[s Send]").index("[s Send]")
+        await looker.pilot.click("#buttons", offset=(place + 2, 0))
+        await looker.settle()
+        assert looker.lines == ["peer P1 close"]
+
+
+async def test_the_second_peer_listens() -> None:
+    async with looking(SMALL) as looker:
+        await looker.press("7", "j")
+        assert "c Listen" in looker.text
+        await looker.press("c")
+        assert looker.lines == ["peer P2 listen"]
+
+
+async def test_a_fault_is_completed_by_hand_and_cleared_by_the_same_key() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "u", "enter")
+        assert looker.lines == ["fault recv ECONNRESET on C1"]
+        await looker.show(picture(faults=("recv ECONNRESET on C1",)))
+        await looker.press("7")
+        assert "u Clear faults" in looker.text
+        await looker.press("u")
+        assert looker.lines[-1] == "fault clear"

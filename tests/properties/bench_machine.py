@@ -8,9 +8,10 @@ from pathlib import Path
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
+from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote, What
 from trcvtui.plc.instance import Outputs
-from trcvtui.plc.ledger import BenchNote, JobEnded, JobStarted, Line, PeerSent
+from trcvtui.plc.ledger import BenchNote, Line, PeerSent
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line

@@ -23,5 +23,5 @@ def test_the_invariants_hold_over_random_scans() -> None:
         derandomize=True,
         suppress_health_check=list(HealthCheck),
     )
-    run_state_machine_as_test(BenchMachine, settings=many)  # type: ignore[no-untyped-call]
+    run_state_machine_as_test(BenchMachine, settings=many)
     assert BenchMachine.scans >= LEAST_SCANS

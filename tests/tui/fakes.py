@@ -183,12 +183,20 @@ def picture(
     )
 
 
-def edge(status: int, condition: Condition, name: str = "TRCV_C_1", **changes: object) -> StatusEdge:
-    """Return a STATUS edge; `changes` replace its fields."""
-    plain = StatusEdge(
-        name, "TRCV_C", status, False, False, False, 0, str(condition), Cause(Why.SEQUENCE, "")
-    )
-    return replace(plain, **changes)  # type: ignore[arg-type]
+NO_CAUSE = Cause(Why.SEQUENCE, "")
+
+
+def edge(
+    status: int,
+    condition: Condition,
+    cause: Cause = NO_CAUSE,
+    busy: bool = False,
+    done: bool = False,
+    error: bool = False,
+    rcvd_len: int | None = 0,
+) -> StatusEdge:
+    """Return a STATUS edge of TRCV_C_1."""
+    return StatusEdge("TRCV_C_1", "TRCV_C", status, busy, done, error, rcvd_len, str(condition), cause)
 
 
 def received(size: int) -> StatusEdge:

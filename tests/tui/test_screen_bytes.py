@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from tests.tui.fakes import TELEGRAM, connecting, picture, receiving
@@ -107,7 +105,7 @@ async def test_the_selected_byte_tells_its_value() -> None:
 
 @BOTH
 async def test_no_byte_changes_anything_but_the_bytes(size: tuple[int, int]) -> None:
-    plain = replace(receiving(0, 24), cause=replace(receiving().cause, have=0))
+    plain = receiving(have=0)
     nasty = (b"\x1b[31;1m\x1b]0;x\x07[red][/]$x@y\r\n\t" + ALL)[:24]
     async with looking(size, picture(plain, connecting(), data=bytes(24), partial=b"")) as looker:
         before = looker.text

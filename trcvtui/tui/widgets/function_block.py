@@ -113,7 +113,7 @@ class FunctionBlock(LineView):
         scene = self._scene
         glow = glow_text(pin, scene.instance, scene.afterglow, scene.t_ns)
         text, style = output_text(pin, scene.instance, bool(glow))
-        about = f"{'':<{10 - len(pin.name)}}{pin.text}" if self.line_width >= ROOMY and not glow else ""
+        about = f"{'':<{9 - len(pin.name)}}{pin.text}" if self.line_width >= ROOMY and not glow else ""
         return [
             (text.rjust(OUT_BOX - 1) + " ", style),
             ("├─", "dim"),

@@ -41,6 +41,12 @@ class Row(NamedTuple):
 EMPTY = Row()
 
 
+def ruled(width: int, *parts: Part) -> Row:
+    """Return a row of these parts with a rule to the end of the line."""
+    used = sum(len(text) for text, _ in parts)
+    return Row((*parts, ("─" * max(0, width - used), "faint")))
+
+
 def row(*parts: Part, style: str = "") -> Row:
     """Return a row of these parts."""
     return Row(parts, style)

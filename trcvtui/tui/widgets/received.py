@@ -13,7 +13,7 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.formatting import bar, clip, plain
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, pane_title, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, pane_title, ruled
 
 MOST_JOB_ROWS: Final = 4
 BAR: Final = 12
@@ -38,13 +38,13 @@ class JobLine(LineView, can_focus=False):
         if y or instance is None:
             return EMPTY
         if not instance.need:
-            return row(("── no job running ", "dim"), ("─" * self.line_width, "faint"))
+            return ruled(self.line_width, ("── no job running ", "dim"))
         full, empty = bar(instance.have, instance.need, BAR)
         mode = "ad-hoc, at most" if instance.adhoc else "of"
         numbers = f" {instance.have} {mode} {instance.need} B "
-        return row(
-            ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
-            ("not in DATA yet ", "dim"), ("─" * self.line_width, "faint"),
+        return ruled(
+            self.line_width, ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
+            ("not in DATA yet ", "dim"),
         )  # fmt: skip
 
 

@@ -1,0 +1,138 @@
+"""The screen on a bench that really scans, stepped by hand: from a key to a kernel call and back."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from textual.pilot import Pilot
+
+from tests.tui.looking import BOTH, WIDE, screen_text
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.driver import LocalDriver
+from trcvtui.tui.app import BenchApp
+
+EIGHT = Path(__file__).parent / "eight.toml"
+
+
+class Stepped:
+    """A bench under a screen; nothing moves but by `scan`."""
+
+    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
+        self.driver, self.app, self.pilot = driver, app, pilot
+
+    async def scan(self, scans: int = 1) -> None:
+        """Let scans pass, then let the screen see them."""
+        self.driver.scan(scans)
+        await self.pilot.pause(0.12)
+
+    async def press(self, *keys: str) -> None:
+        """Press keys and let the screen follow."""
+        await self.pilot.press(*keys)
+        await self.pilot.pause(0.12)
+
+    async def send(self, payload: str) -> None:
+        """Type a payload into the composer, send it, and let it arrive."""
+        await self.press("7", "i", "ctrl+a", "ctrl+k", *payload, "enter", "escape")
+        await self.scan(6)
+
+    @property
+    def text(self) -> str:
+        """Return what stands on the screen."""
+        return screen_text(self.app)
+
+
+@asynccontextmanager
+async def stepped(size: tuple[int, int]) -> AsyncIterator[Stepped]:
+    """Open the screen on the simulated bench, TRCV_C_1 connected to P1 and armed."""
+    project = load_project(EIGHT)
+    driver = LocalDriver(Bench(project, "sim"))
+    app = BenchApp(driver, project)
+    try:
+        async with app.run_test(size=size) as pilot:
+            bench = Stepped(driver, app, pilot)
+            await bench.scan(1)
+            await bench.press("t", "n")
+            await bench.scan(4)
+            await bench.press("7", "c")
+            await bench.scan(120)
+            yield bench
+    finally:
+        driver.close()
+
+
+@BOTH
+async def test_five_bytes_then_three_then_twenty_five_are_on_the_screen(size: tuple[int, int]) -> None:
+    async with stepped(size) as bench:
+        await bench.send("01 02 03 04 05")
+        assert "7006 receiving" in bench.text
+        assert "5/8" in bench.text
+        assert "◆" not in bench.text
+
+        await bench.send("06 07 08")
+        assert "D◆" in bench.text, "the pulse of one scan stays visible"
+        await bench.press("2")
+        assert "RCVD_LEN ◂8" in bench.text
+        await bench.press("5")
+        assert "0000  01 02 03 04 05 06 07 08" in bench.text
+
+        await bench.scan(150)
+        await bench.send(" ".join(f"{n:02x}" for n in range(1, 26)))
+        assert "1/8" in bench.text, "the 25th byte is kept"
+        await bench.press("5")
+        assert "0000  19 ·· ·· ·· ·· ·· ·· ··" in bench.text
+        assert "0000  11 12 13 14 15 16 17 18" in bench.text
+        await bench.press("4")
+        assert bench.text.count("■ DONE 8 B") >= 4 if size == WIDE else bench.text.count("■ DONE 8 B") == 4
+
+
+async def test_a_pin_goes_from_the_key_to_the_ledger_and_back() -> None:
+    async with stepped(WIDE) as bench:
+        await bench.press("n")
+        await bench.scan(2)
+        assert "16#7004 connected" in bench.text
+        assert "EN_R is 0" in bench.text
+        assert ": set TRCV_C_1 EN_R=0  ✓" in bench.text
+
+
+async def test_a_fin_in_a_job_is_explained() -> None:
+    async with stepped(WIDE) as bench:
+        await bench.send("01 02 03")
+        await bench.press("7", "f")
+        await bench.scan(4)
+        assert "E◆" in bench.text
+        assert "80A6" in bench.text
+        assert "80C5" in bench.text
+        assert "the partner closed" in bench.text
+
+
+async def test_hold_and_single_scans_are_the_benchs_own() -> None:
+    async with stepped(WIDE) as bench:
+        before = bench.app.scene.snapshot
+        await bench.press("space")
+        await bench.scan(5)
+        held = bench.app.scene.snapshot
+        await bench.press("full_stop")
+        await bench.scan(5)
+        after = bench.app.scene.snapshot
+        assert before and held and after
+        assert (held.scan, after.scan) == (before.scan, before.scan + 1)
+        assert "‖ HOLD" in bench.text
+
+
+async def test_a_wrong_command_is_answered_by_the_engine() -> None:
+    async with stepped(WIDE) as bench:
+        await bench.press("colon", *"set TRCV_C_7 EN_R=1", "enter")
+        assert "✗" in bench.text
+        assert "TRCV_C_7" in bench.text
+
+
+async def test_a_byte_tells_the_recv_call_and_the_message_it_came_with() -> None:
+    async with stepped(WIDE) as bench:
+        await bench.send("01 02 03 04 05")
+        await bench.send("06 07 08")
+        await bench.press("5", *["right"] * 7)
+        assert "byte 6 = 16#07 = 7 · job 1 · recv 2, scan" in bench.text
+        assert "P1 message 2 byte 1" in bench.text

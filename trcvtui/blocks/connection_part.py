@@ -55,6 +55,10 @@ class ConnectionPart:
         self._reset_wanted = False
         self._queued = False
 
+    def stands(self) -> bool:
+        """Return whether inputs that have not changed leave this scan to the job."""
+        return self.phase is Phase.CONNECTED and self.cont and not self._script and not self._reset_wanted
+
     def call(self, cont: bool, com_rst: bool) -> Outcome | None:
         """Answer for this scan, or None while connected and undisturbed."""
         rose, fell = cont and not self.cont, self.cont and not cont
@@ -194,7 +198,7 @@ class ConnectionPart:
         return Outcome(Condition.RESETTING, cause, clear_com_rst=clear)
 
 
-_NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0))
+_NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)
 _CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the socket is there"))
 
 

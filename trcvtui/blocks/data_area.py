@@ -4,18 +4,14 @@ from __future__ import annotations
 
 
 class DataArea:
-    """One global variable: its IEC type as text and its bytes. `generation` counts the writes."""
+    """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes."""
 
     def __init__(self, name: str, type_name: str, size: int) -> None:
         self.name = name
         self.type_name = type_name
+        self.size = size
         self.content = bytearray(size)
         self.generation = 0
-
-    @property
-    def size(self) -> int:
-        """Return the size in bytes."""
-        return len(self.content)
 
     def write(self, offset: int, payload: bytes | memoryview) -> None:
         """Overwrite bytes from `offset`; what would stand behind the end is left out."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.net.resources import Resources
 
 
-@dataclass(frozen=True, slots=True)
-class JobStarted:
+class JobStarted(NamedTuple):
     """A receive job began; `length` is what it wants (static) or its limit (ad-hoc), in bytes."""
 
     instance: str
@@ -22,8 +22,7 @@ class JobStarted:
     adhoc: bool
 
 
-@dataclass(frozen=True, slots=True)
-class JobEnded:
+class JobEnded(NamedTuple):
     """A receive job ended; bytes `offset` .. `offset + size` of the stream went to DATA when `done`."""
 
     instance: str

@@ -9,14 +9,19 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)  # the same object is the same answer
 class Outcome:
-    """The answer of one call. `rcvd_len` is non-zero only with DONE; `clear_com_rst` writes COM_RST back."""
+    """The answer of one call. `rcvd_len` is non-zero only with DONE; `clear_com_rst` writes COM_RST back.
+
+    `lasts`: every further call gives this very object and changes nothing, until an input changes, the poll
+    sees the CONNECT, or another block ends its connection.
+    """
 
     condition: Condition
     cause: Cause
     rcvd_len: int = 0
     clear_com_rst: bool = False
+    lasts: bool = False
 
     @property
     def busy(self) -> bool:

@@ -7,17 +7,22 @@ Rule 3: at least one scan of "receiving" stands before each DONE (design 6, row 
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import Final
+
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.connection_part import cause_of
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment, JobEnded, JobStarted
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import WouldBlock
+from trcvtui.net.answers import WOULD_BLOCK
 from trcvtui.net.connection import Connection, ConnectionLoss
 
+OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
+
 # (some bytes are there, the job is complete) -> what the block is doing
-_RECEIVING = {
+_RECEIVING: Final = {
     (False, False): "nothing received yet",
     (True, False): "bytes are missing",
     (True, True): "the frame is complete and shows in the next scan",
@@ -30,18 +35,20 @@ class ReceiveJob:
     def __init__(self, env: Environment, connection: Connection, instance: str) -> None:
         self.number = 0
         self.running = False
+        self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
         self.have = 0
         self.need = 0
         self.adhoc = False
         self.last_receive: int | None = None
         self._env = env
+        self._buffers = env.resources.buffers
         self._connection = connection
+        self._connect = connection.config.name
         self._instance = instance
         self._owner = object()
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
         self._first_offset = 0
-        self._waiting: Outcome | None = None
 
     # -- may a job start? ---------------------------------------------------------------------------
 
@@ -53,11 +60,12 @@ class ReceiveJob:
             )
         if length > data.size or (length or data.size) > self._env.rules.max_len:
             return self._wrong_length(data, length)
-        if self._connection.receiver not in (None, self._owner):
-            cause = Cause(Why.OWNER, "another instance receives on this CONNECT")
-            return Outcome(Condition.CONNECT_IN_USE, cause)
-        self._connection.receiver = self._owner
-        fault = self._env.resources.buffers.acquire(self._connection.config.name)
+        if self._connection.receiver is not self._owner:
+            if self._connection.receiver is not None:
+                cause = Cause(Why.OWNER, "another instance receives on this CONNECT")
+                return Outcome(Condition.CONNECT_IN_USE, cause)
+            self._connection.receiver = self._owner
+        fault = self._buffers.acquire(self._connect)
         return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
 
     def _wrong_length(self, data: DataArea, length: int) -> Outcome:
@@ -71,52 +79,35 @@ class ReceiveJob:
     def start(self, data: DataArea, length: int, adhoc: bool) -> None:
         """Begin a job of `length` bytes (0: the size of DATA); its buffer is taken already."""
         self.number += 1
-        self.running, self.adhoc = True, adhoc
-        self.need, self.have = length or data.size, 0
-        self._waiting = None
-        if len(self._buffer) != self.need:
-            self._buffer = bytearray(self.need)
+        self.running, self.complete, self.adhoc = True, False, adhoc
+        need = self.need = length or data.size
+        if len(self._buffer) != need:
+            self._buffer = bytearray(need)
         self._view = memoryview(self._buffer)
-        self._first_offset = self._connection.bytes_received
+        incarnation = self._connection.incarnation
+        offset = self._first_offset = self._connection.bytes_received
         self._env.write(
-            JobStarted(
-                self._instance,
-                self.number,
-                self._connection.config.name,
-                self._connection.incarnation,
-                self._first_offset,
-                self.need,
-                adhoc,
-            )
+            JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
         )
 
     def collect(self) -> ConnectionLoss | None:
         """Read what is there into the job's own buffer; return the loss that stands behind the last byte."""
-        got = self._connection.receive(self._view[self.have :])
-        if isinstance(got, ConnectionLoss):
-            return got
-        if not isinstance(got, WouldBlock):
-            self.have += got
+        have = self.have
+        got = self._connection.receive(self._view[have:] if have else self._view)
+        if isinstance(got, int):
+            have = self.have = have + got
+            self.complete = self.adhoc or have == self.need
             self.last_receive = self._env.now
-            self._waiting = None
-        return None
+            return None
+        return None if got is WOULD_BLOCK else got
 
     def check_loss(self) -> ConnectionLoss | None:
         """Look for a loss while no job runs."""
         return self._connection.check_loss(self._owner)
 
-    @property
-    def complete(self) -> bool:
-        """Return whether the job has what it wants: every byte (static), any byte (ad-hoc)."""
-        return self.have == self.need or (self.adhoc and self.have > 0)
-
     def receiving(self) -> Outcome:
         """Return the outcome of a job that waits; the same object while nothing changes."""
-        if self._waiting is None:
-            name = _RECEIVING[self.have > 0, self.complete]
-            cause = Cause(Why.BYTES, name, have=self.have, need=self.need)
-            self._waiting = Outcome(Condition.RECEIVING, cause)
-        return self._waiting
+        return _receiving(self.have, self.need, self.complete)
 
     def deliver(self, data: DataArea) -> Outcome:
         """Write the job's bytes to DATA and end it."""
@@ -127,8 +118,7 @@ class ReceiveJob:
         else:
             data.write(0, memoryview(self._buffer)[:size].toreadonly())
         self._end(done=True, reason="complete")
-        cause = Cause(Why.BYTES, "the frame is complete", have=size, need=self.need)
-        return Outcome(Condition.RECEIVED, cause, rcvd_len=size)
+        return _received(size, self.need)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what it had collected is dropped and noted."""
@@ -146,12 +136,22 @@ class ReceiveJob:
         return bytes(self._buffer[: self.have]) if self.running else b""
 
     def _end(self, done: bool, reason: str) -> None:
-        self._env.resources.buffers.release()
-        self.running = False
-        incarnation, name = self._connection.incarnation, self._connection.config.name
+        self._buffers.release()
+        self.running = self.complete = False
+        size, self.have = self.have, 0
+        incarnation, offset = self._connection.incarnation, self._first_offset
         self._env.write(
-            JobEnded(
-                self._instance, self.number, name, incarnation, self._first_offset, self.have, done, reason
-            )
+            JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)
         )
-        self.have = 0
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _receiving(have: int, need: int, complete: bool) -> Outcome:
+    cause = Cause(Why.BYTES, _RECEIVING[have > 0, complete], have=have, need=need)
+    return Outcome(Condition.RECEIVING, cause, lasts=not complete)
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _received(size: int, need: int) -> Outcome:
+    cause = Cause(Why.BYTES, "the frame is complete", have=size, need=need)
+    return Outcome(Condition.RECEIVED, cause, rcvd_len=size)

@@ -37,11 +37,15 @@ class TrcvC:
         self.job = ReceiveJob(env, connection, instance)
         self._env = env
         self._part = ConnectionPart(env, connection)
+        self._inputs: TrcvCInputs | None = None
         self._en_r = False
         self._armed = False
 
     def call(self, inputs: TrcvCInputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
+        if inputs is self._inputs and self._part.stands():
+            return self._connected(inputs)
+        self._inputs = inputs
         cont_rose = inputs.cont and not self._part.cont
         self._arm(inputs, cont_rose)
         outcome = self._part.call(inputs.cont, inputs.com_rst)
@@ -111,12 +115,15 @@ class TrcvC:
         return refused if loss is None else self._lost(loss)
 
     def _go_on(self) -> Outcome:
-        assert self.data is not None
-        if not self.job.complete:
-            loss = self.job.collect()
+        job = self.job
+        if not job.complete:
+            loss = job.collect()
             if loss is not None:
                 return self._lost(loss)
-        return self.job.deliver(self.data) if self.job.complete else self.job.receiving()
+            if not job.complete:
+                return job.receiving()
+        assert self.data is not None
+        return job.deliver(self.data)
 
     # -- the connection is gone (design 6, rows 7 to 10, 22, 23) ------------------------------------
 
@@ -149,7 +156,7 @@ class TrcvC:
         return shown
 
 
-_READY = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0))
+_READY = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
 
 _LOSS_NAMES = {
     LossKind.CLOSED_BY_PARTNER: "the partner closed",

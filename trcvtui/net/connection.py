@@ -84,6 +84,7 @@ class Connection:
         self._resources = resources
         self._policy = policy
         self._write = write
+        self._name = config.name
         self._local: Endpoint | None = None
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
@@ -200,6 +201,8 @@ class Connection:
         """Read at most len(into) bytes; a loss is answered behind the last queued byte, and releases."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
+        if got is WOULD_BLOCK:
+            return WOULD_BLOCK
         if isinstance(got, int):
             if got == 0:
                 return self._lose(self._loss_of(None))
@@ -213,7 +216,7 @@ class Connection:
         self.recvs += 1
         offset = self.bytes_received
         self.bytes_received = offset + size
-        self._write(BytesReceived(self.config.name, self.incarnation, self.recvs, offset, size))
+        self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size))
 
     def check_loss(self, asking: object = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.

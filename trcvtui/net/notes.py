@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from trcvtui.net.kernel import Fault
 
@@ -41,8 +42,7 @@ class ConnectionNote:
     detail: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class BytesReceived:
+class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream."""
 
     connection: str

@@ -201,7 +201,7 @@ class OsKernel:
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         """Read straight into the view until it is full or the stack is empty; 0 = the partner's FIN."""
-        if handle in self._polled and handle not in self._ready:
+        if handle not in self._ready and handle in self._polled:
             return WOULD_BLOCK
         if handle in self._held:
             return self._tell_held("recv", handle)

@@ -58,6 +58,7 @@ class Instance:
         self._env = env
         self._note = note
         self._known_outputs: dict[tuple[Condition, int], Outputs] = {}  # the same frozen object each time
+        self._known_edges: dict[Outcome, StatusEdge] = {}
         self._pulsed: list[str] = []
         self._blinking: list[str] = []
         self.fresh()
@@ -134,18 +135,17 @@ class Instance:
 
     def _take(self, outcome: Outcome) -> bool:
         before, self.outcome = self.outputs, outcome
-        self.outputs = self._outputs_of(outcome)
-        if outcome.done:
+        now = self.outputs = self._outputs_of(outcome)
+        if now.done:
             self.jobs_done += 1
-            self.last_done = (self._env.scan, outcome.rcvd_len)
-        if outcome.error:
+            self.last_done = (self._env.scan, now.rcvd_len)
+        if now.error:
             self.errors += 1
-            self.last_error = (self._env.scan, self.outputs.status)
-        if self.outputs is before or self.outputs == before:
-            return False
-        if self.outputs.status != before.status:
+            self.last_error = (self._env.scan, now.status)
+        if now.status != before.status:
             self.since_scan = self._env.scan
-        return True
+            return True
+        return now is not before and now != before
 
     def stop(self) -> None:
         """Show what a stopped PLC shows: STATUS 0000, outputs FALSE."""
@@ -176,6 +176,14 @@ class Instance:
 
     def edge(self) -> StatusEdge:
         """Return the ledger's line for the outputs as they are now."""
+        known = self._known_edges.get(self.outcome)
+        if known is None:
+            if len(self._known_edges) >= KNOWN_OUTPUTS:
+                self._known_edges.clear()
+            known = self._known_edges[self.outcome] = self._new_edge()
+        return known
+
+    def _new_edge(self) -> StatusEdge:
         out = self.outputs
         return StatusEdge(
             self.name,

@@ -1,11 +1,16 @@
-"""The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list."""
+"""The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
+
+Rule: what every frame writes is a NamedTuple (made in a quarter of the time of a frozen dataclass), and
+a line is only put together when somebody reads it.
+"""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from itertools import islice
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.environment import JobEnded, JobStarted
@@ -72,8 +77,7 @@ Event = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(NamedTuple):
     """One line of the ledger. `seq` counts from 1 without gaps; `t_ns` is the scan's time from start."""
 
     seq: int
@@ -83,10 +87,10 @@ class Line:
 
 
 class Ledger:
-    """A bounded list of lines; the oldest are dropped. `scan` and `t_ns` stamp what is written."""
+    """A bounded list of lines, the oldest dropped first. `scan` and `t_ns` stamp what is written."""
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
-        self._lines: deque[Line] = deque(maxlen=keep)
+        self._stamped: deque[tuple[int, int, Event]] = deque(maxlen=keep)
         self.last_seq = 0
         self.scan = 0
         self.t_ns = 0
@@ -94,16 +98,17 @@ class Ledger:
     def write(self, event: Event) -> None:
         """Append one event of the running scan, or of the time behind it."""
         self.last_seq += 1
-        self._lines.append(Line(self.last_seq, self.scan, self.t_ns, event))
+        self._stamped.append((self.scan, self.t_ns, event))
 
-    def since(self, seq: int) -> tuple[Line, ...]:
-        """Return the lines after `seq` that are still kept, oldest first."""
-        fresh = min(self.last_seq - seq, len(self._lines))
+    def since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
+        """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
+        fresh = min(self.last_seq - seq, len(self._stamped), most)
         if fresh <= 0:
             return ()
-        newest_first = reversed(self._lines)
-        return tuple(next(newest_first) for _ in range(fresh))[::-1]
+        newest_first = islice(reversed(self._stamped), fresh)
+        return tuple([Line(self.last_seq - n, *stamped) for n, stamped in enumerate(newest_first)][::-1])
 
     def __iter__(self) -> Iterator[Line]:
         """Return the kept lines, oldest first."""
-        return iter(self._lines)
+        first = self.last_seq - len(self._stamped) + 1
+        return (Line(first + n, *stamped) for n, stamped in enumerate(self._stamped))

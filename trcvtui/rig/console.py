@@ -6,7 +6,6 @@ from collections import deque
 from typing import Final
 
 from trcvtui.errors import UserError
-from trcvtui.plc.ledger import Line
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
@@ -71,15 +70,14 @@ class Console:
     def picture(self, request: PictureRequest, timing: EngineTiming, most_lines: int) -> Picture:
         """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
         runtime = self.bench.runtime
-        news: tuple[Line, ...] = runtime.ledger.since(request.since_seq)
         fresh = runtime.ledger.last_seq - request.since_seq
-        kept = news[-min(most_lines, request.most_lines) :] if news else ()
+        lines = runtime.ledger.since(request.since_seq, min(most_lines, request.most_lines))
         answers = tuple(self._answers)
         self._answers.clear()
         return Picture(
-            snapshot=runtime.snapshot(self.bench.plan.entries()),
-            lines=kept,
-            lines_skipped=max(0, fresh - len(kept)),
+            snapshot=runtime.snapshot(tuple(str(fault) for fault in self.bench.plan.entries())),
+            lines=lines,
+            lines_skipped=max(0, fresh - len(lines)),
             data=tuple((name, runtime.data(name)) for name in request.data),
             partial=tuple((name, runtime.partial(name)) for name in request.partial_of),
             peers=tuple(peer.snapshot() for peer in self.bench.peers.values()),

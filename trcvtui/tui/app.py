@@ -24,6 +24,7 @@ class BenchApp(App[None]):
     """Twenty times a second: take the newest picture, show it, ask for the next."""
 
     TITLE = "trcvtui"
+    CSS_PATH = "styles.tcss"
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
 
     def __init__(self, driver: Driver, project: Project) -> None:

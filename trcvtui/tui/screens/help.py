@@ -12,6 +12,7 @@ from textual.widget import Widget
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.keys import SECTIONS
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
 KEY: Final = 18
@@ -86,6 +87,7 @@ class HelpScreen(ModalScreen[None]):
     """Closed by the keys that opened it, and by escape."""
 
     BINDINGS: ClassVar = [Binding("escape,q,question_mark,f1", "app.pop_screen", show=False)]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     DEFAULT_CSS = """
     HelpScreen { align: center middle; background: $background 60%; }
     HelpScreen HelpText {

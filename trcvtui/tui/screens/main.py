@@ -14,6 +14,7 @@ from textual.widget import Widget
 from trcvtui.tui import messages
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.function_block import FunctionBlock
 from trcvtui.tui.widgets.header_line import HeaderLine
 from trcvtui.tui.widgets.hex_view import HexView
@@ -47,6 +48,7 @@ class MainScreen(Screen[None]):
         Binding("escape", "calm", show=False),
         Binding("q", "app.quit", show=False),
     ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "main.tcss"
 
     def __init__(self, scene: Scene, submit: Callable[[str], None]) -> None:

@@ -6,7 +6,7 @@ never markup, so whatever bytes a partner sends stay text.
 
 from __future__ import annotations
 
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from rich.segment import Segment
 from rich.style import Style
@@ -20,15 +20,6 @@ from textual.strip import Strip
 from trcvtui.tui.styles import composed
 
 Part = tuple[str, str]
-# fmt: off
-STYLE_NAMES: Final = (
-    "dim", "faint", "strong", "label", "head", "key",           # weights of text
-    "on", "busy", "done", "error", "warn", "glow", "good", "bad",  # lamps and judgements
-    "cursor", "cursor-blurred", "hover", "link", "byte-cursor",  # what is pointed at
-    "run", "hold", "stop",                                       # chips of the header
-    "null", "printable", "space", "control", "high", "ghost",    # classes of bytes
-)
-# fmt: on
 
 
 class Row(NamedTuple):
@@ -69,46 +60,11 @@ class LineView(ScrollView, can_focus=True):
         Binding("home,g", "edge(-1)", show=False),
         Binding("end,G", "edge(1)", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = {f"line--{name}" for name in STYLE_NAMES}
     DEFAULT_CSS = """
     LineView {
         overflow-x: hidden; overflow-y: auto; scrollbar-size-vertical: 1;
         background: $surface; color: $foreground;
-        & > .line--dim { color: $text-muted; }
-        & > .line--faint { color: $text-disabled; }
-        & > .line--strong { text-style: bold; }
-        & > .line--label { color: $text-muted; }
-        & > .line--head { color: $text-muted; text-style: underline; }
-        & > .line--on, & > .line--done, & > .line--good { color: $success; text-style: bold; }
-        & > .line--busy { color: $primary; text-style: bold; }
-        & > .line--error, & > .line--bad { color: $error; text-style: bold; }
-        & > .line--warn { color: $warning; }
-        & > .line--glow { color: $warning; text-style: bold; }
-        & > .line--key { color: $accent; text-style: bold; }
-        & > .line--cursor { background: $primary 22%; }
-        & > .line--cursor-blurred { background: $primary 10%; }
-        & > .line--hover { background: $primary 14%; }
-        & > .line--link { background: $accent 26%; text-style: underline; }
-        & > .line--byte-cursor { background: $accent; color: $background; text-style: bold; }
-        & > .line--run { background: $success 75%; color: $background; text-style: bold; }
-        & > .line--hold { background: $warning 80%; color: $background; text-style: bold; }
-        & > .line--stop { background: $error 80%; color: $background; text-style: bold; }
-        & > .line--ghost { color: $text-disabled; text-style: italic; }
-        & > .line--null { color: $text-disabled; }
-        & > .line--printable { color: $primary; }
-        & > .line--space { color: $success; }
-        & > .line--control { color: $secondary; }
-        & > .line--high { color: $warning; }
-        &:ansi {
-            background: ansi_default; color: ansi_default;
-            & > .line--busy, & > .line--printable { color: ansi_cyan; }
-            & > .line--control { color: ansi_magenta; }
-            & > .line--cursor { background: ansi_default; color: ansi_default; text-style: reverse; }
-            & > .line--byte-cursor { background: ansi_default; color: ansi_default; text-style: reverse; }
-            & > .line--link { background: ansi_default; text-style: bold underline; }
-            & > .line--cursor-blurred, & > .line--hover { background: ansi_default; text-style: bold; }
-            & > .line--run, & > .line--hold, & > .line--stop { color: ansi_black; }
-        }
+        &:ansi { background: ansi_default; color: ansi_default; }
     }
     """
     KEYS: ClassVar[tuple[tuple[str, str], ...]] = ()
@@ -172,7 +128,7 @@ class LineView(ScrollView, can_focus=True):
     def named_style(self, names: str) -> Style:
         """Return the style of names such as `cursor dim`; made once a theme."""
         if names not in self._ready_styles:
-            self._ready_styles[names] = composed(self, tuple(f"line--{name}" for name in names.split()))
+            self._ready_styles[names] = composed(self, names.split())
         return self._ready_styles[names]
 
     def notify_style_update(self) -> None:

@@ -38,7 +38,7 @@ class CommandPreview(LineView, can_focus=False):
         if y:
             return EMPTY
         if self.fault:
-            return row(("✗ ", "bad"), (clip(plain(self.fault), self.line_width - 2), "error"))
+            return row(("✗ ", "error"), (clip(plain(self.fault), self.line_width - 2), "error"))
         return row(("▸ ", "dim"), (clip(plain(self.line), self.line_width - 2), "dim"))
 
 

@@ -53,7 +53,7 @@ class EchoLine(LineView, can_focus=False):
             return row((": " if y == 0 else "  ", "dim"), (texts[y], "error")) if y < len(texts) else EMPTY
         if not self._line:
             return row((": ", "key"), ("type a bench command: set, pulse, peer, fault, plc …", "faint"))
-        mark = ("  … with the next scan", "dim") if self._waits else ("  ✓", "good")
+        mark = ("  … with the next scan", "dim") if self._waits else ("  ✓", "done")
         return row((": ", "dim"), (clip(self._line, self.line_width - 6), ""), mark)
 
 

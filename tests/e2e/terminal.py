@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ from pathlib import Path
 import pytest
 
 TRCVTUI = Path(sys.executable).with_name("trcvtui")
+_NUMBERS = itertools.count(1)
 LOOKS = 1500  # each look is a tmux call of a few milliseconds
 
 
@@ -26,8 +28,9 @@ def need(tool: str) -> str:
 class Terminal:
     """One tmux session of its own server."""
 
-    def __init__(self, name: str, columns: int, rows: int, command: str) -> None:
-        self._tmux = [need("tmux"), "-L", f"trcvtui-{os.getpid()}-{name}", "-f", "/dev/null"]
+    def __init__(self, columns: int, rows: int, command: str) -> None:
+        # A name of its own for each: a server that is going away must not meet the next one.
+        self._tmux = [need("tmux"), "-L", f"trcvtui-{os.getpid()}-{next(_NUMBERS)}", "-f", "/dev/null"]
         self._call("new-session", "-d", "-x", str(columns), "-y", str(rows), command)
 
     def _call(self, *words: str) -> str:

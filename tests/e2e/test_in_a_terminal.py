@@ -25,7 +25,7 @@ def terminals() -> Iterator[list[Terminal]]:
 
 def open_terminal(opened: list[Terminal], columns: int, rows: int, *args: str) -> Terminal:
     command = " ".join([str(TRCVTUI), *args]) + "; echo ended with $?; exec cat"
-    opened.append(Terminal(f"t{len(opened)}", columns, rows, command))
+    opened.append(Terminal(columns, rows, command))
     return opened[-1]
 
 

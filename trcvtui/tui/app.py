@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import ClassVar, Final
 
 from textual.app import App, SystemCommand
@@ -24,7 +25,7 @@ class BenchApp(App[None]):
     """Twenty times a second: take the newest picture, show it, ask for the next."""
 
     TITLE = "trcvtui"
-    CSS_PATH = "styles.tcss"
+    CSS_PATH = Path(__file__).with_name("styles.tcss")
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
 
     def __init__(self, driver: Driver, project: Project) -> None:
@@ -33,13 +34,13 @@ class BenchApp(App[None]):
         self.scene = Scene(project)
         self.main = MainScreen(self.scene, self.submit)
         self.last_words = ""
+        self.register_theme(DARK)
+        self.register_theme(LIGHT)
+        # Without its watcher: every rule would be read twice before the first frame.
+        self.set_reactive(BenchApp.theme, DARK.name)
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
-        self.register_theme(DARK)
-        self.register_theme(LIGHT)
-        if not self.native_ansi_color:
-            self.theme = DARK.name
         # Not as the default screen: an input field in that one fails at start (Textual issue 6444).
         self.push_screen(self.main)
         self._frame()
@@ -84,6 +85,7 @@ class BenchApp(App[None]):
 
 def _quiet_collector() -> None:
     # What lives now lives to the end: a full collection would cost frames for nothing (performance.md 2).
+    gc.enable()
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
@@ -91,6 +93,7 @@ def _quiet_collector() -> None:
 
 def run_app(driver: Driver, project: Project) -> int:
     """Open the screen on a bench; return 0, or 1 when the engine ended by itself."""
+    gc.disable()  # until the first frame stands: what is made on the way to it stays
     app = BenchApp(driver, project)
     app.run()
     if app.last_words:

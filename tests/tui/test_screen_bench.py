@@ -76,7 +76,7 @@ async def test_five_bytes_then_three_then_twenty_five_are_on_the_screen(size: tu
         await bench.press("2")
         assert "RCVD_LEN ◂8" in bench.text
         await bench.press("5")
-        assert "0000  01 02 03 04 05 06 07 08" in bench.text
+        assert "0000 ▕01 02 03 04 05▕06 07 08" in bench.text, "each message of the peer has its beginning"
 
         await bench.scan(150)
         await bench.send(" ".join(f"{n:02x}" for n in range(1, 26)))
@@ -84,6 +84,8 @@ async def test_five_bytes_then_three_then_twenty_five_are_on_the_screen(size: tu
         await bench.press("5")
         assert "0000  19 ·· ·· ·· ·· ·· ·· ··" in bench.text
         assert "0000  11 12 13 14 15 16 17 18" in bench.text
+        await bench.press("3")
+        assert "DATA begins with byte 16 of P1's message 3" in bench.text
         await bench.press("4", "M")
         assert bench.text.count("■ DONE 8 B") == 4
 
@@ -135,4 +137,4 @@ async def test_a_byte_tells_the_recv_call_and_the_message_it_came_with() -> None
         await bench.send("06 07 08")
         await bench.press("5", *["right"] * 7)
         assert "byte 6 = 16#07 = 7 · job 1 · recv 2, scan" in bench.text
-        assert "P1 message 2 byte 1" in bench.text
+        assert "P1 #2 byte 1" in bench.text

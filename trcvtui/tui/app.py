@@ -38,6 +38,7 @@ class BenchApp(App[None]):
         self.register_theme(LIGHT)
         # Without its watcher: every rule would be read twice before the first frame.
         self.set_reactive(BenchApp.theme, DARK.name)
+        self.stylesheet.set_variables(self.get_css_variables())
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""

@@ -158,14 +158,39 @@ class Provenance:
         message = self._message_at(job.link, place)
         return Origin(job, self._recv_at(job.link, place), message, place - message.offset if message else 0)
 
+    def messages(self, instance: str, of_job: bool) -> list[Span]:
+        """Return the peer's messages in DATA, or in the running job, newest first.
+
+        Offsets count from the job's first byte: a negative one began before it.
+        """
+        job = (self._running if of_job else self._delivered).get(instance)
+        found: list[Span] = []
+        for span in reversed(self._messages_of(job.link)) if job is not None else ():
+            start = span.offset - job.offset if job is not None else 0
+            if job is None or start + span.size <= 0:
+                break
+            if start < job.size:
+                found.append(span._replace(offset=start))
+        return found
+
+    def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
+        """Return the bytes of DATA, or of the running job, with which a peer's message begins."""
+        return frozenset(span.offset for span in self.messages(instance, of_job) if span.offset >= 0)
+
     def _recv_at(self, link: tuple[str, int], place: int) -> Span | None:
-        incarnation, spans = self._recvs.get(link[0], (0, deque[Span]()))
+        incarnation, spans = self._recvs.get(link[0], (0, _NOTHING))
         return _covering(spans, place) if incarnation == link[1] else None
 
     def _message_at(self, link: tuple[str, int], place: int) -> Span | None:
+        return _covering(self._messages_of(link), place)
+
+    def _messages_of(self, link: tuple[str, int]) -> deque[Span]:
         incarnation, local, peer = self._ends.get(link[0], (0, "", ""))
-        return _covering(self._sent.get((peer, local), ()), place) if incarnation == link[1] else None
+        return self._sent.get((peer, local), _NOTHING) if incarnation == link[1] else _NOTHING
 
 
-def _covering(spans: deque[Span] | tuple[Span, ...], place: int) -> Span | None:
+_NOTHING: Final[deque[Span]] = deque()
+
+
+def _covering(spans: deque[Span], place: int) -> Span | None:
     return next((s for s in reversed(spans) if s.offset <= place < s.offset + s.size), None)

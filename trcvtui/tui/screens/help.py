@@ -19,6 +19,7 @@ KEY: Final = 18
 SIGNS: Final = (
     ("■ □ ◆", "a lamp on, off, lit for one scan a moment ago (with its scan)"),
     ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
+    ("▕", "before a byte: a message of the peer begins here"),
     ("··", "a byte that the running job still waits for"),
 )
 

@@ -29,7 +29,7 @@ from trcvtui.tui.widgets.status_history import StatusHistory
 from trcvtui.tui.widgets.tab_line import TabLine
 from trcvtui.tui.widgets.udt_table import UdtTable
 
-LEAST_WIDTH, LEAST_HEIGHT = 116, 34
+LEAST_WIDTH, LEAST_HEIGHT, TALL = 116, 34, 54
 TABS, ZOOM = "-tabs", "-zoom"
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
@@ -103,6 +103,7 @@ class MainScreen(Screen[None]):
         """Take all panes side by side only where nothing has to be cut."""
         small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
         self.set_class(small, TABS)
+        self.set_class(event.size.height >= TALL, "-tall")
         self._arrange()
 
     # -- what comes in ------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 
 GHOST_HEX, GHOST_TEXT = "··", "·"
+START: Final = "▕"
 WIDE, NARROW = 16, 8
 LEAST_DIGITS: Final = 4
 
@@ -32,10 +33,11 @@ class HexView(LineView):
         self.need = 0
         self.cursor: int | None = None
         self.link = range(0)
+        self.starts: frozenset[int] = frozenset()
 
-    def show_bytes(self, content: bytes, need: int) -> None:
-        """Show these bytes; repaint the lines that differ."""
-        self.content, self.need = content, max(need, len(content))
+    def show_bytes(self, content: bytes, need: int, starts: frozenset[int]) -> None:
+        """Show these bytes, `starts` marked as beginnings of messages; repaint the lines that differ."""
+        self.content, self.need, self.starts = content, max(need, len(content)), starts
         self.show()
 
     def show_link(self, link: range) -> None:
@@ -72,7 +74,8 @@ class HexView(LineView):
         if start >= stop:
             return EMPTY
         styles = [self._style_of(offset) for offset in range(start, stop)]
-        parts: list[Part] = [(f"{start:0{self.digits}x}  ", "dim")]
+        mark = START if start in self.starts else " "
+        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), (mark, "key")]
         parts += self._hex(start, styles)
         parts += self._text(start, styles)
         return Row(tuple(parts))
@@ -88,16 +91,23 @@ class HexView(LineView):
     def _hex(self, start: int, styles: list[str]) -> list[Part]:
         parts: list[Part] = []
         for index in range(self.per_row):
-            gap = "  " if index == NARROW - 1 and self.per_row == WIDE else " "
+            wide_gap = index == NARROW - 1 and self.per_row == WIDE
             if index >= len(styles):
-                parts.append(("  " + gap, ""))
+                parts.append(("    " if wide_gap else "   ", ""))
                 continue
             offset = start + index
             text = HEX_OF[self.content[offset]] if offset < len(self.content) else GHOST_HEX
             parts.append((text, styles[index]))
-            inside = offset in self.link and offset + 1 in self.link and index + 1 < len(styles)
-            parts.append((gap, "link" if inside else ""))
+            parts += self._gap(offset, wide_gap, last=index + 1 >= len(styles))
         return _merged(parts)
+
+    def _gap(self, offset: int, wide: bool, last: bool) -> list[Part]:
+        """Return what stands behind a byte: room, or the mark of a message that begins with the next one."""
+        inside = not last and offset in self.link and offset + 1 in self.link
+        style = "link" if inside else ""
+        begins = not last and offset + 1 in self.starts
+        mark = (START, f"key {style}") if begins else (" ", style)
+        return [(" ", style), mark] if wide else [mark]
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
         shown = self.content[start : start + len(styles)]

@@ -79,14 +79,17 @@ class Received(Vertical):
         self._show_title(instance)
         if instance is None:
             return
-        self.data.show_bytes(self._scene.data, 0)
+        self.data.show_bytes(self._scene.data, 0, self._starts(False))
         self._line.show()
         self._size_job(instance)
         grown = len(self._scene.partial) > len(self.job.content)
-        self.job.show_bytes(self._scene.partial, instance.need)
+        self.job.show_bytes(self._scene.partial, instance.need, self._starts(True))
         self._show_origin()
         if grown and not self.job.has_focus:
             self.job.keep_in_view(max(0, len(self._scene.partial) - 1) // self.job.per_row)
+
+    def _starts(self, of_job: bool) -> frozenset[int]:
+        return self._scene.provenance.message_starts(self._scene.selected, of_job)
 
     def _show_origin(self) -> None:
         view = self.job if self.job.has_focus else self.data
@@ -106,9 +109,7 @@ class Received(Vertical):
         if origin.recv is not None:
             text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
         if origin.message is not None:
-            text += (
-                f" · {plain(origin.message.peer)} message {origin.message.number} byte {origin.message_byte}"
-            )
+            text += f" · {plain(origin.message.peer)} #{origin.message.number} byte {origin.message_byte}"
         return text
 
     def on_resize(self) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.tui.advice import notes_of
 from trcvtui.tui.afterglow import DONE, ERROR
 from trcvtui.tui.explain import why, why_now
 from trcvtui.tui.formatting import GLOW, lamp, moment, plain, status_word, wrapped
@@ -70,11 +72,13 @@ class StatusCard(LineView):
         if lamps:
             rows.append(row(*lamps))
         rows += self._paragraph("why", [reason], "warn" if shown.cause.injected else "")
+        if lamps and isinstance(shown, InstanceSnapshot):
+            rows += self._paragraph("bytes", notes_of(shown, self._scene.provenance), "warn")
         if found is not None and found.checks:
             rows += self._paragraph("next", found.checks, "dim")
         return rows
 
-    def _paragraph(self, label: str, texts: tuple[str, ...] | list[str], style: str) -> list[Row]:
+    def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
         rows: list[Row] = []
         for text in texts:
             mark = "· " if len(texts) > 1 else ""

@@ -1,0 +1,115 @@
+"""Where bytes came from, and what follows: frames that end elsewhere than the peer's messages."""
+
+from __future__ import annotations
+
+from tests.tui.fakes import receiving
+from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.net.notes import BytesReceived, ConnectionNote, What
+from trcvtui.plc.ledger import Event, Line, PeerSent
+from trcvtui.tui.advice import notes_of
+from trcvtui.tui.provenance import KEPT, KEPT_LINKS, Provenance
+
+PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"
+
+
+def told(*events: Event, scan: int = 40) -> Provenance:
+    """Return what a ledger of these events tells, one scan a line."""
+    provenance = Provenance()
+    for number, event in enumerate(events):
+        provenance.note(Line(number + 1, scan + number, 0, event))
+    return provenance
+
+
+def connected(incarnation: int = 1) -> ConnectionNote:
+    """Return the note of an accepted partner."""
+    return ConnectionNote("C1", incarnation, What.CONNECTED, PLC, PEER)
+
+
+def sent(message: int, offset: int, size: int) -> PeerSent:
+    """Return a message of P1."""
+    return PeerSent("P1", message, PEER, PLC, offset, size)
+
+
+def taken(recv: int, offset: int, size: int, incarnation: int = 1) -> BytesReceived:
+    """Return a recv call on C1."""
+    return BytesReceived("C1", incarnation, recv, offset, size)
+
+
+def started(job: int, offset: int, length: int = 24) -> JobStarted:
+    """Return the start of a job of TRCV_C_1."""
+    return JobStarted("TRCV_C_1", job, "C1", 1, offset, length, False)
+
+
+def ended(job: int, offset: int, size: int, done: bool = True) -> JobEnded:
+    """Return the end of a job of TRCV_C_1."""
+    return JobEnded("TRCV_C_1", job, "C1", 1, offset, size, done, "")
+
+
+def test_a_byte_of_data_knows_job_recv_and_message() -> None:
+    ledger = told(
+        connected(), started(1, 0), sent(1, 0, 10), taken(1, 0, 10), sent(2, 10, 14), taken(2, 10, 14)
+    )
+    ledger.note(Line(9, 50, 0, ended(1, 0, 24)))
+    origin = ledger.origin("TRCV_C_1", of_job=False, byte=12)
+    assert origin is not None and origin.recv is not None and origin.message is not None
+    assert (origin.job.number, origin.recv.number, origin.recv.scan) == (1, 2, 45)
+    assert (origin.message.peer, origin.message.number, origin.message_byte) == ("P1", 2, 2)
+    assert ledger.origin("TRCV_C_1", of_job=False, byte=24) is None
+
+
+def test_a_job_without_done_leaves_data_to_the_one_before() -> None:
+    ledger = told(connected(), started(1, 0), ended(1, 0, 24), started(2, 24), ended(2, 24, 5, done=False))
+    origin = ledger.origin("TRCV_C_1", of_job=False, byte=0)
+    assert origin is not None
+    assert origin.job.number == 1
+
+
+def test_bytes_of_another_incarnation_are_not_mixed_in() -> None:
+    ledger = told(
+        connected(), started(1, 0), taken(1, 0, 24), ended(1, 0, 24), connected(2), taken(1, 0, 9, 2)
+    )
+    origin = ledger.origin("TRCV_C_1", of_job=False, byte=3)
+    assert origin is not None
+    assert (origin.recv, origin.message) == (None, None)
+
+
+def test_what_is_remembered_is_bounded() -> None:
+    ledger = told(connected())
+    for n in range(3 * KEPT):
+        ledger.note(Line(n, n, 0, taken(n, n, 1)))
+        ledger.note(Line(n, n, 0, PeerSent("P1", n, f"10.0.0.1:{n}", PLC, 0, 1)))
+    assert len(ledger._recvs["C1"][1]) == KEPT
+    assert len(ledger._sent) == KEPT_LINKS
+
+
+def test_frames_that_agree_with_messages_need_no_word() -> None:
+    ledger = told(connected(), started(1, 0), sent(1, 0, 24), ended(1, 0, 24), started(2, 24))
+    assert notes_of(receiving(have=0), ledger) == []
+    assert ledger.message_starts("TRCV_C_1", of_job=False) == {0}
+
+
+def test_shifted_frames_are_named_with_their_shift() -> None:
+    ledger = told(connected(), started(1, 0), sent(1, 0, 5), sent(2, 5, 24), sent(3, 29, 24))
+    for job in (1, 2):
+        ledger.note(Line(9, 50, 0, ended(job, 24 * (job - 1), 24)))
+    assert notes_of(receiving(have=0), ledger) == [
+        "P1's message 3 begins at byte 5 of DATA: frames and messages are shifted"
+    ]
+    assert ledger.message_starts("TRCV_C_1", of_job=False) == {5}
+
+
+def test_one_message_over_several_frames_is_named() -> None:
+    ledger = told(
+        connected(), sent(1, 0, 100), started(1, 0), ended(1, 0, 24), started(2, 24), ended(2, 24, 24)
+    )
+    assert notes_of(receiving(have=0), ledger) == [
+        "DATA begins with byte 24 of P1's message 1: one message fills several frames"
+    ]
+
+
+def test_a_message_that_is_shorter_than_the_frame_is_named() -> None:
+    ledger = told(connected(), started(1, 0), sent(1, 0, 17), taken(1, 0, 17))
+    assert notes_of(receiving(have=17, need=24), ledger) == [
+        "P1's message 1, 17 B, is wholly here and ends 7 bytes before the frame does"
+    ]
+    assert notes_of(receiving(have=12, need=24), ledger) == [], "its end is still on the way"

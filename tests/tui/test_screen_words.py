@@ -1,0 +1,147 @@
+"""The pure functions behind the screen: values to words, letters to pins, causes to reasons."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from tests.tui.fakes import MS, SECOND, bench_project, connections, edge, receiving
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, CLASSES
+from trcvtui.tui.completion import complete
+from trcvtui.tui.explain import why, why_now
+from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped
+from trcvtui.tui.keys import letters_of
+from trcvtui.tui.peer_commands import send_line
+
+
+@pytest.mark.parametrize(
+    ("ns", "text"),
+    [
+        (0, "0.0 s"),
+        (1_190 * MS, "1.1 s"),
+        (9_999 * MS, "9.9 s"),
+        (48 * SECOND, "48 s"),
+        (720 * SECOND, "12 min"),
+        (3 * 3600 * SECOND, "3 h"),
+        (-5, "0.0 s"),
+    ],
+)
+def test_an_age_is_as_coarse_as_a_glance_needs(ns: int, text: str) -> None:
+    assert age(ns) == text
+
+
+def test_times_are_written_with_their_unit() -> None:
+    assert moment(12_330 * MS) == "12.330"
+    assert [short_time(n) for n in (80_000, 310_000, 12_000_000)] == ["80 us", "0.3 ms", "12 ms"]
+
+
+def test_what_is_cut_is_shown_to_be_cut() -> None:
+    assert clip("receiving", 9) == "receiving"
+    assert clip("receiving", 5) == "rece…"
+    assert clip("receiving", 0) == ""
+
+
+def test_one_byte_is_never_an_empty_bar() -> None:
+    assert bar(0, 65535, 10) == ("", "─" * 10)
+    assert bar(1, 65535, 10) == ("━", "─" * 9)
+    assert bar(65535, 65535, 10) == ("━" * 10, "")
+
+
+def test_control_characters_do_not_survive_wrapping() -> None:
+    assert wrapped("a\x1b[1m b", 40) == (r"a\x1b[1m b",)
+
+
+def test_each_byte_has_a_class_and_one_printable_character() -> None:
+    assert len(CLASS_OF) == len(CHARACTER_OF) == 256
+    assert set(CLASS_OF) == set(CLASSES)
+    assert all(len(c) == 1 and c.isprintable() for c in CHARACTER_OF)
+    assert [CHARACTER_OF[b] for b in b"\x00A \n\x07\x80"] == ["⋄", "A", " ", "_", "•", "×"]
+
+
+def test_pins_keep_their_letters_and_strangers_get_free_ones() -> None:
+    assert letters_of(["EN_R", "CONT", "LEN", "ADHOC", "COM_RST"]) == {
+        "EN_R": "n", "CONT": "t", "LEN": "l", "ADHOC": "a", "COM_RST": "x",
+    }  # fmt: skip
+    letters = letters_of(["TIMEOUT", "CONT", "ID", "REQ"])
+    assert letters["CONT"] == "t"
+    assert letters["TIMEOUT"] == "i"
+    assert len(set(letters.values())) == 4
+
+
+# -- why -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("cause", "text"),
+    [
+        (Cause(Why.INPUT, "CONT rose", pin="CONT", value=1), "CONT rose"),
+        (Cause(Why.KERNEL, "bind failed", call="bind", error="EADDRINUSE"), "bind gave EADDRINUSE"),
+        (
+            Cause(
+                Why.KERNEL, "recv failed", call="recv", error="ECONNRESET", injected=True, peer="10.0.0.7:1"
+            ),
+            "injected fault: recv gave ECONNRESET, partner 10.0.0.7:1",
+        ),
+        (
+            Cause(Why.PARTNER, "the partner closed", peer="10.0.0.7:1", have=64, need=96),
+            "the partner closed, 64 of 96 bytes here, partner 10.0.0.7:1",
+        ),
+        (
+            Cause(Why.PARAMETER, "LEN is larger than DATA", pin="LEN", value=70000, have=70000, need=96),
+            "LEN is larger than DATA: LEN is 70000, wanted 70000, at most 96 bytes",
+        ),
+        (
+            Cause(Why.WAITING, "no partner yet", detail="listening on 127.0.0.1:2000"),
+            "no partner yet, listening on 127.0.0.1:2000",
+        ),
+    ],
+)
+def test_a_cause_is_told_with_all_its_evidence(cause: Cause, text: str) -> None:
+    assert why(edge(0x80AA, Condition.RECEIVE_FAILED, cause)) == text
+
+
+def test_an_armed_block_is_not_called_stuck() -> None:
+    text = why_now(replace(receiving(have=0), last_receive_ns=None), connections()[0], 9 * SECOND)
+    assert text == "armed for 24 bytes: none is here yet"
+
+
+def test_an_ad_hoc_job_wants_up_to_its_limit() -> None:
+    text = why_now(replace(receiving(have=0), adhoc=True), connections()[0], 9 * SECOND)
+    assert text == "armed for up to 24 bytes (ADHOC): none is here yet, the last one came 1.0 s ago"
+
+
+# -- commands ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "completed"),
+    [
+        ("", None),
+        ("se", "set"),
+        ("set TRCV_C_", "set TRCV_C_1"),
+        ("set TRCV_C_1 C", "set TRCV_C_1 CONT="),
+        ("set TRCV_C_1 CONT=1 E", "set TRCV_C_1 CONT=1 EN_R="),
+        ("pulse TRCV_C_1 COM", "pulse TRCV_C_1 COM_RST"),
+        ("pulse TRCV_C_1 L", None),
+        ("peer P1 se", "peer P1 send"),
+        ("peer P1 send udt T", "peer P1 send udt Telegram"),
+        ("peer P1 send hex 01 sp", "peer P1 send hex 01 split="),
+        ("fault recv EC", "fault recv ECONNRESET"),
+        ("fault recv ECONNRESET on C", "fault recv ECONNRESET on C1"),
+        ("link C2 d", "link C2 down"),
+        ("plc r", "plc run"),
+        ("write sm", "write small"),
+        ("expect TRCV_C_2 ST", "expect TRCV_C_2 STATUS="),
+        ("nonsense x", None),
+    ],
+)
+def test_the_last_word_of_a_command_is_completed(line: str, completed: str | None) -> None:
+    assert complete(line, bench_project()) == completed
+
+
+def test_empty_options_are_left_out_of_a_send() -> None:
+    options = (("split", " 3,7 "), ("gap", ""), ("repeat", "2"), ("every", "  "))
+    assert send_line("P1", "hex", " 01 02 ", options) == "peer P1 send hex 01 02 split=3,7 repeat=2"

@@ -54,6 +54,7 @@ class ConnectionPart:
         self._close_wanted = False
         self._reset_wanted = False
         self._queued = False
+        self._shown: Outcome | None = None  # while waiting for a partner
 
     def stands(self) -> bool:
         """Return whether inputs that have not changed leave this scan to the job."""
@@ -134,16 +135,22 @@ class ConnectionPart:
         return Outcome(Condition.ESTABLISHING, Cause(Why.SEQUENCE, reason))
 
     def _waiting(self) -> Outcome:
-        config = self._connection.config
-        if not config.active:
-            return Outcome(
-                Condition.ESTABLISHING,
-                Cause(Why.WAITING, "no partner yet", detail=f"listening on {self._connection.local}"),
-            )
+        if not self._connection.config.active:
+            return self._listening()
         remote = str(self._connection.set_up.remote or "")
         if self._connection.set_up.attempt is None:
             return Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "before the next attempt", peer=remote))
         return Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no answer yet", peer=remote))
+
+    def _listening(self) -> Outcome:
+        """Return what waits for a partner; from the second 7002 on only the poll can end it."""
+        detail = f"listening on {self._connection.local}"
+        lasts = self.waits > 1 and self._connection.set_up.listener is not None
+        shown = self._shown
+        if shown is None or shown.lasts != lasts or shown.cause.detail != detail:
+            cause = Cause(Why.WAITING, "no partner yet", detail=detail)
+            shown = self._shown = Outcome(Condition.ESTABLISHING, cause, lasts=lasts)
+        return shown
 
     # -- the connection is gone -----------------------------------------------------------------
 

@@ -173,18 +173,20 @@ class Connection:
 
     # -- a second client (decision 21) ------------------------------------------------------------
 
-    def service(self) -> None:
-        """Turn second clients away (communication phase); bounded work a scan."""
+    def service(self) -> bool:
+        """Turn second clients away, bounded work a scan; return whether one took the connection over."""
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
-            return
+            return False
         if self._policy.second_client == "queue":
-            return
+            return False
+        before = self.incarnation
         for _ in range(ACCEPTS_A_SCAN):
             got = self.set_up.accept()
             if not isinstance(got, Accepted):
-                return
+                break
             self._second_client(got)
+        return self.state is not State.CONNECTED or self.incarnation != before
 
     def _second_client(self, client: Accepted) -> None:
         if self._policy.second_client == "reject":

@@ -6,8 +6,9 @@ The plan's faults carry `injected=True`, so that nobody takes them for the netwo
 from __future__ import annotations
 
 import errno
+from collections.abc import Collection
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
 from trcvtui.errors import mistake
 from trcvtui.net.kernel import (
@@ -130,12 +131,20 @@ class FaultPlan:
         return fault
 
 
+@runtime_checkable
+class KnowsReady(Protocol):
+    """A kernel that can list what the last poll saw without asking for each handle."""
+
+    def ready(self) -> Collection[Handle]: ...
+
+
 class FaultyKernel:
     """A Kernel around any kernel, whose calls fail as planned; what is not planned passes through."""
 
     def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
         self.inner = inner
         self.plan = plan
+        self._ready = inner.ready if isinstance(inner, KnowsReady) else self._readable_ones
         self._owners: dict[Handle, str] = {}
         self._held: dict[Handle, Accepted] = {}  # clients whose accept was made to fail
 
@@ -155,6 +164,16 @@ class FaultyKernel:
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw something, or a client still waits behind a planned fault."""
         return self.inner.readable(handle) or handle in self._held
+
+    def _readable_ones(self) -> Collection[Handle]:
+        return [handle for handle in self._owners if self.inner.readable(handle)]
+
+    def stirred(self) -> Collection[str] | None:
+        """Return the owners of the handles that the last poll saw; None: a planned fault may hit anybody."""
+        if self.plan.active or self._held:
+            return None
+        owners = self._owners
+        return {owners[handle] for handle in self._ready() if handle in owners}
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         """Set the options; return the names of those that this system refused."""

@@ -11,8 +11,8 @@ import errno
 import socket
 import struct
 import sys
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Collection
+from typing import Final, cast
 
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
@@ -90,6 +90,10 @@ class OsKernel:
         """Take the readiness of the whole poll set in one system call."""
         if self._polls is not None and self._polled:
             self._ready = dict(self._polls.poll(0, len(self._polled)))
+
+    def ready(self) -> Collection[Handle]:
+        """Return the handles of the poll set that the last poll saw."""
+        return cast("Collection[Handle]", self._ready)
 
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw something to read; a handle outside the set is looked at now."""

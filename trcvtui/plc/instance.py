@@ -70,6 +70,7 @@ class Instance:
         self.outcome = NOT_CALLED
         self.outputs = self._outputs_of(NOT_CALLED)
         self.called = False
+        self.asleep = False  # the next call would change nothing that anybody can see
         self.since_scan = self._env.scan
         self.jobs_done = self.errors = 0
         self.last_done: tuple[int, int] | None = None
@@ -113,6 +114,7 @@ class Instance:
             self._end_pulses()
         if outcome.clear_com_rst:
             self._write("COM_RST", False)
+        self.asleep = outcome.lasts and self._frozen is not None and not self._blinking
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
             return False

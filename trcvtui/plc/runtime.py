@@ -1,20 +1,20 @@
 """The PLC: `scan(now)` is one scan in four phases, in this order, and nothing else.
 
 1 read_inputs            commands are applied and frozen; the network's readiness is taken once
-2 execute_program        every due instance is called once, in call order
+2 execute_program        every due instance is called once, in call order; who sleeps is left out (roster.py)
 3 write_outputs          conditions have become STATUS; the ledger gets what changed, and why
-4 service_communication  every connection once: bounded housekeeping; the job queue is served
+4 service_communication  connections on which the poll saw something: housekeeping; the job queue is served
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.net.connection import Connection, State
-from trcvtui.net.kernel import Kernel
+from trcvtui.net.faults import FaultyKernel
 from trcvtui.net.resources import Resources
 from trcvtui.plc.commands import (
     BlinkInput,
@@ -28,6 +28,7 @@ from trcvtui.plc.commands import (
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import InstanceDecl, Project
+from trcvtui.plc.roster import Roster
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 
 
@@ -37,15 +38,17 @@ class Runtime:
     def __init__(
         self,
         project: Project,
-        kernel: Kernel,
+        kernel: FaultyKernel,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
     ) -> None:
         self.ledger = Ledger()
         self.running = True
-        self.called: tuple[Outputs, ...] = ()
+        self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
         self.changed: tuple[Outputs, ...] = ()
         self._changed: Sequence[Instance] = ()
+        self._program_ran = False
+        self._stirred: Collection[str] | None = None
         self._stopped_outputs: tuple[Outputs, ...] = ()
         self.interval_ns = min(task.interval_ns for task in project.tasks)
         self._project = project
@@ -66,7 +69,7 @@ class Runtime:
             for config in project.connects
         }
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
-        self._every = self._call_periods(project)
+        self._roster = Roster(self._call_periods(project))
 
     def _instance(self, decl: InstanceDecl) -> Instance:
         data = self._data[decl.data] if decl.data is not None else None
@@ -101,6 +104,13 @@ class Runtime:
         set_up = self._connections[connect].set_up
         return set_up.local.port if set_up.listener is not None and set_up.local else None
 
+    @property
+    def called(self) -> tuple[Outputs, ...]:
+        """Return the outputs of the instances that were due in the last scan, in call order."""
+        if not self._program_ran:
+            return ()
+        return tuple(instance.outputs for instance in self._roster.due(self._env.scan - 1))
+
     def outputs(self, instance: str) -> Outputs:
         """Return the outputs of an instance as the last scan left them."""
         return self._instances[instance].outputs
@@ -125,35 +135,36 @@ class Runtime:
         self._env.now = now
         self.ledger.scan, self.ledger.t_ns = self._env.scan, now
         self._read_inputs()
-        called = self._execute_program() if self.running else ()
-        self._write_outputs(called)
+        self._execute_program()
+        self._write_outputs()
         self._service_communication()
 
     def _read_inputs(self) -> None:
         while self._commands:
             self._apply(self._commands.popleft())
+            self._roster.wake_all()
         self._kernel.poll()
-
-    def _execute_program(self) -> Sequence[Instance]:
-        turn = self._env.scan - 1
-        called = [instance for instance, every in self._every if turn % every == 0]
-        self._changed = [instance for instance in called if instance.scan()]
-        return called
-
-    def _write_outputs(self, called: Sequence[Instance]) -> None:
-        self.called = tuple([instance.outputs for instance in called])
-        if called:
-            for instance in self._changed:
-                self.ledger.write(instance.edge())
-            self.changed = tuple([instance.outputs for instance in self._changed])
+        self._stirred = None if self.calls_all else self._kernel.stirred()
+        if self._stirred is None:
+            self._roster.wake_all()
         else:
-            self.changed = self._stopped_outputs
+            self._roster.wake(self._stirred)
+
+    def _execute_program(self) -> None:
+        self._program_ran = self.running
+        self._changed = self._roster.call(self._env.scan - 1) if self.running else ()
+
+    def _write_outputs(self) -> None:
+        for instance in self._changed:
+            self.ledger.write(instance.edge())
+        self.changed = tuple([instance.outputs for instance in self._changed]) or self._stopped_outputs
         self._stopped_outputs = ()
 
     def _service_communication(self) -> None:
         self._resources.queue.serve()
-        for connection in self._connections.values():
-            connection.service()
+        for name in self._connections if self._stirred is None else self._stirred:
+            if self._connections[name].service():
+                self._roster.wake((name,))
 
     # -- commands --------------------------------------------------------------------------------------------
 

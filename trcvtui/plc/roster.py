@@ -1,0 +1,56 @@
+"""Which instances a scan really calls: those that might answer otherwise than in the scan before.
+
+A CONNECT sleeps, and all instances on it, once each of them has given an answer that lasts. What wakes it:
+any command, a stir that the poll saw, a change made by the communication phase. While it is awake all its
+instances are called, so each of them meets the connection in the order of the program. An idle CONNECT costs
+nothing, and nobody can see the difference (tests/properties/test_ready_only.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from trcvtui.plc.instance import Instance
+
+
+class Roster:
+    """The instances in call order, each with the number of scans between two calls of it."""
+
+    def __init__(self, entries: Sequence[tuple[Instance, int]]) -> None:
+        self._entries = tuple(
+            (instance, every, instance.connection.config.name) for instance, every in entries
+        )
+        self._places: dict[str, list[int]] = {}  # CONNECT -> the places of its instances in the call order
+        for place, (_, _, connect) in enumerate(self._entries):
+            self._places.setdefault(connect, []).append(place)
+        self._awake = set(self._places)
+
+    def wake_all(self) -> None:
+        """Call every instance when it is due next."""
+        self._awake.update(self._places)
+
+    def wake(self, connects: Iterable[str]) -> None:
+        """Call the instances on these CONNECTs when they are due next."""
+        self._awake.update(connects)
+
+    def call(self, turn: int) -> list[Instance]:
+        """Call who is awake and due, in call order; return those whose outputs changed."""
+        changed, awake = [], set()
+        for place in self._call_order():
+            instance, every, connect = self._entries[place]
+            if turn % every:
+                awake.add(connect)
+                continue
+            if instance.scan():
+                changed.append(instance)
+            if not instance.asleep:
+                awake.add(connect)
+        self._awake = awake
+        return changed
+
+    def _call_order(self) -> list[int]:
+        return sorted([place for connect in self._awake for place in self._places.get(connect, ())])
+
+    def due(self, turn: int) -> Iterator[Instance]:
+        """Return the instances that this turn calls, the sleeping ones among them."""
+        return (instance for instance, every, _ in self._entries if turn % every == 0)

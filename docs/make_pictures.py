@@ -53,7 +53,9 @@ async def draw(project: Path, play: Play, size: tuple[int, int]) -> str:
 def main() -> None:
     """Draw them all."""
     for name, (project, play, size) in PICTURES.items():
-        (HERE / "pictures" / f"{name}.svg").write_text(asyncio.run(draw(project, play, size)), encoding="utf-8")
+        (HERE / "pictures" / f"{name}.svg").write_text(
+            asyncio.run(draw(project, play, size)), encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

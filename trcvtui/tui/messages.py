@@ -26,19 +26,11 @@ class PromptClosed(Message):
 
 
 class InstanceSelected(Message):
-    """The instance that the panes show shall be `name`."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self.name = name
+    """Another instance was selected in the scene: the panes follow."""
 
 
 class PeerSelected(Message):
-    """The peer that the composer speaks for shall be `name`."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self.name = name
+    """Another peer was selected in the scene: composer and buttons speak for it."""
 
 
 class ByteSelected(Message):

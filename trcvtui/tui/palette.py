@@ -93,8 +93,10 @@ def _said(line: str, key: str) -> str:
 
 
 def _select(bench: Reach, name: str) -> None:
-    bench.main.post_message(InstanceSelected(name))
+    bench.scene.selected = name
+    bench.main.post_message(InstanceSelected())
 
 
 def _peer(bench: Reach, name: str) -> None:
-    bench.main.post_message(PeerSelected(name))
+    bench.scene.peer = name
+    bench.main.post_message(PeerSelected())

@@ -143,11 +143,8 @@ class MainScreen(Screen[None]):
         before, self._focus_before_prompt = self._focus_before_prompt, None
         (before or self.instances).focus()
 
-    def on_instance_selected(self, message: messages.InstanceSelected) -> None:
+    def on_instance_selected(self) -> None:
         """Let all panes follow another instance."""
-        if message.name == self._scene.selected:
-            return
-        self._scene.selected = message.name
         self.history.forget()
         self.status.point_at(None)
         self._link(range(0), range(0))
@@ -155,9 +152,8 @@ class MainScreen(Screen[None]):
         self.received.data.cursor = self.received.job.cursor = None
         self.show()
 
-    def on_peer_selected(self, message: messages.PeerSelected) -> None:
+    def on_peer_selected(self) -> None:
         """Let composer and buttons speak for another peer."""
-        self._scene.peer = message.name
         self.peer.composer.judge()
         self.peer.show()
 

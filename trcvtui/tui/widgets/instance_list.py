@@ -135,8 +135,11 @@ class InstanceList(LineView):
             self._choose(place[1])
 
     def _choose(self, y: int) -> None:
-        self.post_message(InstanceSelected(self._scene.instances[y].name))
+        # At once and not by the message: the next key may come before it is heard.
+        self._scene.selected = self._scene.instances[y].name
+        self.post_message(InstanceSelected())
         self.keep_in_view(y)
+        self.show()
 
 
 def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:

@@ -86,8 +86,10 @@ class PeerList(LineView):
             self._choose(place[1])
 
     def _choose(self, y: int) -> None:
-        self.post_message(PeerSelected(self._scene.peers[y].name))
+        self._scene.peer = self._scene.peers[y].name
+        self.post_message(PeerSelected())
         self.keep_in_view(y)
+        self.show()
 
 
 def _ends(peer: PeerSnapshot, roomy: bool) -> str:

@@ -1,0 +1,85 @@
+"""Benches and terminals at the edge: nothing in the project, very many instances, hardly any room."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.tui.fakes import FakeDriver, bench_project, picture, receiving
+from tests.tui.looking import SMALL, WIDE, looking, screen_text
+from trcvtui.plc.project_file import load_project
+from trcvtui.tui.app import BenchApp
+
+
+@pytest.mark.parametrize("size", [WIDE, SMALL])
+async def test_a_project_without_anything_opens(size: tuple[int, int], tmp_path: Path) -> None:
+    path = tmp_path / "empty.toml"
+    path.write_text('dialect = "baosky"\n', encoding="utf-8")
+    seen = replace(picture(), peers=(), data=(), partial=())
+    bare = replace(seen, snapshot=replace(seen.snapshot, instances=(), connections=(), data=()))
+    app = BenchApp(FakeDriver(bare), load_project(path))
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause(0.15)
+        for key in ("2", "n", "3", "4", "down", "5", "right", "6", "down", "7", "s", "m", "question_mark"):
+            await pilot.press(key)
+        await pilot.press("escape")
+        await pilot.press("7")
+        await pilot.pause(0.1)
+        assert "no peer in this project" in screen_text(app)
+
+
+async def test_the_last_of_256_instances_is_reached_and_shown() -> None:
+    many = tuple(replace(receiving(), name=f"TRCV_C_{n}") for n in range(1, 257))
+    async with looking(SMALL, picture(*many)) as looker:
+        await looker.press("1", "G")
+        assert "▸ TRCV_C_256" in looker.text
+        await looker.press("2")
+        assert "2 TRCV_C_256" in looker.text
+
+
+@pytest.mark.parametrize("size", [(60, 20), (40, 12), (20, 6), (400, 100)])
+async def test_no_size_breaks_the_screen(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        for key in "1234567":
+            await looker.press(key)
+        assert "TRCV" in looker.text
+
+
+async def test_the_screen_may_change_its_size_while_a_pane_has_the_focus() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("6", "down", "down")
+        await looker.pilot.resize_terminal(*SMALL)
+        await looker.settle()
+        assert "▸   4 state" in looker.text
+        await looker.pilot.resize_terminal(*WIDE)
+        await looker.settle()
+        assert "▸   4 state" in looker.text
+        assert "2 TRCV_C_1" in looker.text
+
+
+async def test_a_project_name_with_markup_stays_text(tmp_path: Path) -> None:
+    path = tmp_path / "[red]x[b].toml"
+    path.write_text('dialect = "baosky"\n', encoding="utf-8")
+    app = BenchApp(FakeDriver(), load_project(path))
+    async with app.run_test(size=SMALL) as pilot:
+        await pilot.pause(0.1)
+        assert "[red]x[b].toml" in screen_text(app)
+
+
+async def test_until_the_first_picture_the_screen_says_that_the_engine_starts() -> None:
+    app = BenchApp(FakeDriver(), bench_project())
+    async with app.run_test(size=SMALL) as pilot:
+        await pilot.press("n", "space", "2", "5", "6")
+        await pilot.pause(0.1)
+        assert "the engine starts" in screen_text(app)
+        assert "TRCV_C_2" in screen_text(app)
+
+
+async def test_keys_that_come_faster_than_the_screen_follows_are_all_obeyed() -> None:
+    many = tuple(replace(receiving(), name=f"TRCV_C_{n}") for n in range(1, 257))
+    async with looking(SMALL, picture(*many)) as looker:
+        await looker.pilot.press("1", *["j"] * 100, *["k"] * 10)
+        await looker.settle()
+        assert looker.app.scene.selected == "TRCV_C_91"

@@ -54,11 +54,18 @@ class ConnectionPart:
         self._close_wanted = False
         self._reset_wanted = False
         self._queued = False
-        self._shown: Outcome | None = None  # while waiting for a partner
+        self._wait: tuple[tuple[str, str, str, bool], Outcome] | None = None
 
     def stands(self) -> bool:
-        """Return whether inputs that have not changed leave this scan to the job."""
-        return self.phase is Phase.CONNECTED and self.cont and not self._script and not self._reset_wanted
+        """Return whether the connection stands, and inputs that have not changed leave all to the job."""
+        return (
+            self.phase is Phase.CONNECTED
+            and self._connection.state is State.CONNECTED
+            and self._connection.incarnation == self.incarnation
+            and self.cont
+            and not self._reset_wanted
+            and not self._script
+        )
 
     def call(self, cont: bool, com_rst: bool) -> Outcome | None:
         """Answer for this scan, or None while connected and undisturbed."""
@@ -135,22 +142,25 @@ class ConnectionPart:
         return Outcome(Condition.ESTABLISHING, Cause(Why.SEQUENCE, reason))
 
     def _waiting(self) -> Outcome:
+        set_up = self._connection.set_up
         if not self._connection.config.active:
-            return self._listening()
-        remote = str(self._connection.set_up.remote or "")
-        if self._connection.set_up.attempt is None:
-            return Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "before the next attempt", peer=remote))
-        return Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no answer yet", peer=remote))
+            # From the second 7002 on only the poll, or another block, can end this.
+            lasts = self.waits > 1 and set_up.listener is not None
+            return self._wait_for(
+                "no partner yet", detail=f"listening on {self._connection.local}", lasts=lasts
+            )
+        remote = str(set_up.remote or "")
+        return self._wait_for(
+            "before the next attempt" if set_up.attempt is None else "no answer yet", remote
+        )
 
-    def _listening(self) -> Outcome:
-        """Return what waits for a partner; from the second 7002 on only the poll can end it."""
-        detail = f"listening on {self._connection.local}"
-        lasts = self.waits > 1 and self._connection.set_up.listener is not None
-        shown = self._shown
-        if shown is None or shown.lasts != lasts or shown.cause.detail != detail:
-            cause = Cause(Why.WAITING, "no partner yet", detail=detail)
-            shown = self._shown = Outcome(Condition.ESTABLISHING, cause, lasts=lasts)
-        return shown
+    def _wait_for(self, what: str, peer: str = "", detail: str = "", lasts: bool = False) -> Outcome:
+        """Return the same outcome as long as the wait is the same."""
+        now = (what, peer, detail, lasts)
+        if self._wait is None or self._wait[0] != now:
+            cause = Cause(Why.WAITING, what, peer=peer, detail=detail)
+            self._wait = now, Outcome(Condition.ESTABLISHING, cause, lasts=lasts)
+        return self._wait[1]
 
     # -- the connection is gone -----------------------------------------------------------------
 

@@ -43,8 +43,8 @@ class TrcvC:
 
     def call(self, inputs: TrcvCInputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
-        if inputs is self._inputs and self._part.stands():
-            return self._connected(inputs)
+        if inputs is self._inputs and self._part.stands():  # the usual scan, in short
+            return self._receive(inputs) if inputs.en_r else self._idle(None)
         self._inputs = inputs
         cont_rose = inputs.cont and not self._part.cont
         self._arm(inputs, cont_rose)
@@ -91,31 +91,12 @@ class TrcvC:
             self.job.abandon("EN_R fell")
             self.job.let_go()
             return self._idle(loss)
-        if loss is not None:
-            return self._lost(loss)
-        if self.job.running:
-            return self._go_on()
-        refused = self._refuse(inputs)
-        if refused is not None:
-            return refused
-        assert self.data is not None
-        self.job.start(self.data, inputs.len, inputs.adhoc)
-        loss = self.job.collect()
-        return self.job.receiving() if loss is None else self._lost(loss)
+        return self._receive(inputs) if loss is None else self._lost(loss)
 
-    def _idle(self, loss: ConnectionLoss | None) -> Outcome:
-        loss = loss or self.job.check_loss()
-        return _READY if loss is None else self._lost(loss)
-
-    def _refuse(self, inputs: TrcvCInputs) -> Outcome | None:
-        refused = self.job.refuse(self.data, inputs.len)
-        if refused is None:
-            return None
-        loss = self.job.check_loss()
-        return refused if loss is None else self._lost(loss)
-
-    def _go_on(self) -> Outcome:
+    def _receive(self, inputs: TrcvCInputs) -> Outcome:
         job = self.job
+        if not job.running:
+            return self._start(inputs)
         if not job.complete:
             loss = job.collect()
             if loss is not None:
@@ -124,6 +105,20 @@ class TrcvC:
                 return job.receiving()
         assert self.data is not None
         return job.deliver(self.data)
+
+    def _start(self, inputs: TrcvCInputs) -> Outcome:
+        refused = self.job.refuse(self.data, inputs.len)
+        if refused is not None:
+            loss = self.job.check_loss()
+            return refused if loss is None else self._lost(loss)
+        assert self.data is not None
+        self.job.start(self.data, inputs.len, inputs.adhoc)
+        loss = self.job.collect()
+        return self.job.receiving() if loss is None else self._lost(loss)
+
+    def _idle(self, loss: ConnectionLoss | None) -> Outcome:
+        loss = loss or self.job.check_loss()
+        return _READY if loss is None else self._lost(loss)
 
     # -- the connection is gone (design 6, rows 7 to 10, 22, 23) ------------------------------------
 

@@ -208,17 +208,14 @@ class Connection:
         if isinstance(got, int):
             if got == 0:
                 return self._lose(self._loss_of(None))
-            self._count(got)
+            self.recvs += 1
+            offset = self.bytes_received
+            self.bytes_received = offset + got
+            self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got))
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._lose(self._loss_of(got))
         return WOULD_BLOCK
-
-    def _count(self, size: int) -> None:
-        self.recvs += 1
-        offset = self.bytes_received
-        self.bytes_received = offset + size
-        self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size))
 
     def check_loss(self, asking: object = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.

@@ -6,7 +6,7 @@ The plan's faults carry `injected=True`, so that nobody takes them for the netwo
 from __future__ import annotations
 
 import errno
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Protocol, runtime_checkable
 
@@ -168,12 +168,12 @@ class FaultyKernel:
     def _readable_ones(self) -> Collection[Handle]:
         return [handle for handle in self._owners if self.inner.readable(handle)]
 
-    def stirred(self) -> Collection[str] | None:
-        """Return the owners of the handles that the last poll saw; None: a planned fault may hit anybody."""
+    def stirred(self) -> Mapping[Handle, str] | None:
+        """Return the handles that the last poll saw, with their owners; None: a fault may hit any of all."""
         if self.plan.active or self._held:
             return None
         owners = self._owners
-        return {owners[handle] for handle in self._ready() if handle in owners}
+        return {handle: owners[handle] for handle in self._ready() if handle in owners}
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         """Set the options; return the names of those that this system refused."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks import parameters
-from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
@@ -18,7 +17,7 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 
 PinValue = bool | int
 
-KNOWN_OUTPUTS: Final = 64
+KNOWN_OUTCOMES: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +31,13 @@ class Outputs:
     done: bool
     error: bool
     rcvd_len: int
+
+
+class Shown(NamedTuple):
+    """What an outcome looks like: the pins, and the ledger's line when they have changed."""
+
+    outputs: Outputs
+    edge: StatusEdge
 
 
 class Instance:
@@ -57,8 +63,7 @@ class Instance:
         self.inputs.update(inputs)
         self._env = env
         self._note = note
-        self._known_outputs: dict[tuple[Condition, int], Outputs] = {}  # the same frozen object each time
-        self._known_edges: dict[Outcome, StatusEdge] = {}
+        self._known: dict[Outcome, Shown] = {}
         self._pulsed: list[str] = []
         self._blinking: list[str] = []
         self.fresh()
@@ -68,7 +73,7 @@ class Instance:
         self._block = TrcvC(self._env, self.connection, self.data, self.name)
         self._frozen: TrcvCInputs | None = None
         self.outcome = NOT_CALLED
-        self.outputs = self._outputs_of(NOT_CALLED)
+        self.outputs, self.edge = self._show(NOT_CALLED)
         self.called = False
         self.asleep = False  # the next call would change nothing that anybody can see
         self.since_scan = self._env.scan
@@ -137,7 +142,8 @@ class Instance:
 
     def _take(self, outcome: Outcome) -> bool:
         before, self.outcome = self.outputs, outcome
-        now = self.outputs = self._outputs_of(outcome)
+        now, self.edge = self._known.get(outcome) or self._show(outcome)
+        self.outputs = now
         if now.done:
             self.jobs_done += 1
             self.last_done = (self._env.scan, now.rcvd_len)
@@ -152,52 +158,23 @@ class Instance:
     def stop(self) -> None:
         """Show what a stopped PLC shows: STATUS 0000, outputs FALSE."""
         self._block.job.abandon("PLC STOP")
-        self.outcome, self.outputs = NOT_CALLED, self._outputs_of(NOT_CALLED)
+        self.outcome = NOT_CALLED
+        self.outputs, self.edge = self._show(NOT_CALLED)
         self.called = False
         self.since_scan = self._env.scan
 
-    def _outputs_of(self, outcome: Outcome) -> Outputs:
-        key = outcome.condition, outcome.rcvd_len
-        known = self._known_outputs.get(key)
-        if known is None:
-            if len(self._known_outputs) >= KNOWN_OUTPUTS:
-                self._known_outputs.clear()
-            status = self._env.rules.status[outcome.condition]
-            known = self._known_outputs[key] = Outputs(
-                self.name,
-                self.block_name,
-                status,
-                outcome.busy,
-                outcome.done,
-                outcome.error,
-                outcome.rcvd_len,
-            )
-        return known
+    def _show(self, outcome: Outcome) -> Shown:
+        """Return what an outcome looks like, made once for outcomes that come again."""
+        if len(self._known) >= KNOWN_OUTCOMES:
+            self._known.clear()
+        status = self._env.rules.status[outcome.condition]
+        lamps = outcome.busy, outcome.done, outcome.error
+        named = self.name, self.block_name, status, *lamps, outcome.rcvd_len
+        shown = Shown(Outputs(*named), StatusEdge(*named, str(outcome.condition), outcome.cause))
+        self._known[outcome] = shown
+        return shown
 
     # -- for readers -----------------------------------------------------------------------------------
-
-    def edge(self) -> StatusEdge:
-        """Return the ledger's line for the outputs as they are now."""
-        known = self._known_edges.get(self.outcome)
-        if known is None:
-            if len(self._known_edges) >= KNOWN_OUTPUTS:
-                self._known_edges.clear()
-            known = self._known_edges[self.outcome] = self._new_edge()
-        return known
-
-    def _new_edge(self) -> StatusEdge:
-        out = self.outputs
-        return StatusEdge(
-            self.name,
-            self.block_name,
-            out.status,
-            out.busy,
-            out.done,
-            out.error,
-            out.rcvd_len,
-            str(self.outcome.condition),
-            self.outcome.cause,
-        )
 
     def partial(self) -> bytes:
         """Return a copy of what the running job has collected."""

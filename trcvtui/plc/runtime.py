@@ -9,12 +9,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.faults import FaultyKernel
+from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
 from trcvtui.plc.commands import (
     BlinkInput,
@@ -48,7 +49,7 @@ class Runtime:
         self.changed: tuple[Outputs, ...] = ()
         self._changed: Sequence[Instance] = ()
         self._program_ran = False
-        self._stirred: Collection[str] | None = None
+        self._stirred: Mapping[Handle, str] | None = None  # what the poll saw; None: look at everything
         self._stopped_outputs: tuple[Outputs, ...] = ()
         self.interval_ns = min(task.interval_ns for task in project.tasks)
         self._project = project
@@ -148,7 +149,7 @@ class Runtime:
         if self._stirred is None:
             self._roster.wake_all()
         else:
-            self._roster.wake(self._stirred)
+            self._roster.wake(self._stirred.values())
 
     def _execute_program(self) -> None:
         self._program_ran = self.running
@@ -156,15 +157,19 @@ class Runtime:
 
     def _write_outputs(self) -> None:
         for instance in self._changed:
-            self.ledger.write(instance.edge())
+            self.ledger.write(instance.edge)
         self.changed = tuple([instance.outputs for instance in self._changed]) or self._stopped_outputs
         self._stopped_outputs = ()
 
     def _service_communication(self) -> None:
         self._resources.queue.serve()
-        for name in self._connections if self._stirred is None else self._stirred:
+        for name in self._connections if self._stirred is None else self._stirred_listeners(self._stirred):
             if self._connections[name].service():
                 self._roster.wake((name,))
+
+    def _stirred_listeners(self, stirred: Mapping[Handle, str]) -> list[str]:
+        connections = self._connections
+        return [name for handle, name in stirred.items() if connections[name].handle != handle]
 
     # -- commands --------------------------------------------------------------------------------------------
 
@@ -193,7 +198,7 @@ class Runtime:
             connection.stop()
         for instance in self._instances.values():
             instance.stop()
-            self.ledger.write(instance.edge())
+            self.ledger.write(instance.edge)
         self._stopped_outputs = tuple([i.outputs for i in self._instances.values()])
 
     def _run(self) -> None:

@@ -29,7 +29,7 @@ from trcvtui.tui.widgets.status_history import StatusHistory
 from trcvtui.tui.widgets.tab_line import TabLine
 from trcvtui.tui.widgets.udt_table import UdtTable
 
-LEAST_WIDTH, LEAST_HEIGHT, TALL = 116, 34, 54
+LEAST_WIDTH, LEAST_HEIGHT, TALL = 128, 38, 54
 TABS, ZOOM = "-tabs", "-zoom"
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
@@ -119,7 +119,7 @@ class MainScreen(Screen[None]):
 
     def _show_keys(self) -> None:
         picture, focused = self._scene.picture, self.focused
-        local = focused.KEYS if isinstance(focused, LineView) else ()
+        local = focused.keys() if isinstance(focused, LineView) else ()
         self.key_line.show_keys(local, bool(picture and picture.holding))
 
     def end(self, last_words: str) -> None:

@@ -21,7 +21,6 @@ ROOMY: Final = 72  # room for what each output means
 class FunctionBlock(LineView):
     """The selected instance. A toggle is shown as pending until a scan has taken it over."""
 
-    KEYS: ClassVar = (("n t a x", "toggle"), ("l", "LEN"), ("enter", "toggle ▸"))
     BINDINGS: ClassVar = [("enter", "toggle_pin", "toggle")]
 
     def __init__(self, scene: Scene) -> None:
@@ -31,6 +30,13 @@ class FunctionBlock(LineView):
         self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
         self._cursor = 0
         self._hover: int | None = None
+
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the letters of the pins of this very block."""
+        inputs = self.drawing().inputs
+        levels = " ".join(pin.letter for pin in inputs if pin.is_bool and pin.letter)
+        numbers = tuple((pin.letter, pin.name) for pin in inputs if not pin.is_bool and pin.letter)
+        return (("enter", "toggle"), (levels, "pins"), *numbers)
 
     # -- what is drawn ------------------------------------------------------------------------------
 

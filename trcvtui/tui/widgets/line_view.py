@@ -85,6 +85,10 @@ class LineView(ScrollView, can_focus=True):
         """Return row `y`, counted from 0 at the top of all rows."""
         raise NotImplementedError
 
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the keys to name in the last line while this pane has the focus."""
+        return self.KEYS
+
     # -- painting -----------------------------------------------------------------------------------
 
     def show(self) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from importlib import import_module
 
 import pytest
-from net_facts import FACTS, NEEDS_RDHUP, Fact
+
+from tests.net.net_facts import FACTS, NEEDS_RDHUP, Fact
 
 PARTS = ("facts_connect", "facts_ports", "facts_poll", "facts_data")
 
 # Importing the parts fills the list; rewritten, a failing fact shows both sides of its comparison.
 pytest.register_assert_rewrite(*PARTS)
 for part in PARTS:
-    import_module(part)
+    import_module(f"tests.net.{part}")
 
 __all__ = ["FACTS", "NEEDS_RDHUP", "Fact"]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from net_bench import ANY_PORT, Bench
-from net_facts import fact, needs_rdhup
-
+from tests.net.net_bench import ANY_PORT, Bench
+from tests.net.net_facts import fact, needs_rdhup
 from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle, Loss, PathInfo, SocketOptions
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from net_bench import ANY_PORT, LOOPBACK, Bench
-from net_facts import fact
-
+from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
+from tests.net.net_facts import fact
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Fault, Loss, SocketOptions
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from net_bench import Bench
+from tests.net.net_bench import Bench
 
 Fact = Callable[[Bench], None]
 FACTS: list[Fact] = []

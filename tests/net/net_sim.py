@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from net_bench import Bench, Pair
-
+from tests.net.net_bench import Bench, Pair
 from trcvtui.net.kernel import Endpoint, Fault, Handle, SocketOptions
 from trcvtui.net.sim_kernel import SimKernel
 

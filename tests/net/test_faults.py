@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from contract import FACTS, Fact
-from net_bench import ANY_PORT, Bench
-from net_sim import SimBench, SimNetwork
 
+from tests.net.contract import FACTS, Fact
+from tests.net.net_bench import ANY_PORT, Bench
+from tests.net.net_sim import SimBench, SimNetwork
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, FaultPlan, FaultyKernel
 from trcvtui.net.kernel import CALLS, WOULD_BLOCK, Accepted, Fault, Loss

@@ -14,9 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from contract import FACTS, NEEDS_RDHUP, Fact
-from net_bench import Bench
 
+from tests.net.contract import FACTS, NEEDS_RDHUP, Fact
+from tests.net.net_bench import Bench
 from trcvtui.net import os_kernel, os_poll
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Handle, LocalAddress, Loss, SocketOptions
 from trcvtui.net.kernel import Fault as Failed

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from net_bench import Bench
-from net_sim import MS, SimBench, SimNetwork
 
+from tests.net.net_bench import Bench
+from tests.net.net_sim import MS, SimBench, SimNetwork
 from trcvtui.net.kernel import Fault, Handle, SocketOptions
 from trcvtui.net.sim_kernel import SimKernel
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import gc
 
 import pytest
-from contract import FACTS, Fact
-from net_bench import ANY_PORT, Bench
-from net_sim import MS, SimBench, SimNetwork
 
+from tests.net.contract import FACTS, Fact
+from tests.net.net_bench import ANY_PORT, Bench
+from tests.net.net_sim import MS, SimBench, SimNetwork
 from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, LocalAddress
 from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.net.sim_stream import Stream

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from net_bench import Pair
-from net_sim import MS, SimBench
 
+from tests.net.net_bench import Pair
+from tests.net.net_sim import MS, SimBench
 from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Loss, PathInfo, SocketOptions
 from trcvtui.net.sim_kernel import SimKernel
 

@@ -8,8 +8,8 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from udt_strategies import layout_of, layouts, leaf_types, rules, same, types_of, values_of
 
+from tests.udt.udt_strategies import layout_of, layouts, leaf_types, rules, same, types_of, values_of
 from trcvtui.errors import UserError
 from trcvtui.udt.decode import decode, decode_leaves
 from trcvtui.udt.encode import encode, put

@@ -8,8 +8,8 @@ import pickle
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from udt_strategies import layout_of, layouts, struct_of, types_of
 
+from tests.udt.udt_strategies import layout_of, layouts, struct_of, types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.decode import decode
 from trcvtui.udt.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for

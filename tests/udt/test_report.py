@@ -8,8 +8,8 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from udt_strategies import layout_of, layouts
 
+from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.errors import UserError
 from trcvtui.udt.layout import Layout, lay_out, rules_for
 from trcvtui.udt.report import decode_json, decode_text, encode_values, show_json, show_text

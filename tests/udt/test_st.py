@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from udt_strategies import types_of
 
+from tests.udt.udt_strategies import types_of
 from trcvtui.udt.formats import decode_text, read_file
 from trcvtui.udt.layout import lay_out, rules_for
 from trcvtui.udt.type_set import MOST_NESTED, TypeSet

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from udt_strategies import types_of
 
+from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.formats.st import read_st
 from trcvtui.udt.iec_type import parse_type

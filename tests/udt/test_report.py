@@ -23,7 +23,7 @@ BYTES = bytes.fromhex("01000000 00509A44 05 00 34 12 05 00 04 02 41 1B 00 00 58 
 
 
 def telegram() -> Layout:
-    from udt_strategies import types_of
+    from tests.udt.udt_strategies import types_of
 
     types: TypeSet = types_of(TELEGRAM)
     return lay_out(types.named("Telegram"), rules_for(), "telegram")

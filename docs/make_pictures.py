@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig import demo_path
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.driver import LocalDriver
+from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 HERE: Final = Path(__file__).parent

@@ -327,8 +327,8 @@ import os, sys
 import trcvtui.rig.driver as driver
 from trcvtui.cli import main
 os.isatty = lambda number: True
-def started(project, kernel):
-    print(project.path.name, kernel, "textual" in sys.modules)
+def started(path, kernel):
+    print(path.name, kernel, "textual" in sys.modules)
     raise KeyboardInterrupt
 driver.start_engine = started
 sys.exit(main(sys.argv[1:]))

@@ -18,6 +18,7 @@ from trcvtui.errors import UserError, mistake, one_line
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from trcvtui.plc.project import Project
     from trcvtui.udt.layout import Layout
 
 GOOD: Final = 0
@@ -105,20 +106,25 @@ def _run(args: argparse.Namespace) -> int:
 def _open_screen(path: Path, kernel: str) -> int:
     import os
 
-    from trcvtui.plc.project_file import load_project
-
-    project = load_project(path)
     if not (os.isatty(0) and os.isatty(1)):
+        _load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     from trcvtui.rig.driver import start_engine
 
-    driver = start_engine(project, kernel)
+    driver = start_engine(path, kernel)  # at once: it loads the project while this process does
     try:
+        project = _load_bench(path)
         from trcvtui.tui.app import run_app
 
         return run_app(driver, project)
     finally:
         driver.close()
+
+
+def _load_bench(path: Path) -> Project:
+    from trcvtui.rig.scenario import load_bench
+
+    return load_bench(path)
 
 
 # -- scenario, status ---------------------------------------------------------------------------------------

@@ -14,8 +14,10 @@ from trcvtui.errors import UserError
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig import demo_path
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.driver import Driver, EngineDriver, EngineStopped, LocalDriver, start_engine
+from trcvtui.rig.driver import Driver, EngineDriver, EngineStopped, start_engine
+from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.scenario import load_bench
 
 PASSIVE = CONFIGS / "passive.toml"
 MOST_PICTURES = 3000
@@ -120,7 +122,7 @@ def test_too_much_news_is_counted_and_the_newest_is_kept(local: LocalDriver) -> 
 
 @pytest.fixture
 def engine() -> Iterator[EngineDriver]:
-    driver = start_engine(load_project(PASSIVE), "live")
+    driver = start_engine(PASSIVE, "live")
     yield driver
     driver.close()
 
@@ -149,7 +151,7 @@ def test_the_engine_scans_by_itself_and_takes_lines(engine: EngineDriver) -> Non
 
 
 def test_the_demo_is_alive_by_itself() -> None:
-    driver = start_engine(load_project(demo_path()), "live")
+    driver = start_engine(demo_path(), "live")
     try:
         picture = wait_for(driver, lambda p: all(i.jobs_done >= 2 for i in p.snapshot.instances))
         assert [i.block for i in picture.snapshot.instances] == ["TRCV_C", "TRCV_C"]
@@ -175,11 +177,11 @@ def test_an_engine_that_is_gone_is_told_and_not_waited_for(engine: EngineDriver)
         engine.submit("hold")
 
 
-def test_a_mistake_in_start_is_found_before_the_engine_is_started(tmp_path: Path) -> None:
+def test_a_mistake_in_start_is_found_when_the_bench_is_loaded(tmp_path: Path) -> None:
     file = tmp_path / "bench.toml"
     file.write_text(PASSIVE.read_text() + "\n", encoding="utf-8")
     text = 'start = """\nset TRCV_C_1 CONT=2\nrun 5\n"""\n' + file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
     with pytest.raises(UserError) as caught:
-        start_engine(load_project(file), "live")
+        load_bench(file)
     assert "CONT" in str(caught.value)

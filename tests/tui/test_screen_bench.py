@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 from tests.tui.looking import BOTH, WIDE, screen_text
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.driver import LocalDriver
+from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 EIGHT = Path(__file__).parent / "eight.toml"

@@ -1,4 +1,4 @@
-"""How a screen drives the bench: the engine in its own process, or the bench in this one."""
+"""How a screen drives the bench: lines out, pictures in, the engine in a process of its own."""
 
 from __future__ import annotations
 
@@ -7,12 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Protocol
 
-from trcvtui.plc.project import Project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.console import Console
-from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
-from trcvtui.rig.routine import read_routines
-from trcvtui.rig.scenario import start_steps
+from trcvtui.rig.picture import Picture, PictureRequest
 
 LAST_WORDS_S: Final = 2.0
 
@@ -46,7 +41,7 @@ class EngineDriver:
 
     def __init__(self, path: Path, kernel: str, overrides: Sequence[str] = ()) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
-        from trcvtui.rig.engine import engine_main
+        from trcvtui.rig.engine_process import engine_main
 
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
@@ -116,42 +111,6 @@ class EngineDriver:
             self._process.join()
 
 
-class LocalDriver:
-    """The bench in this process, for simulation and tests; `scan` lets scans pass."""
-
-    def __init__(self, bench: Bench) -> None:
-        self.console = Console(bench)
-        self._number = 0
-        self._picture: Picture | None = None
-
-    def submit(self, line: str) -> int:
-        """Carry out one bench command line."""
-        self._number += 1
-        self.console.take(self._number, line)
-        return self._number
-
-    def scan(self, scans: int = 1) -> None:
-        """Let scans pass, as far as they are not held."""
-        for _ in range(scans):
-            if self.console.may_scan():
-                self.console.bench.step()
-
-    def request(self, request: PictureRequest) -> None:
-        """Take a picture now."""
-        self._picture = self.console.picture(request, EngineTiming(mode="in process"), request.most_lines)
-
-    def picture(self) -> Picture | None:
-        """Return the picture taken since the last call."""
-        picture, self._picture = self._picture, None
-        return picture
-
-    def close(self) -> None:
-        """End the bench."""
-        self.console.bench.close()
-
-
-def start_engine(project: Project, kernel: str) -> EngineDriver:
-    """Start the engine for a project; raise UserError for a mistake in its bench commands."""
-    start_steps(project)
-    read_routines(project)
-    return EngineDriver(project.path, kernel)
+def start_engine(path: Path, kernel: str) -> EngineDriver:
+    """Start the engine on a project file; what is wrong with the file is the caller's to find meanwhile."""
+    return EngineDriver(path, kernel)

@@ -1,4 +1,4 @@
-"""The live engine, a process of its own: absolute deadlines, and the screen served in the gaps.
+"""The live engine: absolute deadlines, and the screen served in the gaps.
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
 Rule 2: what the screen asks is answered between two scans, and costs at most what the gap allows.
@@ -6,14 +6,9 @@ Rule 2: what the screen asks is answered between two scans, and costs at most wh
 
 from __future__ import annotations
 
-import signal
-import traceback
-from collections.abc import Sequence
 from multiprocessing.connection import Connection as Channel
-from pathlib import Path
 from typing import Final
 
-from trcvtui.plc.project_file import load_project
 from trcvtui.rig import clock
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_script
@@ -25,18 +20,6 @@ from trcvtui.rig.timing import Punctuality
 NS_PER_MS: Final = 1_000_000
 NS_PER_LINE: Final = 12_000  # what one ledger line costs to put into a picture, generously
 LEAST_LINES: Final = 50
-
-
-def engine_main(channel: Channel, path: Path, kernel: str, overrides: Sequence[str]) -> None:
-    """Run the engine until the screen closes the channel; a crash is told before the process ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
-    try:
-        engine = Engine(channel, Bench(load_project(path, overrides), kernel))
-        engine.run()
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        return
-    except Exception:
-        channel.send(traceback.format_exc())
 
 
 class Engine:

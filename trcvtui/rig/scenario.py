@@ -9,10 +9,11 @@ from typing import Final
 
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import load_scenario_document
+from trcvtui.plc.project_file import load_project, load_scenario_document
 from trcvtui.plc.tables import TEXT, Table
 from trcvtui.rig.bench import parse_script
 from trcvtui.rig.bench_words import ExpectTrace, RunFor, RunScans, Step, Wait
+from trcvtui.rig.routine import read_routines
 
 LETS_SCANS_PASS: Final = (RunScans, RunFor, Wait, ExpectTrace)
 
@@ -39,6 +40,14 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     if table.problems or text is None:
         raise UserError(table.problems)
     return Scenario(name, about, project, start_steps(project), tuple(parse_script(text, project, str(path))))
+
+
+def load_bench(path: Path) -> Project:
+    """Return the project of a file; raise UserError for its mistakes, those of its bench commands too."""
+    project = load_project(path)
+    start_steps(project)
+    read_routines(project)
+    return project
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
+from pathlib import Path
 from typing import Final
 
 from trcvtui.rig.picture import EngineTiming
@@ -19,6 +21,15 @@ class Punctuality:
         self._length: deque[int] = deque(maxlen=KEPT)
         self._scans = 0
         self._overruns = 0
+        self._every: list[tuple[int, int, int]] | None = None
+
+    def keep_every(self) -> None:
+        """Keep every scan from now on, for `write_to`."""
+        self._every = []
+
+    def write_to(self, path: Path) -> None:
+        """Write every kept scan as JSON: [began on the monotonic clock, late, length], all in ns."""
+        path.write_text(json.dumps({"mode": self._mode, "overruns": self._overruns, "scans": self._every}))
 
     def scanned(self, due: int, began: int, ended: int, interval: int) -> None:
         """Count one scan; it overran when it ended after the next one was due."""
@@ -27,6 +38,8 @@ class Punctuality:
         self._length.append(ended - began)
         if ended > due + interval:
             self._overruns += 1
+        if self._every is not None:
+            self._every.append((began, began - due, ended - began))
 
     def summary(self) -> EngineTiming:
         """Return the percentiles of what is kept."""

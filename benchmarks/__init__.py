@@ -1,0 +1,1 @@
+"""What the product reaches of its performance targets (design section 7), measured as paired ratios."""

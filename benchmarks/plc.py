@@ -1,0 +1,106 @@
+"""A PLC of many TRCV_C on real sockets, without peers, task or screen: what a throughput run drives."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from typing import Final
+
+from trcvtui.net.answers import Fault, WouldBlock
+from trcvtui.net.faults import FaultPlan, FaultyKernel
+from trcvtui.net.kernel import Accepted, Handle
+from trcvtui.net.os_kernel import OsKernel
+from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
+from trcvtui.plc.commands import SetInput
+from trcvtui.plc.project_file import read_project
+from trcvtui.plc.runtime import Runtime
+from trcvtui.rig import clock
+
+SET_UP_SCANS: Final = 8
+
+
+class OpenKernel(OsKernel):
+    """The real network, which tells the descriptors of the connections that it accepted."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.accepted: list[Handle] = []
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        """Take one finished handshake."""
+        got = super().accept(handle)
+        if isinstance(got, Accepted):
+            self.accepted.append(got.handle)
+        return got
+
+
+class ManyReceivers:
+    """`count` connections, each with a TRCV_C whose DATA has `size` bytes."""
+
+    def __init__(self, count: int, size: int) -> None:
+        project = read_project(_document(count, size), "benchmark", Path())
+        plan, self.kernel = FaultPlan(), OpenKernel()
+        unlimited = Resources(
+            JobQueue(count, plan.take), BufferPool(count, plan.take), ConnectionBudget(count)
+        )
+        self.runtime = Runtime(project, FaultyKernel(self.kernel, plan), unlimited, lambda name: None)
+        self._names = [f"C{i}" for i in range(count)]
+        self._start = clock.now_ns()
+        self.scan(SET_UP_SCANS)
+
+    def scan(self, scans: int = 1) -> None:
+        """Let scans pass at the clock's time."""
+        for _ in range(scans):
+            self.runtime.scan(clock.now_ns() - self._start)
+
+    def scan_for(self, ns: int) -> int:
+        """Scan without a pause for so long; return how long it took."""
+        scan, start, now_ns = self.runtime.scan, self._start, clock.now_ns
+        began = now = now_ns()
+        while now < began + ns:
+            scan(now - start)
+            now = now_ns()
+        return now - began
+
+    def ports(self) -> list[int]:
+        """Return the ports that the CONNECTs listen on."""
+        found = [self.runtime.listening_port(name) for name in self._names]
+        return [port for port in found if port is not None]
+
+    def take_partners(self) -> None:
+        """Let scans pass until every CONNECT has its partner."""
+        while len(self.kernel.accepted) < len(self._names):
+            self.scan()
+        self.scan(SET_UP_SCANS)
+
+    def sockets(self) -> list[socket.socket]:
+        """Return socket objects over the descriptors that the PLC receives on; detach them after use."""
+        return [socket.socket(fileno=handle) for handle in self.kernel.accepted]
+
+    def receive(self) -> None:
+        """Raise EN_R everywhere."""
+        for name in self._names:
+            self.runtime.submit(SetInput(f"T{name}", "EN_R", True))
+
+    def bytes_received(self) -> int:
+        """Return how many bytes all connections have received."""
+        return sum(connection.bytes_received for connection in self.runtime.snapshot().connections)
+
+    def close(self) -> None:
+        """Free every socket."""
+        self.runtime.close()
+        self.kernel.close_all()
+
+
+def _document(count: int, size: int) -> dict[str, object]:
+    names = [f"C{i}" for i in range(count)]
+    return {
+        "dialect": "baosky",
+        "options": {"max_len": 65536},
+        "data": [{"name": f"rx{name}", "type": f"ARRAY[1..{size}] OF BYTE"} for name in names],
+        "connect": [{"name": name, "LocalAddress": "127.0.0.1", "LocalPort": 0} for name in names],
+        "instance": [
+            {"name": f"T{name}", "block": "TRCV_C", "connect": name, "data": f"rx{name}", "CONT": True}
+            for name in names
+        ],
+    }

@@ -1,0 +1,35 @@
+"""The ten targets of design section 7, in words, and what measures each so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from benchmarks import idle, lateness, start_up, throughput
+from benchmarks.figures import Effort, Figure
+
+Measure = Callable[[Effort], Iterator[Figure]]
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """One target: its name, what it promises, and what measures it; None: a later issue."""
+
+    name: str
+    promise: str
+    measure: Measure | None = None
+
+
+TARGETS: Final = (
+    Target("M1", "free-running engine against a bare recv_into loop", throughput.measure),
+    Target("M2", "one DONE per scan at T#10ms with 256 x 64 KiB"),
+    Target("M3", "1000 idle instances cost <= 1 % of a 1 ms scan, trace unchanged", idle.measure),
+    Target("M4", "p99 start lateness beside the screen <= 2x cyclictest FIFO; no overrun", lateness.measure),
+    Target("M5", "key to paint p50 <= 16 ms with 256 instances; UI <= 30 % of a core"),
+    Target("M6", "hex view of 1 GiB as fast as of 64 KiB"),
+    Target("M7", "hex export identical to hexdump -v -C, >= 2x the speed of xxd"),
+    Target("M8", "UDT decode <= 1.1x one struct.Struct, >= 50x construct"),
+    Target("M9", "first full screen <= 1.3x an empty Textual app; headless <= 3x python", start_up.measure),
+    Target("M10", "ledger event <= 3.5x a bare timestamp; journal >= 1 M events/s"),
+)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-import ctypes.util
+import functools
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,20 +30,31 @@ _IfAddrs._fields_ = [
 ]
 
 
+@functools.cache
+def _library() -> ctypes.CDLL | None:
+    """Return the C library that the process has already loaded, None where it has no getifaddrs.
+
+    It is loaded once: a bind asks in the middle of a scan, and looking for the file would start a process.
+    """
+    try:
+        library = ctypes.CDLL(None)
+        return library if library.getifaddrs and library.freeifaddrs else None
+    except (OSError, AttributeError, TypeError):  # Windows has no such call, and no library without a name
+        return None
+
+
 def interface_addresses() -> tuple[LocalAddress, ...]:
     """Return every IPv4 address with its interface; only 127.0.0.1 where the system does not say."""
-    try:
-        library = ctypes.CDLL(ctypes.util.find_library("c") or None, use_errno=True)
-        ask, free = library.getifaddrs, library.freeifaddrs
-    except (OSError, AttributeError, TypeError):
+    library = _library()
+    if library is None:
         return LOOPBACK_ONLY
     head = ctypes.POINTER(_IfAddrs)()
-    if ask(ctypes.byref(head)) != 0:
+    if library.getifaddrs(ctypes.byref(head)) != 0:
         return LOOPBACK_ONLY
     try:
         return tuple(_entries(head)) or LOOPBACK_ONLY
     finally:
-        free(head)
+        library.freeifaddrs(head)
 
 
 def _entries(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:

@@ -6,8 +6,12 @@ import subprocess
 
 import pytest
 
+from tests.net.test_os_kernel import no_descriptor_left
 from trcvtui.net import os_addresses
+from trcvtui.net.kernel import LocalAddress
+from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.os_addresses import interface_addresses
+from trcvtui.net.os_kernel import OsKernel
 
 
 def test_asking_for_the_addresses_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -16,4 +20,25 @@ def test_asking_for_the_addresses_starts_no_process(monkeypatch: pytest.MonkeyPa
 
     os_addresses._library.cache_clear()
     monkeypatch.setattr(subprocess, "Popen", refuse)
-    assert "127.0.0.1" in [own.address for own in interface_addresses()]
+    assert "127.0.0.1" in [own.address for own in interface_addresses() or ()]
+
+
+def test_without_a_descriptor_the_last_list_of_addresses_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = OsKernel()
+    own = (*(interface_addresses() or ()), LocalAddress("192.0.2.7", "eth7"))
+    with monkeypatch.context() as cabinet:
+        cabinet.setattr("trcvtui.net.os_kernel.interface_addresses", lambda: own)
+        assert kernel.local_addresses() == own
+    with no_descriptor_left():
+        assert interface_addresses() is None
+        assert kernel.local_addresses() == own
+
+
+def test_where_no_list_was_ever_got_bind_decides_about_the_address() -> None:
+    kernel = OsKernel()
+    with no_descriptor_left():
+        nobody_knows = kernel.local_addresses()
+    assert nobody_knows == ()
+    assert wrong_local_address("192.0.2.7", nobody_knows, strict=False) == ""
+    assert "multicast" in wrong_local_address("224.0.0.1", nobody_knows, strict=False)
+    assert "no address" in wrong_local_address("192.0.2.7", kernel.local_addresses(), strict=False)

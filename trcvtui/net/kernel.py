@@ -79,7 +79,7 @@ class Kernel(Protocol):
     """What a network can be asked. `owner` names the CONNECT or peer on whose behalf a handle exists."""
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine, loopback among them."""
+        """Return the addresses of this machine, loopback among them; () while nobody can say."""
         ...
 
     def poll(self) -> None:

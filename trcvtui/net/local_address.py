@@ -7,7 +7,10 @@ from trcvtui.net.kernel import LocalAddress
 
 
 def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
-    """Return why the address cannot be used, or "" when it can; strict refuses loopback too."""
+    """Return why the address cannot be used, or "" when it can; strict refuses loopback too.
+
+    An empty `own` is a list that the system could not give: then bind decides.
+    """
     first = int(address.split(".", 1)[0])
     if address == ANY_ADDRESS:
         return "0.0.0.0 names no port of the PLC"
@@ -17,6 +20,8 @@ def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: boo
         return f"{address} is the broadcast address"
     if first == 127:
         return f"{address} is loopback, no Ethernet port" if strict else ""
+    if not own:
+        return ""
     mine = next((a for a in own if a.address == address), None)
     if mine is None:
         return f"{address} is no address of this machine"

@@ -43,14 +43,17 @@ def _library() -> ctypes.CDLL | None:
         return None
 
 
-def interface_addresses() -> tuple[LocalAddress, ...]:
-    """Return every IPv4 address with its interface; only 127.0.0.1 where the system does not say."""
+def interface_addresses() -> tuple[LocalAddress, ...] | None:
+    """Return every IPv4 address with its interface, None when the system cannot say now (EMFILE).
+
+    Only 127.0.0.1 on a system that has no getifaddrs, or that has no address at all.
+    """
     library = _library()
     if library is None:
         return LOOPBACK_ONLY
     head = ctypes.POINTER(_IfAddrs)()
     if library.getifaddrs(ctypes.byref(head)) != 0:
-        return LOOPBACK_ONLY
+        return None
     try:
         return tuple(_entries(head)) or LOOPBACK_ONLY
     finally:

@@ -63,6 +63,7 @@ class OsKernel:
         self._ready: dict[int, int] = {}
         self._held: dict[int, str] = {}  # an error found behind bytes that were answered first
         self._told: set[int] = set()  # handles whose error one call has answered
+        self._addresses: tuple[LocalAddress, ...] = ()
 
     def close_all(self) -> None:
         """Free every handle and the poll set."""
@@ -77,12 +78,14 @@ class OsKernel:
         return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine, loopback among them."""
+        """Return the addresses of this machine; without a free descriptor the last list that was got."""
         own = interface_addresses()
+        if own is not None:
+            self._addresses = own
         if sys.platform == "win32":
             named = socket.gethostbyname_ex(socket.gethostname())[2]
-            own += tuple(LocalAddress(address, "") for address in named)
-        return own
+            return self._addresses + tuple(LocalAddress(address, "") for address in named)
+        return self._addresses
 
     # -- the poll set ------------------------------------------------------------------------------
 

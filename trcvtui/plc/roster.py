@@ -24,10 +24,12 @@ class Roster:
         for place, (_, _, connect) in enumerate(self._entries):
             self._places.setdefault(connect, []).append(place)
         self._awake = set(self._places)
+        self._stirring = set(self._places)  # which CONNECTs have been awake since `take_stirring`
 
     def wake_all(self) -> None:
         """Call every instance when it is due next."""
         self._awake.update(self._places)
+        self._stirring.update(self._places)
 
     def wake(self, connects: Iterable[str]) -> None:
         """Call the instances on these CONNECTs when they are due next."""
@@ -48,7 +50,13 @@ class Roster:
         self._awake = awake
         return changed
 
+    def take_stirring(self) -> set[str]:
+        """Return the CONNECTs on which anything can have changed since the last time that this was asked."""
+        stirring, self._stirring = self._stirring, set(self._awake)
+        return stirring
+
     def _call_order(self) -> list[int]:
+        self._stirring |= self._awake
         return sorted([place for connect in self._awake for place in self._places.get(connect, ())])
 
     def due(self, turn: int) -> Iterator[Instance]:

@@ -30,7 +30,7 @@ from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.roster import Roster
-from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, Snapshot
 
 
 class Runtime:
@@ -71,6 +71,9 @@ class Runtime:
         }
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._roster = Roster(self._call_periods(project))
+        self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
+        self._connection_snapshots = {n: self._connection_snapshot(c) for n, c in self._connections.items()}
+        self._data_snapshots = {name: _data_snapshot(data) for name, data in self._data.items()}
 
     def _instance(self, decl: InstanceDecl) -> Instance:
         data = self._data[decl.data] if decl.data is not None else None
@@ -218,6 +221,7 @@ class Runtime:
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
         """Return the PLC as the last scan left it."""
+        self._renew_snapshots()
         return Snapshot(
             scan=self._env.scan,
             t_ns=self._env.now,
@@ -225,17 +229,26 @@ class Runtime:
             dialect=self._project.dialect.name,
             model=self._project.model,
             interval_ns=self.interval_ns,
-            instances=self._instance_snapshots(),
-            connections=tuple(self._connection_snapshot(c) for c in self._connections.values()),
-            data=tuple(DataSnapshot(d.name, d.type_name, d.size, d.generation) for d in self._data.values()),
+            instances=tuple(self._instance_snapshots.values()),
+            connections=tuple(self._connection_snapshots.values()),
+            data=tuple(self._data_snapshots.values()),
             ledger_seq=self.ledger.last_seq,
             connections_used=self._resources.budget.used,
             connections_limit=self._resources.budget.limit,
             faults=faults,
         )
 
-    def _instance_snapshots(self) -> tuple[InstanceSnapshot, ...]:
-        return tuple(instance.snapshot() for instance in self._instances.values())
+    def _renew_snapshots(self) -> None:
+        """Make the snapshots anew of what may have changed; the others stay the same objects."""
+        stirring = self._roster.take_stirring()
+        for name, instance in self._instances.items():
+            if instance.connection.config.name in stirring:
+                self._instance_snapshots[name] = instance.snapshot()
+        for name in stirring:
+            self._connection_snapshots[name] = self._connection_snapshot(self._connections[name])
+        for name, data in self._data.items():
+            if self._data_snapshots[name].generation != data.generation:
+                self._data_snapshots[name] = _data_snapshot(data)
 
     def _connection_snapshot(self, connection: Connection) -> ConnectionSnapshot:
         loss = connection.last_loss
@@ -254,3 +267,7 @@ class Runtime:
             retry_in_ns=max(0, retry - self._env.now) if retry is not None else None,
             last_loss=loss.kind.name.lower().replace("_", " ") if loss else "",
         )
+
+
+def _data_snapshot(data: DataArea) -> DataSnapshot:
+    return DataSnapshot(data.name, data.type_name, data.size, data.generation)

@@ -9,7 +9,7 @@ import pytest
 
 from trcvtui.errors import UserError
 from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import read_project
+from trcvtui.plc.project_file import load_project, read_project
 
 PORT = "a whole number from 0 to 65535"
 FORMS = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
@@ -61,6 +61,15 @@ def test_the_last_of_two_wins_and_the_document_stays_as_it_was() -> None:
     assert read("connect.C1.LocalPort=2", "connect.C1.LocalPort=3").connects[0].local.port == 3
     assert DOCUMENT["connect"][0]["LocalPort"] == 1
     assert read().options["retry"] == 1_000_000_000
+
+
+@pytest.mark.parametrize("table", ["", "[options]\n", '[[connect]]\nname = "C1"\n'])
+def test_a_key_nested_a_thousand_deep_is_a_mistake_like_any_other(table: str, tmp_path: Path) -> None:
+    file = tmp_path / "deep.toml"
+    file.write_text(f'dialect = "baosky"\n{table}{"a." * 1000}a = 1\n')
+    with pytest.raises(UserError) as caught:
+        load_project(file, ["connect.C1.LocalPort=1"])
+    assert any("a: found an unknown" in line for line in caught.value.lines())
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ Rule: what is set is checked like what is written; its mistakes say `--set PATH`
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
@@ -23,7 +22,7 @@ def with_overrides(
     document: Mapping[str, Any], overrides: Iterable[str], problems: list[Problem]
 ) -> dict[str, Any]:
     """Return a copy of the document with every `PATH=VALUE` in it; of two of one path the last wins."""
-    changed = copy.deepcopy(dict(document))
+    changed = {key: _copied(value) for key, value in document.items()}
     for override in overrides:
         path, equals, text = override.partition("=")
         path = path.strip()
@@ -34,6 +33,13 @@ def with_overrides(
         if problem is not None:
             problems.append(problem)
     return changed
+
+
+def _copied(part: Any) -> Any:
+    """Return a copy as deep as a path can reach, and no deeper: keys of a file may be nested without end."""
+    if isinstance(part, list):
+        return [dict(entry) if isinstance(entry, dict) else entry for entry in part]
+    return dict(part) if isinstance(part, dict) else part
 
 
 def _put(document: dict[str, Any], path: str, value: Given) -> Problem | None:

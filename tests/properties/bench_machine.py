@@ -24,9 +24,11 @@ CONNECTING = {0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7007, 0x
 CALLS = ("socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "connect", "recv",
          "shutdown", "abort", "close", "buffer", "queue")  # fmt: skip
 
+OPTIONS: dict[str, object] = {"retry": "T#50ms", "attempt_limit": "T#200ms", "buffers": 2}
 DOCUMENT: dict[str, object] = {
     "dialect": "baosky",
-    "options": {"retry": "T#50ms", "attempt_limit": "T#200ms", "buffers": 2},
+    "options": OPTIONS,
+    "task": [{"name": "FAST"}, {"name": "SLOW"}],
     "data": [{"name": name, "type": f"ARRAY[1..{size}] OF BYTE"} for name, size in SIZES.items()],
     "connect": [
         {"name": "C1", "LocalAddress": "127.0.0.1", "LocalPort": 0},
@@ -40,7 +42,7 @@ DOCUMENT: dict[str, object] = {
         },
     ],
     "instance": [
-        {"name": "A", "block": "TRCV_C", "connect": "C1", "data": "rx_a"},
+        {"name": "A", "block": "TRCV_C", "connect": "C1", "data": "rx_a", "task": "SLOW"},
         {"name": "B", "block": "TRCV_C", "connect": "C1", "data": "rx_b"},
         {"name": "C", "block": "TRCV_C", "connect": "C2", "data": "rx_c"},
     ],
@@ -68,9 +70,16 @@ class BenchMachine(RuleBasedStateMachine):
 
     scans = 0  # over all examples of a run
 
-    @initialize(seed=st.integers(0, 3), fragment=st.booleans())
-    def start(self, seed: int, fragment: bool) -> None:
+    @initialize(
+        seed=st.integers(0, 3),
+        fragment=st.booleans(),
+        second_client=st.sampled_from(("reject", "replace", "queue")),
+        slow=st.booleans(),
+    )
+    def start(self, seed: int, fragment: bool, second_client: str, slow: bool) -> None:
         document = DOCUMENT | {"sim": {"seed": seed, "fragment": fragment}}
+        document["options"] = {**OPTIONS, "second_client": second_client}
+        document["task"] = [{"name": "FAST"}, {"name": "SLOW", "interval": "T#70ms" if slow else "T#10ms"}]
         self.bench = Bench(read_project(document, "machine", Path(".")), "sim")
         self.before: dict[str, Outputs] = {}
         self.data = {name: self.bench.runtime.data(name) for name in SIZES}
@@ -180,8 +189,8 @@ class BenchMachine(RuleBasedStateMachine):
         news = self.bench.runtime.ledger.since(self.seq)
         self.seq = self.bench.runtime.ledger.last_seq
         delivered = self.read_news(news)
-        for name in INSTANCES:
-            self.check_outputs(self.bench.runtime.outputs(name))
+        for out in self.bench.runtime.called:
+            self.check_outputs(out)
         self.check_data(delivered)
 
     def check_outputs(self, out: Outputs) -> None:

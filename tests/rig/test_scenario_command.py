@@ -101,7 +101,35 @@ def test_of_two_sets_before_one_scan_the_last_wins_without_an_edge(
 
 
 def test_a_pulse_is_true_in_one_called_scan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    steps = "pulse TRCV_C_1 CONT\nrun 1\nexpect TRCV_C_1 CONT=0\nrun 2\nexpect TRCV_C_1 trace 0001 7003 7000"
+    steps = (
+        "pulse TRCV_C_1 CONT\nrun 1\nexpect TRCV_C_1 CONT=1\nrun 1\nexpect TRCV_C_1 CONT=0\nrun 1\n"
+        "expect TRCV_C_1 trace 0001 7003 7000"
+    )
+    assert main(["scenario", scenario(tmp_path, steps)]) == 0
+
+
+def test_a_set_behind_a_pulse_of_the_same_pin_wins(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = "run 1\npulse TRCV_C_1 EN_R\nset TRCV_C_1 EN_R=1\nrun 3\nexpect TRCV_C_1 EN_R=1"
+    assert main(["scenario", scenario(tmp_path, steps)]) == 0
+
+
+def test_a_pulse_of_a_blinking_pin_is_true_in_its_scan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = "set TRCV_C_1 EN_R=blink\nrun 1\npulse TRCV_C_1 EN_R\nrun 1\nexpect TRCV_C_1 EN_R=1"
+    assert main(["scenario", scenario(tmp_path, steps)]) == 0
+
+
+def test_an_edge_of_en_r_in_the_scan_of_a_reset_arms_80a1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = (
+        "set TRCV_C_1 CONT=1\nrun 3\npeer P1 connect\nwait TRCV_C_1 STATUS=7004\nrun 1\n"
+        "expect TRCV_C_1 trace 0001 7001 7002 7004{2}\nset TRCV_C_1 COM_RST=1 EN_R=1\nrun 7\n"
+        "expect TRCV_C_1 trace 8000 7003 7007 7002 80A1! 7002{2}"
+    )
     assert main(["scenario", scenario(tmp_path, steps)]) == 0
 
 
@@ -134,6 +162,18 @@ def test_sending_on_a_connection_that_is_not_up_is_a_failed_step(
     assert main(["scenario", scenario(tmp_path, "peer P1 send hex 01\nrun 1"), "--format", "jsonl"]) == 1
     (failure,) = jsonl(capsys)[-1]["failures"]
     assert failure["step"] == 1 and "not connected" in failure["found"]
+
+
+def test_no_command_waits_for_a_partner_whose_window_is_closed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    naps: list[int] = []
+    monkeypatch.setattr("trcvtui.rig.live_pace.clock.sleep_until", naps.append)
+    steps = "set TRCV_C_1 CONT=1\nrun 3\npeer P1 connect\nrun 5\nexpect peer P1 connected\n"
+    steps += "peer P1 send random 16000000 seed=1\nset TRCV_C_1 LEN=1\nset TRCV_C_1 LEN=2\nrun 2"
+    file = scenario(tmp_path, steps)
+    assert main(["scenario", file, "--kernel", "live", "--format", "jsonl"]) == 0
+    assert len(naps) == jsonl(capsys)[-1]["scans"] == 10, "time passes with scans alone"
 
 
 def test_a_cut_wire_is_for_the_simulation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -30,6 +30,17 @@ STAGE_CONDITIONS: Final = {
 }
 
 
+# What fails like a call and is none; everything else is the kernel's own answer, or a planned fault's.
+NO_KERNEL_CALLS: Final = {
+    "queue": (Why.RESOURCE, "the job queue is full"),
+    "buffer": (Why.RESOURCE, "no buffer is left"),
+    "budget": (Why.RESOURCE, "no connection is left"),
+    "address": (Why.PARAMETER, "the address cannot be used"),
+    "resolve": (Why.WAITING, "nobody has listened there yet"),
+    "attempt_limit": (Why.WAITING, "no answer within the attempt's limit"),
+}
+
+
 class Phase(Enum):
     """Which stretch of the connection's life the block is showing."""
 
@@ -183,10 +194,11 @@ class ConnectionPart:
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         was_up = self.phase is Phase.CONNECTED and self._connection.lost(self.incarnation) is None
+        peer = str(self._connection.peer or "")
         fault = self._connection.disconnect()
         self.phase = Phase.IDLE
         if fault is not None:
-            return Outcome(_unless_poll_del(fault, Condition.DISCONNECT_FAILED), cause_of(fault))
+            return Outcome(_unless_poll_del(fault, Condition.DISCONNECT_FAILED), cause_of(fault, peer))
         if was_up:
             self._script.append(Outcome(Condition.CLOSED, cause))
         return Outcome(Condition.CLOSING, cause)
@@ -202,14 +214,15 @@ class ConnectionPart:
         if fault is not None:
             self._reset_wanted = True
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        return self._reset_done(self._connection.reset())
+        peer = str(self._connection.peer or "")
+        return self._reset_done(self._connection.reset(), peer)
 
-    def _reset_done(self, fault: Fault | None) -> Outcome:
+    def _reset_done(self, fault: Fault | None, peer: str) -> Outcome:
         self.phase, self.waits = Phase.CONNECTING, 0
         clear = self._env.rules.com_rst_autoclear
         if fault is not None:
             shown = _unless_poll_del(fault, Condition.RESET_FAILED)
-            return Outcome(shown, cause_of(fault), clear_com_rst=clear)
+            return Outcome(shown, cause_of(fault, peer), clear_com_rst=clear)
         cause = Cause(Why.INPUT, "COM_RST rose", pin="COM_RST", value=1)
         self._script = deque((Outcome(Condition.CLOSING, cause), Outcome(Condition.CLOSED, cause)))
         return Outcome(Condition.RESETTING, cause, clear_com_rst=clear)
@@ -225,6 +238,5 @@ def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
 
 def cause_of(fault: Fault, peer: str = "") -> Cause:
     """Return the cause that a failed call is; what is no kernel call is a resource of the PLC."""
-    why = Why.RESOURCE if fault.call in ("queue", "buffer", "budget") else Why.KERNEL
-    name = f"{fault.call} failed" if why is Why.KERNEL else f"{fault.call} full"
+    why, name = NO_KERNEL_CALLS.get(fault.call, (Why.KERNEL, f"{fault.call} failed"))
     return Cause(why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer)

@@ -48,6 +48,7 @@ class ReceiveJob:
         self._owner = object()
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
+        self._incarnation = 0  # of the connection that the running job receives on
         self._first_offset = 0
 
     # -- may a job start? ---------------------------------------------------------------------------
@@ -84,7 +85,7 @@ class ReceiveJob:
         if len(self._buffer) != need:
             self._buffer = bytearray(need)
         self._view = memoryview(self._buffer)
-        incarnation = self._connection.incarnation
+        incarnation = self._incarnation = self._connection.incarnation
         offset = self._first_offset = self._connection.bytes_received
         self._env.write(
             JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
@@ -123,7 +124,7 @@ class ReceiveJob:
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what it had collected is dropped and noted."""
         if self.running:
-            self._connection.drop(self._first_offset, self.have, reason)
+            self._connection.drop(self._first_offset, self.have, reason, self._incarnation)
             self._end(done=False, reason=reason)
 
     def let_go(self) -> None:
@@ -139,7 +140,7 @@ class ReceiveJob:
         self._buffers.release()
         self.running = self.complete = False
         size, self.have = self.have, 0
-        incarnation, offset = self._connection.incarnation, self._first_offset
+        incarnation, offset = self._incarnation, self._first_offset
         self._env.write(
             JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)
         )

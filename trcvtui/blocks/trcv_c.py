@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import ConnectionPart, Phase, cause_of
+from trcvtui.blocks.connection_part import ConnectionPart, cause_of
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
@@ -60,7 +60,7 @@ class TrcvC:
         self._en_r = inputs.en_r
         if not (inputs.en_r and inputs.cont):
             self._armed = False
-        elif (en_r_rose or cont_rose) and self._part.phase is not Phase.CONNECTED:
+        elif en_r_rose or cont_rose:
             self._armed = True
 
     def _while_not_receiving(self, inputs: TrcvCInputs, outcome: Outcome) -> Outcome:
@@ -153,6 +153,8 @@ class TrcvC:
 
 _READY = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
 
+_FIN_CALL = {LossKind.CLOSED_BY_PARTNER: "recv"}  # it answered 0 bytes: no errno
+
 _LOSS_NAMES = {
     LossKind.CLOSED_BY_PARTNER: "the partner closed",
     LossKind.RESET_BY_PARTNER: "the partner reset",
@@ -167,7 +169,7 @@ def _cause(loss: ConnectionLoss, job: ReceiveJob) -> Cause:
     return Cause(
         Why.OTHER_BLOCK if loss.kind is LossKind.OURS else Why.PARTNER if fault is None else Why.KERNEL,
         _LOSS_NAMES[loss.kind],
-        call=fault.call if fault else "",
+        call=fault.call if fault else _FIN_CALL.get(loss.kind, ""),
         error=fault.error if fault else "",
         injected=fault.injected if fault else False,
         peer=loss.peer,

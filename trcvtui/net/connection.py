@@ -79,7 +79,7 @@ class Connection:
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.handle: Handle | None = None
-        self.set_up = SetUp(config, kernel, policy, resolve, self._note)
+        self.set_up = SetUp(config, kernel, policy, resolve, self._note_set_up)
         self._kernel = kernel
         self._resources = resources
         self._policy = policy
@@ -242,10 +242,11 @@ class Connection:
         """Return how many received bytes wait in the stack."""
         return 0 if self.handle is None else self._kernel.unread(self.handle)
 
-    def drop(self, offset: int, size: int, reason: str) -> None:
-        """Note bytes that will never reach DATA; offset -1: they were still in the stack."""
+    def drop(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:
+        """Note bytes of an incarnation (default: this) that never reach DATA; offset -1: still queued."""
         if size:
-            self._write(BytesDropped(self.config.name, self.incarnation, offset, size, reason))
+            of = self.incarnation if incarnation is None else incarnation
+            self._write(BytesDropped(self.config.name, of, offset, size, reason))
 
     def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
         if fault is None:
@@ -314,19 +315,10 @@ class Connection:
     def _close_orderly(self, handle: Handle) -> Fault | None:
         removed = self._kernel.poll_del(handle)
         closed = self._kernel.shutdown(handle)
-        self._drain(handle)
+        read_away = self._kernel.discard(handle, DRAIN_BYTES)
+        self.drop(-1, read_away + self._kernel.unread(handle), "disconnected")
         freed = self._kernel.close(handle)
         return removed or closed or freed
-
-    def _drain(self, handle: Handle) -> None:
-        waste = memoryview(bytearray(65536))
-        drained = 0
-        while drained < DRAIN_BYTES:
-            got = self._kernel.recv(handle, waste)
-            if not isinstance(got, int) or got == 0:
-                break
-            drained += got
-        self.drop(-1, drained, "disconnected")
 
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
         self._losses[self.incarnation] = loss
@@ -338,9 +330,14 @@ class Connection:
 
     # -- notes ------------------------------------------------------------------------------------
 
-    def _note(self, what: What, peer: Endpoint | None = None, fault: Fault | None = None) -> None:
+    def _note_set_up(self, what: What, peer: Endpoint | None, detail: str) -> None:
+        self._note(what, peer, detail=detail)
+
+    def _note(
+        self, what: What, peer: Endpoint | None = None, fault: Fault | None = None, detail: str = ""
+    ) -> None:
         local, other = str(self.local or ""), str(peer or self.peer or "")
-        self._write(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault))
+        self._write(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault, detail))
 
     def _note_failure(self, failed: StepFault) -> None:
         what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED

@@ -6,7 +6,7 @@ The plan's faults carry `injected=True`, so that nobody takes them for the netwo
 from __future__ import annotations
 
 import errno
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Protocol, runtime_checkable
 
@@ -75,11 +75,16 @@ class PlannedFault:
         return " ".join(parts)
 
 
+def nobody_asks(owner: str, fault: Fault) -> None:
+    """Do nothing: what a plan tells when nobody keeps a ledger."""
+
+
 class FaultPlan:
     """Which calls fail. `active` is False while nothing is planned."""
 
     def __init__(self) -> None:
         self.active = False
+        self.fired: Callable[[str, Fault], None] = nobody_asks  # told the owner and the fault, each time
         self._entries: list[PlannedFault] = []
 
     def add(
@@ -128,6 +133,8 @@ class FaultPlan:
             if entry.times != 0:
                 left.append(entry)
         self._entries, self.active = left, bool(left)
+        if fault is not None:
+            self.fired(owner, fault)
         return fault
 
 
@@ -194,6 +201,10 @@ class FaultyKernel:
     def loss(self, handle: Handle) -> Loss | None:
         """Return why the connection is gone, without consuming data."""
         return self.inner.loss(handle)
+
+    def discard(self, handle: Handle, most: int) -> int:
+        """Read away at most so many queued bytes; no planned fault counts this."""
+        return self.inner.discard(handle, most)
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""

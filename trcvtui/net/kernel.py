@@ -154,6 +154,10 @@ class Kernel(Protocol):
         """
         ...
 
+    def discard(self, handle: Handle, most: int) -> int:
+        """Read away at most so many queued bytes and return how many; no planned fault counts this."""
+        ...
+
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""
         ...

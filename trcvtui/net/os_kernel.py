@@ -279,6 +279,19 @@ class OsKernel:
             self._held[handle] = error_name(problem)
             return True
 
+    def discard(self, handle: Handle, most: int) -> int:
+        """Read away at most so many queued bytes and return how many."""
+        sock, waste, gone = self._sockets.get(handle), bytearray(min(most, PEEK_BYTES)), 0
+        try:
+            while sock is not None and gone < most:
+                taken = sock.recv_into(waste)
+                if not taken:
+                    break
+                gone += taken
+        except (OSError, ValueError):
+            pass  # empty, or at an end: what was read away is what counts
+        return gone
+
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
         sock = self._sockets.get(handle)

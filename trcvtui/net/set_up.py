@@ -71,7 +71,7 @@ class SetUp:
         kernel: Kernel,
         policy: Policy,
         resolve: Callable[[str], int | None],
-        note: Callable[[What, Endpoint | None], None],
+        note: Callable[[What, Endpoint | None, str], None],
     ) -> None:
         self.config = config
         self.listener: Handle | None = None
@@ -98,7 +98,7 @@ class SetUp:
     def prepare(self, now: int) -> StepFault | None:
         """Bind the socket, then listen or start to connect."""
         assert self.attempt is not None
-        self._kernel.set_options(self.attempt, self.options())
+        self._set_options(self.attempt)
         return self._bind(self.attempt) or (
             self._connect(self.attempt, now) if self.config.active else self._listen(self.attempt)
         )
@@ -128,7 +128,7 @@ class SetUp:
         self.local = self._kernel.local_end(handle)
         if self.local is not None:
             self._kept_port = self.local.port  # LocalPort 0 keeps the port it got until STOP
-        self._note(What.LISTENING, None)
+        self._note(What.LISTENING, None, "")
         return None
 
     def _connect(self, handle: Handle, now: int) -> StepFault | None:
@@ -139,7 +139,7 @@ class SetUp:
         self._deadline = now + self._policy.attempt_limit_ns
         # A refusal by the call itself is held until the next look: a first attempt shows 7002 before 80A0.
         self._verdict = self._start_connect(handle)
-        self._note(What.CONNECTING, self.remote)
+        self._note(What.CONNECTING, self.remote, "")
         return None
 
     def _start_connect(self, handle: Handle) -> Fault | None:
@@ -149,7 +149,7 @@ class SetUp:
         self.remote = Endpoint(self.config.remote_address, port)
         # 3.1 traps: 0.0.0.0 would silently mean loopback; a socket can connect to itself.
         if self.config.remote_address == ANY_ADDRESS or self.remote == self.local:
-            return Fault("connect", "EINVAL")
+            return Fault("address", f"{self.remote} is no end to connect to")
         return self._kernel.connect(handle, self.remote)
 
     def _remote_port(self) -> int | None:
@@ -169,7 +169,7 @@ class SetUp:
         if verdict is WOULD_BLOCK:
             if now < self._deadline:
                 return None
-            verdict = Fault("connect", "ETIMEDOUT")
+            verdict = Fault("attempt_limit", "ETIMEDOUT")
         if isinstance(verdict, Fault):
             taken = self.config.local.port and verdict.error in PORT_TAKEN_ERRORS
             return StepFault(Stage.BIND if taken else Stage.CONNECT, verdict)
@@ -203,7 +203,7 @@ class SetUp:
     def turn_away(self, client: Accepted, what: What) -> None:
         """Reset a client at once; its bytes never reach DATA."""
         self._kernel.abort(client.handle)
-        self._note(what, client.peer)
+        self._note(what, client.peer, "")
 
     def take_over(self, client: Accepted) -> StepFault | None:
         """Put an accepted client into the poll set and give it the CONNECT's options."""
@@ -211,8 +211,13 @@ class SetUp:
         if fault is not None:
             self._kernel.abort(client.handle)
             return StepFault(Stage.POLL_ADD, fault)
-        self._kernel.set_options(client.handle, self.options())
+        self._set_options(client.handle)
         return None
+
+    def _set_options(self, handle: Handle) -> None:
+        refused = self._kernel.set_options(handle, self.options())
+        if refused:
+            self._note(What.OPTION_REFUSED, None, ", ".join(refused))
 
     def options(self) -> SocketOptions:
         """Return the socket options of this CONNECT (5.5)."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import random
 from functools import partial
+from typing import Final
 
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
@@ -25,6 +26,8 @@ from trcvtui.net.sim_socket import LOOPBACK, SimSocket
 from trcvtui.net.sim_stream import Phase
 from trcvtui.net.sim_timers import MS
 from trcvtui.net.sim_wire import SimWire
+
+WASTE_BYTES: Final = 65536
 
 
 class SimKernel:
@@ -232,6 +235,16 @@ class SimKernel:
         # A RST behind a FIN is EPIPE: the FIN came first, and recv answers 0 too.
         fault = Fault("recv", error) if error and error != "EPIPE" else None
         return Loss(fault, socket.stream.unread)
+
+    def discard(self, handle: Handle, most: int) -> int:
+        """Read away at most so many queued bytes and return how many."""
+        waste, gone = memoryview(bytearray(min(most, WASTE_BYTES))), 0
+        while gone < most:
+            taken = self.recv(handle, waste)
+            if not isinstance(taken, int) or not taken:
+                break
+            gone += taken
+        return gone
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack."""

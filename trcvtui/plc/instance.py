@@ -64,7 +64,8 @@ class Instance:
         self._env = env
         self._note = note
         self._known: dict[Outcome, Shown] = {}
-        self._pulsed: list[str] = []
+        self._pulsed: list[str] = []  # TRUE for the next call
+        self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
         self.fresh()
 
@@ -84,13 +85,16 @@ class Instance:
     # -- inputs ------------------------------------------------------------------------------------
 
     def set_input(self, pin: str, value: PinValue) -> None:
-        """Write one input; it holds until changed, and no longer blinks."""
-        if pin in self._blinking:
-            self._blinking.remove(pin)
+        """Write one input; it holds until changed: no blink and no pulse of it goes on."""
+        for going_on in (self._blinking, self._pulsed, self._fading):
+            if pin in going_on:
+                going_on.remove(pin)
         self._write(pin, value)
 
     def pulse(self, pin: str) -> None:
         """Make the pin TRUE for the next call alone."""
+        if pin in self._fading:
+            self._fading.remove(pin)
         if pin not in self._pulsed:
             self._pulsed.append(pin)
         self._write(pin, True)
@@ -110,16 +114,17 @@ class Instance:
 
     def scan(self) -> bool:
         """Call the block once; return whether any output differs from the scan before."""
-        for pin in self._blinking:
-            self._write(pin, not self.inputs[pin])
+        if self._fading or self._blinking:
+            self._go_on_by_itself()
         if self._frozen is None:
             self._frozen = self._freeze()
         outcome = self._block.call(self._frozen)
         if self._pulsed:
-            self._end_pulses()
+            self._fading, self._pulsed = self._pulsed, []
         if outcome.clear_com_rst:
             self._write("COM_RST", False)
-        self.asleep = outcome.lasts and self._frozen is not None and not self._blinking
+        goes_on = self._frozen is None or self._blinking or self._fading
+        self.asleep = outcome.lasts and not goes_on
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
             return False
@@ -135,10 +140,13 @@ class Instance:
             com_rst=bool(pins["COM_RST"]),
         )
 
-    def _end_pulses(self) -> None:
-        for pin in self._pulsed:
+    def _go_on_by_itself(self) -> None:
+        for pin in self._fading:
             self._write(pin, False)
-        self._pulsed.clear()
+        self._fading = []
+        for pin in self._blinking:
+            if pin not in self._pulsed:
+                self._write(pin, not self.inputs[pin])
 
     def _take(self, outcome: Outcome) -> bool:
         before, self.outcome = self.outputs, outcome

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.net.answers import Endpoint
+from trcvtui.net.answers import Endpoint, Fault
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.os_kernel import OsKernel
 from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
@@ -38,6 +38,7 @@ class Bench:
             self._resources(project),
             self._peer_port,
         )
+        self.plan.fired = self._fault_fired
         self.peers = {
             decl.name: Peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write)
             for decl in project.peers
@@ -70,7 +71,7 @@ class Bench:
 
     def _peer_port(self, name: str) -> int | None:
         peer = self.peers.get(name)
-        return peer.listening_port if peer else None
+        return peer.last_port if peer else None
 
     # -- time ---------------------------------------------------------------------------------------
 
@@ -89,11 +90,6 @@ class Bench:
             acting.step(self.now)
         for peer in self.peers.values():
             peer.step(self.now)
-
-    @property
-    def settled(self) -> bool:
-        """Return whether everything that peers were told has reached the local kernel."""
-        return all(peer.settled() for peer in self.peers.values())
 
     # -- commands -------------------------------------------------------------------------------------
 
@@ -151,6 +147,9 @@ class Bench:
         self.plan.clear()
         self._note("bench", "faults cleared")
         return ""
+
+    def _fault_fired(self, owner: str, fault: Fault) -> None:
+        self._note(owner, "fault fired", str(fault))
 
     def _note(self, subject: str, what: str, detail: str = "") -> None:
         self.runtime.ledger.write(BenchNote(subject, what, detail))

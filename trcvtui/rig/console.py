@@ -13,6 +13,9 @@ from trcvtui.rig.conditions import found, holds
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 
 MOST_ANSWERS: Final = 64
+MOST_DATA: Final = (
+    65_536  # of one variable in a picture: as much as a job can write; more would block the pipe
+)
 SCAN_CONTROL: Final = ("hold", "go")
 
 
@@ -78,7 +81,7 @@ class Console:
             snapshot=runtime.snapshot(tuple(str(fault) for fault in self.bench.plan.entries())),
             lines=lines,
             lines_skipped=max(0, fresh - len(lines)),
-            data=tuple((name, runtime.data(name)) for name in request.data),
+            data=tuple((name, runtime.data(name)[:MOST_DATA]) for name in request.data),
             partial=tuple((name, runtime.partial(name)) for name in request.partial_of),
             peers=tuple(peer.snapshot() for peer in self.bench.peers.values()),
             answers=answers,

@@ -82,9 +82,10 @@ class Peer:
         """Return the port that a passive peer listens on, None while it does not."""
         return self._port if self._listener is not None else None
 
-    def settled(self) -> bool:
-        """Return whether the local kernel has taken everything that was due so far."""
-        return self._handle is None or not self.traffic.is_due(self._now)
+    @property
+    def last_port(self) -> int | None:
+        """Return the port that a passive peer listens on or listened on last: there a CONNECT is refused."""
+        return self._port or None
 
     def snapshot(self) -> PeerSnapshot:
         """Return the frozen picture."""

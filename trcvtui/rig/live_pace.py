@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from trcvtui.rig import clock
 from trcvtui.rig.assembly import Bench
-
-SETTLE_LIMIT_NS: Final = 2_000_000_000
-SETTLE_STEP_NS: Final = 200_000
 
 
 class LivePace:
@@ -27,10 +22,3 @@ class LivePace:
         self._deadline += interval
         if self._deadline < now:
             self._deadline = now + interval
-
-    def settle(self, bench: Bench) -> None:
-        """Let peers work until the local kernel has taken what they were told, or a limit has passed."""
-        limit = clock.now_ns() + SETTLE_LIMIT_NS
-        while not bench.settled and clock.now_ns() < limit:
-            clock.sleep_until(clock.now_ns() + SETTLE_STEP_NS)
-            bench.step_peers()

@@ -62,10 +62,6 @@ class PeerTraffic:
         """Take one send command, behind those that are not finished."""
         self._outbox.put(send, now)
 
-    def is_due(self, now: int) -> bool:
-        """Return whether something should have gone out that the stack has not taken."""
-        return self._outbox.due(now) is not None
-
     def send_due(self, handle: Handle, now: int) -> Fault | None:
         """Send what is due as far as the stack takes it; return the Fault that ends the connection."""
         while (chunk := self._outbox.due(now)) is not None:

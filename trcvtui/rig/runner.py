@@ -46,10 +46,6 @@ class Pace(Protocol):
         """Let one scan pass at its time."""
         ...
 
-    def settle(self, bench: Bench) -> None:
-        """Let what the peers were told reach the local kernel."""
-        ...
-
 
 class VirtualPace:
     """Scans follow each other at once, at the multiples of the interval."""
@@ -57,9 +53,6 @@ class VirtualPace:
     def next_scan(self, bench: Bench) -> None:
         """Let one scan pass."""
         bench.step()
-
-    def settle(self, bench: Bench) -> None:
-        """Do nothing: the simulated network is immediate."""
 
 
 class Trace:
@@ -136,10 +129,10 @@ class Runner:
                 self._do(step, command)
 
     def _do(self, step: words.Step, command: words.BenchCommand) -> None:
+        # No wait: when `do` returns, the local kernel has taken all of a send that it can take now.
         error = self._bench.do(command)
         if error:
             self._fail(step, error)
-        self._pace.settle(self._bench)
 
     def _until(self, step: words.Step, condition: words.Condition, within_ns: int) -> bool:
         left = self._scans_in(within_ns)

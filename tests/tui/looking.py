@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from textual import events
 from textual.app import App
 from textual.pilot import Pilot
 
@@ -38,6 +39,12 @@ class Looker:
     async def type(self, text: str) -> None:
         """Type a text."""
         await self.press(*text)
+
+    async def at_once(self, text: str) -> None:
+        """Let keys arrive in one batch, as a terminal passes them on that was busy."""
+        for key in typed(text):
+            self.app.post_message(key)
+        await self.settle()
 
     async def show(self, *pictures: Picture) -> None:
         """Let the engine send pictures, and wait until the last one is shown."""
@@ -77,6 +84,12 @@ class Looker:
     def words(self, id: str) -> str:
         """Return what stands inside one pane, its lines put together."""
         return " ".join(self.pane(id).split())
+
+
+def typed(text: str) -> list[events.Key]:
+    """Return the keys that give a text; carriage return, tab and escape are keys too."""
+    names = {"\r": "enter", "\t": "tab", "\x1b": "escape", " ": "space", ":": "colon"}
+    return [events.Key(names.get(character, character), character) for character in text]
 
 
 def screen_text(app: App[None]) -> str:

@@ -8,11 +8,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import ClassVar, Final
 
+from textual import events
 from textual.app import App, SystemCommand
 from textual.screen import Screen
 
 from trcvtui.plc.project import Project
 from trcvtui.rig.driver import Driver, EngineStopped
+from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.main import MainScreen
 from trcvtui.tui.theme import DARK, LIGHT
@@ -34,6 +36,7 @@ class BenchApp(App[None]):
         self.scene = Scene(project)
         self.main = MainScreen(self.scene, self.submit)
         self.last_words = ""
+        self._early_keys: list[events.Key] | None = []
         self.register_theme(DARK)
         self.register_theme(LIGHT)
         # Without its watcher: every rule would be read twice before the first frame.
@@ -46,7 +49,32 @@ class BenchApp(App[None]):
         self.push_screen(self.main)
         self._frame()
         self.set_interval(FRAME_S, self._frame)
-        self.call_after_refresh(_quiet_collector)
+        self.call_after_refresh(self._after_the_first_frame)
+
+    # -- keys ---------------------------------------------------------------------------------------
+
+    async def on_event(self, event: events.Event) -> None:
+        """Obey a key at once; those typed before everything is there are kept for the moment it is."""
+        if isinstance(event, events.Key) and not event.is_forwarded:
+            if self._early_keys is not None:
+                self._early_keys.append(event)
+                return
+            if self.screen is self.main and await obey(self, event):
+                return
+        await super().on_event(event)
+
+    async def _after_the_first_frame(self) -> None:
+        await self.main.prompt.prepare()
+        while self._early_keys:
+            await self._obey_early(self._early_keys.pop(0))
+        self._early_keys = None
+        _quiet_collector()
+
+    async def _obey_early(self, event: events.Key) -> None:
+        if self.screen is not self.main or not await obey(self, event):
+            await super().on_event(event)
+
+    # -- pictures and lines -------------------------------------------------------------------------
 
     def _frame(self) -> None:
         if self.last_words:

@@ -5,26 +5,6 @@ from __future__ import annotations
 from textual.message import Message
 
 
-class LineSubmitted(Message):
-    """A bench command line shall be sent."""
-
-    def __init__(self, line: str) -> None:
-        super().__init__()
-        self.line = line
-
-
-class PromptWanted(Message):
-    """The prompt shall open with `text` in it, for the user to complete."""
-
-    def __init__(self, text: str = "") -> None:
-        super().__init__()
-        self.text = text
-
-
-class PromptClosed(Message):
-    """The prompt was closed: the focus goes back to where it was."""
-
-
 class InstanceSelected(Message):
     """Another instance was selected in the scene: the panes follow."""
 

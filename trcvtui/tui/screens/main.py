@@ -15,6 +15,7 @@ from trcvtui.tui import messages
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
+from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.function_block import FunctionBlock
 from trcvtui.tui.widgets.header_line import HeaderLine
 from trcvtui.tui.widgets.hex_view import HexView
@@ -56,17 +57,17 @@ class MainScreen(Screen[None]):
         self._scene = scene
         self._submit = submit
         self._pane = 2
-        self._focus_before_prompt: Widget | None = None
+        voice = Voice(submit, self.action_prompt)
         self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
         self.tabs = TabLine()
-        self.block = FunctionBlock(scene)
+        self.block = FunctionBlock(scene, voice)
         self.status = StatusCard(scene)
         self.history = StatusHistory(scene)
         self.received = Received(scene)
         self.table = UdtTable(scene)
-        self.peer = PeerPanel(scene)
-        self.prompt = Prompt(scene)
+        self.peer = PeerPanel(scene, voice)
+        self.prompt = Prompt(scene, submit)
         self.key_line = KeyLine()
 
     def compose(self) -> Iterator[Widget]:
@@ -96,7 +97,7 @@ class MainScreen(Screen[None]):
     def on_mount(self) -> None:
         """Begin in the list of instances."""
         self._arrange()
-        self.instances.focus()
+        self.set_focus(self.instances)
         self.show()
 
     def on_resize(self, event: events.Resize) -> None:
@@ -129,19 +130,6 @@ class MainScreen(Screen[None]):
         self.prompt.complain(last_words)
 
     # -- what the panes say -------------------------------------------------------------------------
-
-    def on_line_submitted(self, message: messages.LineSubmitted) -> None:
-        """Send a bench command."""
-        self._submit(message.line)
-
-    async def on_prompt_wanted(self, message: messages.PromptWanted) -> None:
-        """Open the prompt with a beginning."""
-        await self._open_prompt(message.text)
-
-    def on_prompt_closed(self) -> None:
-        """Give the focus back."""
-        before, self._focus_before_prompt = self._focus_before_prompt, None
-        (before or self.instances).focus()
 
     def on_instance_selected(self) -> None:
         """Let all panes follow another instance."""
@@ -242,13 +230,9 @@ class MainScreen(Screen[None]):
             self._submit("hold")
         self._submit("run 1")
 
-    async def action_prompt(self) -> None:
-        """Open the prompt."""
-        await self._open_prompt("")
-
-    async def _open_prompt(self, text: str) -> None:
-        self._focus_before_prompt = self.focused
-        await self.prompt.open(text)
+    def action_prompt(self, text: str = "") -> None:
+        """Open the prompt, perhaps with a beginning."""
+        self.prompt.open(text)
 
     def action_calm(self) -> None:
         """Leave what was opened: the zoom, the past."""

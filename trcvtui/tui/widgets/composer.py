@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import ClassVar, Final
 
 from textual.binding import Binding
@@ -10,10 +10,10 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.tui.messages import LineSubmitted
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.validity import fault_of
+from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.button_line import ButtonLine
 
 OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every", "T#50ms"))
@@ -21,13 +21,21 @@ EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {s
 
 
 class Field(Input):
-    """One line of input without a frame; escape gives the focus back to the pane."""
+    """One line of input without a frame; enter sends, escape gives the focus back to the pane."""
 
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
 
+    def __init__(self, send: Callable[[], None], id: str, placeholder: str, classes: str = "") -> None:
+        super().__init__(id=id, placeholder=placeholder, classes=classes, compact=True, select_on_focus=False)
+        self._send = send
+
+    async def action_submit(self) -> None:
+        """Send what stands there now: a key typed after enter is not part of it."""
+        self._send()
+
     def action_leave(self) -> None:
         """Give the focus back to the pane."""
-        self.screen.query_one("#peers").focus()
+        self.screen.set_focus(self.screen.query_one("#peers"))
 
 
 class Composer(Vertical):
@@ -46,9 +54,10 @@ class Composer(Vertical):
     Composer:ansi Field { text-style: underline; }
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, voice: Voice) -> None:
         super().__init__(id="composer")
         self._scene = scene
+        self._voice = voice
         self.mode = HEX
         self._texts = dict.fromkeys(MODES, "")
         self._seen = ""
@@ -56,11 +65,8 @@ class Composer(Vertical):
         self._modes = ButtonLine(
             "mode", lambda: [("", mode) for mode in MODES], self._to_mode, self._mode_now
         )
-        self._payload = Field(id="payload", compact=True, placeholder=EXAMPLES[HEX], select_on_focus=False)
-        self._options = [
-            Field(id=f"option-{name}", classes="option", compact=True, placeholder=example)
-            for name, example in OPTIONS
-        ]
+        self._payload = Field(self.send, "payload", EXAMPLES[HEX])
+        self._options = [Field(self.send, f"option-{name}", example, "option") for name, example in OPTIONS]
 
     def compose(self) -> Iterator[Widget]:
         """Compose the payload above, its options below."""
@@ -106,18 +112,17 @@ class Composer(Vertical):
         """Send the command, or go to the payload while there is none."""
         self.judge()
         if not self.line:
-            self._payload.focus()
+            self.edit()
         elif not self.fault:
-            self.post_message(LineSubmitted(self.line))
+            self._voice.submit(self.line)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Judge while typing; the pane shows the command as it grows."""
         self.judge()
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Send at enter, from any field."""
-        event.stop()
-        self.send()
+    def edit(self) -> None:
+        """Go to the payload."""
+        self.screen.set_focus(self._payload)
 
     # -- the mode -----------------------------------------------------------------------------------
 

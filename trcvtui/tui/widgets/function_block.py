@@ -9,8 +9,8 @@ from textual import events
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
-from trcvtui.tui.messages import LineSubmitted, PromptWanted
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 IN_BOX: Final = 8
@@ -23,9 +23,10 @@ class FunctionBlock(LineView):
 
     BINDINGS: ClassVar = [("enter", "toggle_pin", "toggle")]
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, voice: Voice) -> None:
         super().__init__(id="block")
         self._scene = scene
+        self._voice = voice
         self._drawings: dict[str, Drawing] = {}
         self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
         self._cursor = 0
@@ -181,12 +182,12 @@ class FunctionBlock(LineView):
             return
         value, _ = self.value_of(pin)
         if not pin.is_bool:
-            self.post_message(PromptWanted(f"set {instance.name} {pin.name}="))
+            self._voice.open_prompt(f"set {instance.name} {pin.name}=")
         elif pin.edge:
-            self.post_message(LineSubmitted(f"pulse {instance.name} {pin.name}"))
+            self._voice.submit(f"pulse {instance.name} {pin.name}")
         else:
             self._pending[instance.name, pin.name] = (not value, snapshot.scan)
-            self.post_message(LineSubmitted(f"set {instance.name} {pin.name}={int(not value)}"))
+            self._voice.submit(f"set {instance.name} {pin.name}={int(not value)}")
         self.show()
 
     def _pin_under_cursor(self) -> DrawnPin | None:

@@ -10,9 +10,9 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.tui.formatting import clip, plain
-from trcvtui.tui.messages import LineSubmitted, PromptWanted
 from trcvtui.tui.peer_commands import SEND, Button, buttons_for
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.button_line import ButtonLine
 from trcvtui.tui.widgets.composer import Composer
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, pane_title, row
@@ -52,12 +52,13 @@ class PeerPanel(Vertical):
         ("i", "payload", "edit the payload"),
     ]
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, voice: Voice) -> None:
         super().__init__(id="peer")
         self._scene = scene
+        self._voice = voice
         self._title = ""
         self.peers = PeerList(scene)
-        self.composer = Composer(scene)
+        self.composer = Composer(scene, voice)
         self._buttons = ButtonLine("buttons", self._labels, self._press)
         self._preview = CommandPreview()
 
@@ -117,9 +118,9 @@ class PeerPanel(Vertical):
             self.composer.send()
         elif button.edit:
             connection = self._scene.connection
-            self.post_message(PromptWanted(button.line(peer) + (connection.name if connection else "")))
+            self._voice.open_prompt(button.line(peer) + (connection.name if connection else ""))
         else:
-            self.post_message(LineSubmitted(button.line(peer)))
+            self._voice.submit(button.line(peer))
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Show the command that the fields make now."""
@@ -142,4 +143,4 @@ class PeerPanel(Vertical):
 
     def action_payload(self) -> None:
         """Edit the payload."""
-        self.query_one("#payload").focus()
+        self.composer.edit()

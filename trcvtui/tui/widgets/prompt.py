@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar, Final
 
+from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.suggester import Suggester
@@ -12,7 +14,6 @@ from textual.widgets import Input, Static
 
 from trcvtui.rig.picture import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
-from trcvtui.tui.messages import LineSubmitted, PromptClosed
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
@@ -63,7 +64,7 @@ class PromptInput(Input):
     BINDINGS: ClassVar = [
         Binding("up", "recall(-1)", show=False),
         Binding("down", "recall(1)", show=False),
-        Binding("tab", "cursor_right", show=False),
+        Binding("tab", "complete", show=False),
         Binding("escape", "close", show=False),
     ]
 
@@ -75,11 +76,18 @@ class PromptInput(Input):
         """Walk the history."""
         self._prompt.recall(step)
 
-    def action_cursor_right(self, select: bool = False) -> None:
-        """Accept the completion, wherever the cursor stands."""
-        if self._suggestion and not select:
-            self.cursor_position = len(self.value)
-        super().action_cursor_right(select)
+    def action_complete(self) -> None:
+        """Complete the last word, without waiting for the suggestion to be drawn."""
+        self._prompt.complete()
+
+    async def action_submit(self) -> None:
+        """Send what stands there now: a key typed after enter is not part of it."""
+        self._prompt.submit()
+
+    def on_hide(self, event: events.Hide) -> None:
+        """Keep the focus where the prompt was opened again before its closing was drawn."""
+        if self._prompt.is_open:
+            event.prevent_default()
 
     def action_close(self) -> None:
         """Close the command line."""
@@ -97,38 +105,52 @@ class Prompt(Vertical):
     Prompt PromptInput:focus { background: $panel; background-tint: $primary 12%; }
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, submit: Callable[[str], None]) -> None:
         super().__init__(id="prompt")
         self._scene = scene
+        self._submit = submit
         self._echo = EchoLine()
         self._open_line = Horizontal(id="open-line")
         self._input: PromptInput | None = None
+        self._focus_before: Widget | None = None
         self._lines: list[str] = []
         self._at = 0
         self._last = 0
 
     def compose(self) -> list[Widget]:
-        """Compose the closed prompt; the input comes with the first `:`."""
+        """Compose the closed prompt; the input comes right after the first frame."""
         return [self._echo, self._open_line]
 
     # -- open and closed ----------------------------------------------------------------------------
 
-    async def open(self, text: str = "") -> None:
-        """Open the command line with a text to complete."""
-        if self._input is None:
-            from trcvtui.tui.completion import BenchSuggester
+    async def prepare(self) -> None:
+        """Make the input, so that it is there before the first key is obeyed."""
+        from trcvtui.tui.completion import BenchSuggester
 
-            self._input = PromptInput(self, BenchSuggester(self._scene.project))
-            await self._open_line.mount(Static(":", markup=False), self._input)
+        self._input = PromptInput(self, BenchSuggester(self._scene.project))
+        await self._open_line.mount(Static(":", markup=False), self._input)
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether a line can be typed."""
+        return self._open_line.display
+
+    def open(self, text: str = "") -> None:
+        """Open the command line with a text to complete. The very next key is typed into it."""
+        if self._input is None:
+            return
+        if not self.is_open:
+            self._focus_before = self.screen.focused
         self._at = len(self._lines)
         self._fill(text)
         self._open_line.display, self._echo.display = True, False
-        self._input.focus()
+        self.screen.set_focus(self._input)
 
     def close(self) -> None:
-        """Close the command line; the pane that had the focus gets it back."""
+        """Close the command line; the pane that had the focus gets it back at once."""
+        before, self._focus_before = self._focus_before, None
+        self.screen.set_focus(before)
         self._open_line.display, self._echo.display = False, True
-        self.post_message(PromptClosed())
 
     def _fill(self, text: str) -> None:
         if self._input is not None:
@@ -141,12 +163,19 @@ class Prompt(Vertical):
             self._at = max(0, min(len(self._lines), self._at + step))
             self._fill(self._lines[self._at] if self._at < len(self._lines) else "")
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Send the line."""
-        event.stop()
+    def complete(self) -> None:
+        """Complete the last word as far as the project knows it."""
+        from trcvtui.tui.completion import complete
+
+        if self._input is not None:
+            self._fill(complete(self._input.value, self._scene.project) or self._input.value)
+
+    def submit(self) -> None:
+        """Close the command line and send what was typed."""
+        line = self._input.value.strip() if self._input is not None else ""
         self.close()
-        if event.value.strip():
-            self.post_message(LineSubmitted(event.value.strip()))
+        if line:
+            self._submit(line)
 
     # -- lines and answers --------------------------------------------------------------------------
 

@@ -226,6 +226,17 @@ def test_udt_decode_needs_no_quotes_around_spaced_hex(
     assert "4 of 12 bytes" in quoted
 
 
+def test_udt_decode_as_json_is_ascii_and_holds_no_control_character(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (files / "text.st").write_text("TYPE Text : STRUCT t : STRING[3]; END_STRUCT END_TYPE\n")
+    argv = ("udt", "decode", "text.st", "--layout", "packed", "--format", "json", "03 03 7f 9b 1b")
+    code, out, err = run(capsys, *argv)
+    assert (code, err) == (0, "")
+    assert out.isascii() and out.replace("\n", "").isprintable()
+    assert json.loads(out)["values"] == {"t": "\x7f\x9b\x1b"}
+
+
 def test_udt_encode_is_hex_on_stdout_and_decodes_back(
     files: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -80,7 +80,8 @@ def _print(text: str) -> int:
 def _print_json(record: dict[str, object]) -> int:
     import json
 
-    return _print(json.dumps(record, indent=2, allow_nan=False))  # ASCII: bytes from a wire stay data
+    # ASCII: bytes from a wire stay data. DEL is the one control character that JSON leaves raw.
+    return _print(json.dumps(record, indent=2, allow_nan=False).replace("\x7f", "\\u007f"))
 
 
 def _forget_stdout() -> None:

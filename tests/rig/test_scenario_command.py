@@ -176,16 +176,16 @@ def test_no_command_waits_for_a_partner_whose_window_is_closed(
     assert len(naps) == jsonl(capsys)[-1]["scans"] == 10, "time passes with scans alone"
 
 
-def test_no_command_waits_for_a_partner_whose_window_is_closed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_json_lines_are_ascii_whatever_a_partner_sent(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    naps: list[int] = []
-    monkeypatch.setattr("trcvtui.rig.live_pace.clock.sleep_until", naps.append)
-    steps = "set TRCV_C_1 CONT=1\nrun 3\npeer P1 connect\nrun 5\nexpect peer P1 connected\n"
-    steps += "peer P1 send random 16000000 seed=1\nset TRCV_C_1 LEN=1\nset TRCV_C_1 LEN=2\nrun 2"
-    file = scenario(tmp_path, steps)
-    assert main(["scenario", file, "--kernel", "live", "--format", "jsonl"]) == 0
-    assert len(naps) == jsonl(capsys)[-1]["scans"] == 10, "time passes with scans alone"
+    steps = "write rx 'a$9B$7F$1B'\nrun 1\nexpect rx 'AÄ'"
+    file = scenario(tmp_path, steps, project=PASSIVE.replace("ARRAY[0..7] OF BYTE", "STRING[9]"))
+    assert main(["scenario", file, "--format", "jsonl"]) == 1
+    *_, out = capsys.readouterr().out.splitlines()
+    assert out.isascii() and "\x7f" not in out
+    (failure,) = json.loads(out)["failures"]
+    assert (failure["found"], failure["line"]) == ("a\x9b\x7f\x1b", "expect rx 'AÄ'")
 
 
 def test_a_cut_wire_is_for_the_simulation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

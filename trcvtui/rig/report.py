@@ -62,7 +62,8 @@ class JsonLines:
         )
 
     def _line(self, record: dict[str, object]) -> None:
-        self._write(json.dumps(record, separators=(",", ":"), ensure_ascii=False) + "\n")
+        # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
+        self._write(json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n")
 
 
 class Text:

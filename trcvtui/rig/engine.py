@@ -1,7 +1,7 @@
 """The live engine: absolute deadlines, and the screen served in the gaps.
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
-Rule 2: what the screen asks is answered between two scans, and costs at most what the gap allows.
+Rule 2: the screen is served between two scans, piece by piece, and only as long as the gap lasts.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from trcvtui.rig import clock
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_script
 from trcvtui.rig.console import Console
+from trcvtui.rig.courier import Courier
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scheduling import be_punctual, quiet_collector
 from trcvtui.rig.timing import Punctuality
 
 NS_PER_MS: Final = 1_000_000
-NS_PER_LINE: Final = 12_000  # what one ledger line costs to put into a picture, generously
-LEAST_LINES: Final = 50
+SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
+MOST_GAPS: Final = 5  # that a picture waits for a gap with enough room
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
 
 
@@ -32,6 +33,10 @@ class Engine:
         self._channel = channel
         self._bench = bench
         self._console = Console(bench)
+        self._courier = Courier(channel)
+        self._request: PictureRequest | None = None
+        self._gaps_waited = 0
+        self._picture_ns = 0  # what the last picture took
         self._timing = Punctuality(be_punctual())
         self._timing_file = os.environ.get(TIMING_FILE)
         if self._timing_file:
@@ -69,21 +74,32 @@ class Engine:
         return due
 
     def _serve(self, due: int) -> None:
+        until = due - SPARE_NS
         while True:
-            left = due - clock.now_ns()
-            # The poll's timeout is whole milliseconds, rounded up: leave one for the sleep that is exact.
-            wait_ms = max(0, left // NS_PER_MS - 1)
+            self._deliver(until)
+            wait_ms = max(0, until - clock.now_ns()) // NS_PER_MS  # the poll knows whole milliseconds only
             if not self._channel.poll(wait_ms / 1000):
                 return
-            self._answer(self._channel.recv(), due)
-            if due - clock.now_ns() < NS_PER_MS:
+            self._take(self._channel.recv())
+            if clock.now_ns() >= until:
                 return
 
-    def _answer(self, message: object, due: int) -> None:
+    def _take(self, message: object) -> None:
         match message:
             case (int() as number, str() as line):
                 self._console.take(number, line)
             case PictureRequest() as request:
-                room = max(0, due - clock.now_ns() - NS_PER_MS) // NS_PER_LINE
-                lines = max(LEAST_LINES, room)
-                self._channel.send(self._console.picture(request, self._timing.summary(), lines))
+                self._request, self._gaps_waited = request, 0
+
+    def _deliver(self, until: int) -> None:
+        if self._request is not None and not self._courier.is_busy() and self._has_room(until):
+            began = clock.now_ns()
+            timing, most_lines = self._timing.summary(), self._request.most_lines
+            self._courier.begin(self._console.picture(self._request, timing, most_lines))
+            self._picture_ns, self._request = clock.now_ns() - began, None
+        self._courier.go_on(until)
+
+    def _has_room(self, until: int) -> bool:
+        """Return whether a picture like the last one can be taken in this gap, or has waited long enough."""
+        self._gaps_waited += 1
+        return clock.now_ns() + self._picture_ns <= until or self._gaps_waited > MOST_GAPS

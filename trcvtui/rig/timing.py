@@ -21,6 +21,8 @@ class Punctuality:
         self._length: deque[int] = deque(maxlen=KEPT)
         self._scans = 0
         self._overruns = 0
+        self._sorted_at = 0
+        self._percentiles = (0, 0, 0)
         self._every: list[tuple[int, int, int]] | None = None
 
     def keep_every(self) -> None:
@@ -42,16 +44,12 @@ class Punctuality:
             self._every.append((began, began - due, ended - began))
 
     def summary(self) -> EngineTiming:
-        """Return the percentiles of what is kept."""
-        late, length = sorted(self._late), sorted(self._length)
-        return EngineTiming(
-            scans=self._scans,
-            overruns=self._overruns,
-            late_p50_ns=_at(late, 0.50),
-            late_p99_ns=_at(late, 0.99),
-            scan_p99_ns=_at(length, 0.99),
-            mode=self._mode,
-        )
+        """Return the percentiles of what is kept; they are found anew when enough of it is new."""
+        if self._scans - self._sorted_at >= len(self._late) // 8:
+            self._sorted_at = self._scans
+            late, length = sorted(self._late), sorted(self._length)
+            self._percentiles = _at(late, 0.50), _at(late, 0.99), _at(length, 0.99)
+        return EngineTiming(self._scans, self._overruns, *self._percentiles, self._mode)
 
 
 def _at(ordered: list[int], share: float) -> int:

@@ -1,0 +1,105 @@
+"""The courier brings whole pictures in pieces, stops when the time is up, and never waits for the screen."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+
+from trcvtui.plc.project_file import read_project
+from trcvtui.rig import clock
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.console import Console
+from trcvtui.rig.courier import Courier
+from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
+
+FAR_AWAY = 10_000_000_000
+BIG = 60_000
+DOCUMENT = {
+    "dialect": "baosky",
+    "data": [{"name": f"rx{n}", "type": f"ARRAY[1..{BIG}] OF BYTE"} for n in range(8)],
+    "connect": [{"name": f"C{n}", "LocalAddress": "127.0.0.1", "LocalPort": 0} for n in range(8)],
+    "instance": [
+        {"name": f"T{n}", "block": "TRCV_C", "connect": f"C{n}", "data": f"rx{n}", "CONT": n < 3}
+        for n in range(8)
+    ],
+    "peer": [{"name": "P1", "active": True, "remote": "@C1"}],
+}
+
+
+@contextmanager
+def two_ends() -> Iterator[tuple[Channel, Channel]]:
+    """Yield the engine's and the screen's end of a channel."""
+    ours, theirs = multiprocessing.Pipe()
+    with ours, theirs:
+        yield ours, theirs
+
+
+def picture(console: Console, *data: str) -> Picture:
+    """Return the bench after one more scan, with the bytes of some variables."""
+    console.bench.step()
+    return console.picture(PictureRequest(data=data), EngineTiming(mode="test"), 2000)
+
+
+def console() -> Console:
+    """Return the console of a simulated bench."""
+    return Console(Bench(read_project(DOCUMENT, "courier", Path()), "sim"))
+
+
+def test_a_picture_arrives_as_it_was_taken() -> None:
+    bench = console()
+    with two_ends() as (engine, screen):
+        courier = Courier(engine)
+        for _ in range(5):
+            sent = picture(bench, "rx0")
+            courier.begin(sent)
+            courier.go_on(clock.now_ns() + FAR_AWAY)
+            assert not courier.is_busy()
+            assert screen.recv() == sent
+
+
+def test_packing_stops_when_the_time_is_up_and_goes_on_later() -> None:
+    bench = console()
+    with two_ends() as (engine, screen):
+        courier = Courier(engine)
+        sent = picture(bench)
+        courier.begin(sent)
+        gaps = 0
+        while courier.is_busy():
+            assert not screen.poll()
+            courier.go_on(clock.now_ns())  # no time at all: one piece
+            gaps += 1
+        assert gaps > len(sent.snapshot.instances)
+        assert screen.recv() == sent
+
+
+def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
+    bench = console()
+    with two_ends() as (engine, screen):
+        courier = Courier(engine)
+        sent = picture(bench, *(f"rx{n}" for n in range(8)))  # more than the channel holds
+        courier.begin(sent)
+        courier.go_on(clock.now_ns() + FAR_AWAY)
+        assert courier.is_busy(), "it has come back although the channel is full"
+        with ThreadPoolExecutor(1) as pool:
+            arrived = pool.submit(screen.recv)
+            while courier.is_busy():
+                courier.go_on(clock.now_ns() + FAR_AWAY)
+            assert arrived.result(timeout=10) == sent
+
+
+def test_what_has_not_changed_is_the_same_object_on_both_sides() -> None:
+    bench = console()
+    with two_ends() as (engine, screen):
+        courier = Courier(engine)
+        arrived = []
+        for _ in range(8):
+            courier.begin(picture(bench))
+            courier.go_on(clock.now_ns() + FAR_AWAY)
+            arrived.append(screen.recv())
+        before, after = (each.snapshot.instance("T5") for each in arrived[-2:])
+        assert before is after
+        assert arrived[-1].snapshot.scan == arrived[-2].snapshot.scan + 1

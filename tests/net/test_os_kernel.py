@@ -20,7 +20,8 @@ from tests.net.net_bench import Bench
 from trcvtui.net import os_kernel, os_poll
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Handle, LocalAddress, Loss, SocketOptions
 from trcvtui.net.kernel import Fault as Failed
-from trcvtui.net.os_kernel import OsKernel, error_name
+from trcvtui.net.os_errors import error_name
+from trcvtui.net.os_kernel import OsKernel
 
 
 class OsNetwork:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+
+from trcvtui.net.answers import Endpoint
+
 
 def octets(address: str) -> tuple[int, ...] | None:
     """Return the four octets, None for any other text (short forms such as `127.1` are refused too)."""
@@ -21,3 +25,13 @@ def is_group(address: str) -> bool:
     """Return whether it is multicast (224 to 239) or the broadcast address: no single machine."""
     parts = octets(address)
     return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))
+
+
+def pair(end: Endpoint) -> tuple[str, int]:
+    """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
+    octets = end.address.split(".")
+    if len(octets) != 4 or not all(o.isascii() and o.isdigit() and int(o) < 256 for o in octets):
+        raise OSError(errno.EINVAL, "not a dotted IPv4 address")
+    if not 0 <= end.port < 65536:
+        raise OSError(errno.EINVAL, "not a port")
+    return end.address, end.port

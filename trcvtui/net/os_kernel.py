@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Collection
 from typing import Final, cast
 
+from trcvtui.net.ipv4 import pair
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
     Accepted,
@@ -27,6 +28,7 @@ from trcvtui.net.kernel import (
     WouldBlock,
 )
 from trcvtui.net.os_addresses import interface_addresses
+from trcvtui.net.os_errors import error_name
 from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, TCP, apply_options, limit_unacknowledged
 from trcvtui.net.os_poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
 
@@ -40,7 +42,6 @@ else:
 
 Socket = socket.socket  # inside the class `socket` is the call
 
-SAME_ERROR: Final = {"EWOULDBLOCK": "EAGAIN", "ENOTSUP": "EOPNOTSUPP"}
 # A stack reports these to one call only; Linux answers 0 and EPIPE afterwards, so every system does here.
 TOLD_ONCE: Final = frozenset(
     {"ECONNRESET", "ECONNREFUSED", "ECONNABORTED", "ETIMEDOUT", "ENETRESET"}
@@ -162,7 +163,7 @@ class OsKernel:
 
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Bind to a local end; port 0 takes a free one."""
-        return self._do("bind", handle, lambda sock: sock.bind(_pair(end)))
+        return self._do("bind", handle, lambda sock: sock.bind(pair(end)))
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
         """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
@@ -191,7 +192,7 @@ class OsKernel:
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending, also where the stack has decided already."""
-        fault = self._do("connect", handle, lambda sock: sock.connect(_pair(end)))
+        fault = self._do("connect", handle, lambda sock: sock.connect(pair(end)))
         return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
 
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
@@ -383,24 +384,6 @@ class OsKernel:
         if error:
             self._told.add(handle)
         return error
-
-
-def error_name(problem: OSError | ValueError | KeyError) -> str:
-    """Return the POSIX name of a failure; an unknown handle and a closed socket object are EBADF."""
-    if not isinstance(problem, OSError):
-        return "EBADF"
-    name = errno.errorcode.get(problem.errno or 0, f"E{problem.errno}").removeprefix("WSA")
-    return SAME_ERROR.get(name, name)
-
-
-def _pair(end: Endpoint) -> tuple[str, int]:
-    """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
-    octets = end.address.split(".")
-    if len(octets) != 4 or not all(o.isascii() and o.isdigit() and int(o) < 256 for o in octets):
-        raise OSError(errno.EINVAL, "not a dotted IPv4 address")
-    if not 0 <= end.port < 65536:
-        raise OSError(errno.EINVAL, "not a port")
-    return end.address, end.port
 
 
 def _ask(sock: Socket, request: int) -> int:

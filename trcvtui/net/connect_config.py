@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.net.kernel import Endpoint
+from trcvtui.net.answers import Endpoint
+from trcvtui.net.ipv4 import octets
 
 ANY_ADDRESS: Final = "0.0.0.0"
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
@@ -32,8 +33,5 @@ class ConnectConfig:
 
 def parse_address(text: str) -> str | None:
     """Return the address when it is exactly four octets 0..255, else None; never ask a resolver."""
-    octets = text.split(".")
-    if len(octets) != 4 or not all(o.isascii() and o.isdigit() and len(o) <= 3 for o in octets):
-        return None
-    numbers = [int(o) for o in octets]
-    return ".".join(map(str, numbers)) if max(numbers) <= 255 else None
+    numbers = octets(text)
+    return ".".join(map(str, numbers)) if numbers is not None else None

@@ -29,8 +29,7 @@ def is_group(address: str) -> bool:
 
 def pair(end: Endpoint) -> tuple[str, int]:
     """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
-    octets = end.address.split(".")
-    if len(octets) != 4 or not all(o.isascii() and o.isdigit() and int(o) < 256 for o in octets):
+    if octets(end.address) is None:
         raise OSError(errno.EINVAL, "not a dotted IPv4 address")
     if not 0 <= end.port < 65536:
         raise OSError(errno.EINVAL, "not a port")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from trcvtui.net.connect_config import ANY_ADDRESS
+from trcvtui.net.ipv4 import is_group, is_loopback
 from trcvtui.net.kernel import LocalAddress
 
 
@@ -11,14 +12,11 @@ def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: boo
 
     An empty `own` is a list that the system could not give: then bind decides.
     """
-    first = int(address.split(".", 1)[0])
     if address == ANY_ADDRESS:
         return "0.0.0.0 names no port of the PLC"
-    if 224 <= first <= 239:
-        return f"{address} is a multicast address"
-    if address == "255.255.255.255":
-        return f"{address} is the broadcast address"
-    if first == 127:
+    if is_group(address):
+        return f"{address} is a multicast or broadcast address"
+    if is_loopback(address):
         return f"{address} is loopback, no Ethernet port" if strict else ""
     if not own:
         return ""

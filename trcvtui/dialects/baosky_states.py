@@ -47,7 +47,7 @@ STATES: Final = (
         ),
         (
             "the next scan: 7001 is good, 8080 means that no socket was left",
-            "CONT in the timing strip: it has to stay 1",
+            "CONT in History: it rises once and stays 1",
         ),
         Reach.LOGIC,
         "7.15.1, 7.15.2",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tests.tui.fakes import TELEGRAM, connecting, picture, receiving
@@ -90,11 +92,59 @@ async def test_padding_belongs_to_no_member() -> None:
 @BOTH
 async def test_the_running_job_is_decoded_as_far_as_it_goes(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
-        await looker.press("5", "tab", "right")
         await looker.press("6")
-        assert "the running job, 17/24 B" in looker.text
-        assert "… 5 of 10 B" in looker.line("tag"), "a member that is partly here is a ghost"
+        assert "v: job, 17 of 24 B" in looker.text, "the title says that there is more than DATA"
+        await looker.press("v")
+        assert "job, 17 of 24 B · v: DATA" in looker.text
+        assert "5 of 10 B" in looker.line("tag"), "a member that is partly here is a ghost"
+        assert "+ 2 B padding" in looker.line("tag")
         assert "1234.5" in looker.text
+        await looker.press("v")
+        assert "'hello'" in looker.line("tag"), "DATA again"
+
+
+async def test_a_member_that_is_not_here_at_all_is_a_dash() -> None:
+    seen = picture(receiving(have=9), connecting(), partial=TELEGRAM[:9])
+    async with looking(WIDE, seen) as looker:
+        await looker.press("v")
+        assert "1 of 4 B" in looker.line("speed")
+        assert re.search(r"tag +STRING\[8\] +-", looker.line("tag", "udt"))
+
+
+async def test_a_click_on_the_title_changes_over_to_the_job_and_back() -> None:
+    async with looking(WIDE) as looker:
+        await looker.pilot.click("#udt", offset=(12, 0))
+        await looker.settle()
+        assert "5 of 10 B" in looker.line("tag")
+        await looker.pilot.click("#udt", offset=(12, 0))
+        await looker.settle()
+        assert "'hello'" in looker.line("tag")
+
+
+@BOTH
+async def test_members_and_bytes_of_the_job_find_each_other(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("v", "6", *["down"] * 4)
+        received = looker.app.main.received
+        assert (received.job.link, received.data.link) == (range(8, 12), range(0))
+        await looker.press("5", *["right"] * 4)
+        assert looker.app.focused is received.job
+        assert looker.app.main.table.chosen_field() == range(12, 22)
+        assert received.job.link == range(12, 22)
+
+
+async def test_a_job_without_bytes_is_no_news_for_the_title() -> None:
+    async with looking(WIDE, picture(receiving(have=0), connecting(), partial=b"")) as looker:
+        assert "v: job" not in looker.text
+
+
+async def test_the_bytes_of_the_job_stand_right_under_those_of_data() -> None:
+    async with looking(WIDE) as looker:
+        rows = looker.pane("received").splitlines()
+        job = next(n for n, line in enumerate(rows) if "── job" in line)
+        assert rows[job - 1] == ""
+        assert rows[job - 2].startswith("0010")
+        assert rows[job + 1].startswith("0000")
 
 
 async def test_the_selected_byte_tells_its_value() -> None:

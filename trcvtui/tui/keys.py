@@ -28,6 +28,7 @@ PINS: Final = (
 )
 BYTES: Final = (
     ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("v", "members of DATA, or of what the running job has collected so far"),
     ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
 )
 PEER: Final = (

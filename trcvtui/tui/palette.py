@@ -83,6 +83,9 @@ def _of_instances(bench: Reach) -> Iterator[SystemCommand]:
 def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     for digit, name in PANES.items():
         yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
+    yield SystemCommand(
+        "Members of DATA or of the job", "decode the other bytes · key v", bench.main.action_members
+    )
     yield SystemCommand("Zoom the pane", "alone on the screen, and back · key M", bench.main.action_zoom)
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)

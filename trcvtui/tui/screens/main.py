@@ -45,6 +45,7 @@ class MainScreen(Screen[None]):
         Binding("space", "hold", show=False),
         Binding("full_stop", "single_scan", show=False),
         Binding("colon", "prompt", show=False),
+        Binding("v", "members", show=False),
         Binding("question_mark,f1", "help", show=False),
         Binding("escape", "calm", show=False),
         Binding("q", "app.quit", show=False),
@@ -91,7 +92,7 @@ class MainScreen(Screen[None]):
         }
 
     def _focus_target(self, digit: int) -> Widget:
-        inner: dict[int, Widget] = {1: self.instances, 5: self.received.data, 7: self.peer.peers}
+        inner: dict[int, Widget] = {1: self.instances, 5: self._decoded_view(), 7: self.peer.peers}
         return inner.get(digit) or self._panes()[digit]
 
     def on_mount(self) -> None:
@@ -163,7 +164,8 @@ class MainScreen(Screen[None]):
         self.received.show()
 
     def _decoded_view(self) -> HexView:
-        return self.received.job if self.table.of_job else self.received.data
+        of_job = self.table.of_job and self.received.job.display
+        return self.received.job if of_job else self.received.data
 
     def _link_decoded(self, field: range) -> None:
         none = range(0)
@@ -217,6 +219,12 @@ class MainScreen(Screen[None]):
     def action_pin(self, letter: str) -> None:
         """Toggle the pin of a letter."""
         self.block.press(letter)
+
+    def action_members(self) -> None:
+        """Decode the running job's bytes instead of DATA, or DATA again."""
+        self.table.of_job = not self.table.of_job
+        self._link_decoded(self.table.chosen_field())
+        self.table.show()
 
     def action_hold(self) -> None:
         """Hold the scans, or let them go on."""

@@ -12,7 +12,7 @@ from textual import events
 
 from trcvtui.plc.project import DataDecl
 from trcvtui.tui.formatting import clip, plain
-from trcvtui.tui.messages import FieldSelected
+from trcvtui.tui.messages import FieldSelected, KeyClicked
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.coding import Value
@@ -28,7 +28,7 @@ TYPE: Final = 11
 class UdtTable(LineView):
     """DATA of the selected instance decoded; with `of_job` the bytes of its running job instead."""
 
-    KEYS: ClassVar = (("↑↓", "member"),)
+    KEYS: ClassVar = (("↑↓", "member"), ("v", "DATA | job"))
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(id="udt")
@@ -52,11 +52,22 @@ class UdtTable(LineView):
         if declared is None:
             self.set_title(6, "Members", "no DATA" if self._scene.instance else "")
             return
-        rules, instance = declared.layout.rules, self._scene.instance
-        source = f"{declared.name}, {rules.name}, {rules.byte_order}-endian"
-        if self.of_job and instance is not None:
-            source = f"the running job, {instance.have}/{instance.need} B"
-        self.set_title(6, clip(plain(declared.type_name), 32), plain(source))
+        name = clip(plain(declared.type_name), 32)
+        room = self.outer_size.width - len(name) - 9  # the corners, the digit, the dot
+        self.set_title(6, name, self._source(declared, room))
+
+    def _source(self, declared: DataDecl, room: int) -> str:
+        """Return what is decoded, and what `v` would decode instead."""
+        rules, job = declared.layout.rules, self._job()
+        if self.of_job:
+            return f"{job or 'no job running'} · v: DATA"
+        other = f" · v: {job}" if job and self._scene.partial else ""
+        full = f"{plain(declared.name)}, {rules.name}, {rules.byte_order}-endian{other}"
+        return full if len(full) <= room else f"{clip(plain(declared.name), 24)}{other}"
+
+    def _job(self) -> str:
+        instance = self._scene.instance
+        return f"job, {instance.have} of {instance.need} B" if instance and instance.need else ""
 
     def _decode(self, declared: DataDecl | None) -> None:
         top = self.scroll_offset.y
@@ -109,8 +120,7 @@ class UdtTable(LineView):
         if value is not None:
             return [(value_text(leaf, value, content[leaf.offset : leaf.offset + leaf.size]), "printable")]
         present = max(0, min(leaf.size, len(content) - leaf.offset))
-        text = f"… {present} of {leaf.size} B" if present else "·" * 3
-        return [(text, "ghost")]
+        return [(f"{present} of {leaf.size} B" if present else "-", "ghost")]
 
     def _padding(self, index: int) -> str:
         gap = self.gap_after(index)
@@ -151,20 +161,28 @@ class UdtTable(LineView):
             self._choose(0 if self.cursor is None else max(0, min(last, self.cursor + rows)))
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the member under the mouse."""
+        """Choose the member under the mouse; on the title, the other bytes."""
         place = self.place_of(event)
-        if place is not None and place[1] < self.row_count():
+        if event.y == 0:
+            self.post_message(KeyClicked("members"))
+        elif place is not None and place[1] < self.row_count():
             self._choose(place[1])
 
     def _choose(self, number: int) -> None:
-        declared = self._scene.declaration
-        if declared is None:
+        if self._scene.declaration is None:
             return
         self.cursor = number
         self.keep_in_view(number)
         self.show()
-        leaf = declared.layout.leaf(number)
-        self.post_message(FieldSelected(range(leaf.offset, leaf.offset + leaf.size)))
+        self.post_message(FieldSelected(self.chosen_field()))
+
+    def chosen_field(self) -> range:
+        """Return the bytes of the member under the cursor."""
+        declared = self._scene.declaration
+        if declared is None or self.cursor is None:
+            return range(0)
+        leaf = declared.layout.leaf(self.cursor)
+        return range(leaf.offset, leaf.offset + leaf.size)
 
 
 def _split(path: str, before: str) -> tuple[str, str]:

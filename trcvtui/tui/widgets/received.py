@@ -54,6 +54,7 @@ class Received(Vertical):
     DEFAULT_CSS = """
     Received { background: $surface; }
     Received #data { height: 1fr; min-height: 1; }
+    Received.-roomy JobLine { margin: 1 0 0 0; }
     Received #job { height: 1; display: none; }
     """
 
@@ -66,6 +67,7 @@ class Received(Vertical):
         self._title = ""
         self._subtitle = ""
         self._job_rows = 0
+        self._data_rows: int | None = None
 
     def compose(self) -> Iterator[Widget]:
         """Compose DATA above, the job below."""
@@ -82,6 +84,7 @@ class Received(Vertical):
         self.data.show_bytes(self._scene.data, 0, self._starts(False))
         self._line.show()
         self._size_job(instance)
+        self._stand_together()
         grown = len(self._scene.partial) > len(self.job.content)
         self.job.show_bytes(self._scene.partial, instance.need, self._starts(True))
         self._show_origin()
@@ -125,6 +128,15 @@ class Received(Vertical):
             self._job_rows = rows
             self.job.styles.height = max(1, rows)
             self.job.display = rows > 0
+
+    def _stand_together(self) -> None:
+        """Where both fit, the job stands right under DATA, one blank line between."""
+        rows = max(1, self.data.row_count())
+        wanted = rows if rows + 2 + self._job_rows <= self.size.height else None
+        if wanted != self._data_rows:
+            self._data_rows = wanted
+            self.data.styles.height = "1fr" if wanted is None else wanted
+            self.set_class(wanted is not None, "-roomy")
 
     def _connected(self) -> bool:
         connection = self._scene.connection

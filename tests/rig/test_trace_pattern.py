@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import re
 import time
+from itertools import groupby
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.rig.trace_pattern import ANY, Atom, Scan, TracePattern, collapse, matches, parse_pattern
+from trcvtui.rig.trace_pattern import ANY, Atom, Run, Scan, TracePattern, collapse, matches, parse_pattern
 
 
-def trace(text: str) -> list[Scan]:
-    """Return scans from words such as `7002` and `80A1!`, each one scan or `{n}` scans."""
-    scans: list[Scan] = []
+def trace(text: str) -> list[Run]:
+    """Return runs from words such as `7002` and `80A1!`, each one scan or `{n}` scans."""
+    runs: list[Run] = []
     for word in text.split():
         found = re.fullmatch(r"(\w{4})(!?)(?:\{(\d+)\})?", word)
         assert found
-        scans += [(int(found[1], 16), bool(found[2]))] * int(found[3] or 1)
-    return scans
+        runs.append(((int(found[1], 16), bool(found[2])), int(found[3] or 1)))
+    return runs
+
+
+def runs_of(scans: list[Scan]) -> list[Run]:
+    return [(scan, len(list(same))) for scan, same in groupby(scans)]
 
 
 @pytest.mark.parametrize(
@@ -131,7 +136,7 @@ def as_regex(pattern: TracePattern) -> str:
 @given(PATTERNS, SCANS)
 def test_it_agrees_with_an_anchored_regular_expression(pattern: TracePattern, scans: list[Scan]) -> None:
     text = "".join(chr(status) for status, _ in scans)
-    assert matches(pattern, scans) == bool(re.fullmatch(as_regex(pattern), text, re.DOTALL))
+    assert matches(pattern, runs_of(scans)) == bool(re.fullmatch(as_regex(pattern), text, re.DOTALL))
 
 
 @given(PATTERNS)
@@ -141,7 +146,7 @@ def test_a_pattern_is_read_back_from_its_text(pattern: TracePattern) -> None:
 
 @given(SCANS.filter(bool))
 def test_a_collapsed_trace_is_a_pattern_of_itself(scans: list[Scan]) -> None:
-    assert matches(parse_pattern(collapse(scans)), scans)
+    assert matches(parse_pattern(collapse(runs_of(scans))), runs_of(scans))
 
 
 def test_no_pattern_makes_a_long_trace_slow() -> None:

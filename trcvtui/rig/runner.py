@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Protocol
 
 from trcvtui.plc.instance import Outputs
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.conditions import found, holds
-from trcvtui.rig.trace_pattern import Scan, collapse, matches
-
-MOST_RUNS_KEPT: Final = 5000
+from trcvtui.rig.trace import Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,31 +51,6 @@ class VirtualPace:
     def next_scan(self, bench: Bench) -> None:
         """Let one scan pass."""
         bench.step()
-
-
-class Trace:
-    """The STATUS per called scan of one instance: since the last `trace`, and as runs over everything."""
-
-    def __init__(self) -> None:
-        self.since: list[Scan] = []
-        self._runs: list[tuple[Scan, int]] = []
-
-    def add(self, scan: Scan) -> None:
-        """Append one called scan."""
-        self.since.append(scan)
-        if self._runs and self._runs[-1][0] == scan:
-            self._runs[-1] = (scan, self._runs[-1][1] + 1)
-        elif len(self._runs) < MOST_RUNS_KEPT:
-            self._runs.append((scan, 1))
-
-    def __str__(self) -> str:
-        """Return all runs in the notation of a trace pattern."""
-        words = (f"{status:04X}{'!' * error}{_times(count)}" for (status, error), count in self._runs)
-        return " ".join(words)
-
-
-def _times(count: int) -> str:
-    return f"{{{count}}}" if count > 1 else ""
 
 
 class Runner:
@@ -122,9 +95,9 @@ class Runner:
             case words.Expect(condition, within_ns):
                 self._until(step, condition, within_ns or 0)
             case words.ExpectTrace(instance, pattern):
-                trace, self._traces[instance].since = self._traces[instance].since, []
-                if not matches(pattern, trace):
-                    self._fail(step, collapse(trace))
+                section = self._traces[instance].take()
+                if not section.fits(pattern):
+                    self._fail(step, str(section))
             case command:
                 self._do(step, command)
 

@@ -1,7 +1,8 @@
 """The pattern of `expect X trace ...`: the STATUS of every scan, matched as a whole.
 
-Rule: work grows with atoms x scans / 64. The places that the first atoms can reach are the bits of one
-number, and each atom moves all of them at once, so no pattern can make the match backtrack.
+A trace comes as runs of equal scans. Rule: work grows with atoms x scans / 64. The places that the first
+atoms can reach are the bits of one number, and each atom moves all of them at once, so no pattern can make
+the match backtrack.
 """
 
 from __future__ import annotations
@@ -9,12 +10,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Final
 
 from trcvtui.errors import mistake
 
 Scan = tuple[int, bool]  # STATUS, ERROR
+Run = tuple[Scan, int]  # and how many scans of it follow each other
 
 MOST_REPEATS: Final = 1_000_000
 NOTATION: Final = "0001 7002+ 7006* 7006{3} 80A1! 80C3!+ ..."
@@ -89,13 +90,14 @@ def _counted(scan: Scan, count: int, word: str, where: str) -> Atom:
     return Atom(scan, count)
 
 
-def matches(pattern: TracePattern, trace: Sequence[Scan]) -> bool:
+def matches(pattern: TracePattern, trace: Sequence[Run]) -> bool:
     """Return whether the pattern describes the whole trace, scan by scan."""
-    everywhere = (1 << len(trace)) - 1
-    places = _places_of(trace)
+    length = sum(count for _, count in trace)
+    everywhere = (1 << length) - 1
+    places = {atom.scan: _places_of(atom.scan, trace) for atom in pattern.atoms if atom.scan is not None}
     reached = 1  # bit n: the atoms so far can have used up exactly n scans
     for atom in pattern.atoms:
-        here = everywhere if atom.scan is None else places.get(atom.scan, 0)
+        here = everywhere if atom.scan is None else places[atom.scan]
         for _ in range(atom.least):
             reached = (reached & here) << 1
             if not reached:
@@ -103,20 +105,15 @@ def matches(pattern: TracePattern, trace: Sequence[Scan]) -> bool:
         if atom.more:
             # A carry runs from each reached place through the run of matching scans behind it.
             reached |= ((reached & here) + here) ^ here
-    return bool(reached >> len(trace) & 1)
+    return bool(reached >> length & 1)
 
 
-def _places_of(trace: Sequence[Scan]) -> dict[Scan, int]:
-    """Return for each scan value the number whose bit n is set where scan n has it."""
-    marks: dict[Scan, bytearray] = {}
-    for number, scan in enumerate(trace):
-        if scan not in marks:
-            marks[scan] = bytearray(len(trace) // 8 + 1)
-        marks[scan][number >> 3] |= 1 << (number & 7)
-    return {scan: int.from_bytes(bits, "little") for scan, bits in marks.items()}
+def _places_of(scan: Scan, trace: Sequence[Run]) -> int:
+    """Return the number whose bit n is set where scan n of the trace is this one."""
+    # Base 2 is read in linear time; the last scan is the highest bit.
+    return int("".join([("1" if each == scan else "0") * count for each, count in reversed(trace)]) or "0", 2)
 
 
-def collapse(trace: Iterable[Scan]) -> str:
+def collapse(trace: Iterable[Run]) -> str:
     """Return a trace in the pattern's notation, equal scans counted: `0001 7002{25} 80A1! 7002{3}`."""
-    runs = ((scan, sum(1 for _ in same)) for scan, same in groupby(trace))
-    return " ".join(str(Atom(scan, count)) for scan, count in runs) or "no scan"
+    return " ".join(str(Atom(scan, count)) for scan, count in trace) or "no scan"

@@ -252,3 +252,53 @@ def test_start_comes_before_scan_1_and_can_let_no_scan_pass(
     start = 'start = "run 5"\n'
     assert main(["scenario", scenario(tmp_path, "run 1", project=start + PASSIVE)]) == 2
     assert "start" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("line", ["wait peer P1 closed", "expect peer P1 closed within T#1s"])
+def test_start_refuses_every_command_that_lets_scans_pass(
+    line: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = scenario(tmp_path, "run 1", project=f'start = "{line}"\n' + PASSIVE)
+    assert main(["scenario", file]) == 2
+    assert capsys.readouterr().err == (
+        f"{file}: start: step 1: found '{line}', expected commands that let no scan pass\n"
+    )
+
+
+def test_all_mistakes_of_one_file_are_told_together(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    project = 'start = "frob"\n' + PASSIVE + 'says = ["hxe 01"]\n'
+    file = Path(scenario(tmp_path, "wiat 5", project=project))
+    file.write_text(file.read_text(encoding="utf-8") + 'colour = "red"\n', encoding="utf-8")
+    assert main(["scenario", str(file)]) == 2
+    said = [line.partition(", expected")[0] for line in capsys.readouterr().err.splitlines()]
+    assert said == [
+        f"{file}: scenario: colour: found an unknown key",
+        f"{file}: start: step 1 (frob): found 'frob'",
+        f"{file}: peer P1: says #1: found 'hxe'",
+        f"{file}: step 1 (wiat 5): found 'wiat'",
+    ]
+
+
+def test_a_failed_command_of_start_is_step_0(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    project = 'start = "set TRCV_C_1 CONT=1\\nexpect TRCV_C_1 LEN=5"\n' + PASSIVE
+    file = scenario(tmp_path, "expect TRCV_C_1 LEN=6", project=project)
+    assert main(["scenario", file, "--format", "jsonl"]) == 1
+    failures = jsonl(capsys)[-1]["failures"]
+    assert [(f["step"], f["line"]) for f in failures] == [
+        (0, "expect TRCV_C_1 LEN=5"),
+        (1, "expect TRCV_C_1 LEN=6"),
+    ]
+
+
+def test_a_file_that_a_step_sends_stands_beside_the_scenario(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bench").mkdir()
+    (tmp_path / "bench" / "passive.toml").write_text(PASSIVE, encoding="utf-8")
+    (tmp_path / "x.bin").write_bytes(b"abc")
+    steps = "peer P1 send file x.bin"
+    file = scenario(tmp_path, steps, project='project = "bench/passive.toml"\n')
+    assert main(["scenario", file, "--format", "jsonl"]) == 1
+    assert "not connected" in jsonl(capsys)[-1]["failures"][0]["found"]

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_file import load_project, load_scenario_document
 from trcvtui.plc.tables import TEXT, Table
 from trcvtui.rig.bench import parse_script
-from trcvtui.rig.bench_words import ExpectTrace, RunFor, RunScans, Step, Wait
+from trcvtui.rig.bench_words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, Wait
 from trcvtui.rig.routine import read_routines
 
-LETS_SCANS_PASS: Final = (RunScans, RunFor, Wait, ExpectTrace)
+T = TypeVar("T")
+
+START_STEP: Final = 0  # the steps of a scenario count from 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,25 +39,49 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     about = table.get("about", TEXT, "")
     text = table.must("steps", TEXT)
     table.finish()
-    if table.problems or text is None:
-        raise UserError(table.problems)
-    return Scenario(name, about, project, start_steps(project), tuple(parse_script(text, project, str(path))))
+    problems = table.problems
+    start = _collected(problems, lambda: start_steps(project)) or ()
+    _collected(problems, lambda: read_routines(project))
+    # A file named in a step stands beside the scenario, also where the project stands elsewhere.
+    here = replace(project, base=path.parent)
+    steps = _collected(problems, lambda: parse_script(text or "", here, str(path))) or ()
+    if problems:
+        raise UserError(problems)
+    return Scenario(name, about, project, start, tuple(steps))
+
+
+def _collected(problems: list[Problem], read: Callable[[], T]) -> T | None:
+    """Return what is read; leave what is wrong with it in `problems`."""
+    try:
+        return read()
+    except UserError as wrong:
+        problems += wrong.problems
+        return None
 
 
 def load_bench(path: Path) -> Project:
     """Return the project of a file; raise UserError for its mistakes, those of its bench commands too."""
     project = load_project(path)
-    start_steps(project)
-    read_routines(project)
+    problems: list[Problem] = []
+    _collected(problems, lambda: start_steps(project))
+    _collected(problems, lambda: read_routines(project))
+    if problems:
+        raise UserError(problems)
     return project
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:
-    """Return the commands of `start`; they come before scan 1 and can let no scan pass."""
+    """Return the commands of `start`, all as step 0; they come before scan 1 and can let no scan pass."""
     where = f"{project.path}: start"
     steps = tuple(parse_script(project.start, project, where))
-    waiting = [step for step in steps if isinstance(step.command, LETS_SCANS_PASS)]
+    waiting = [step for step in steps if _lets_scans_pass(step.command)]
     if waiting:
         expected = "commands that let no scan pass"
         raise UserError(Problem(f"{where}: step {s.number}", f"'{s.line}'", expected) for s in waiting)
-    return steps
+    return tuple([replace(step, number=START_STEP) for step in steps])
+
+
+def _lets_scans_pass(command: BenchCommand) -> bool:
+    if isinstance(command, Expect):
+        return command.within_ns is not None
+    return isinstance(command, RunScans | RunFor | Wait | ExpectTrace)

@@ -145,7 +145,7 @@ def test_a_mistake_in_an_instance(line: str, said: str) -> None:
         (
             'type = "ARRAY[0..3] OF BYTE"',
             'type = "ARRAY[0..99999999] OF BYTE"',
-            "rx: found 100000000 bytes, expected at most 4194304 bytes",
+            "data rx: type: found 100000000 bytes, expected at most 4194304 bytes",
         ),
         ('remote = "@C1"', "", f"peer P1: remote: found nothing, expected {END_OR_NAME}"),
         (
@@ -202,7 +202,7 @@ def test_a_mistake_in_an_instance(line: str, said: str) -> None:
 )
 def test_a_mistake_elsewhere(old: str, new: str, said: str) -> None:
     text = with_line("", "").replace(old, new)
-    assert lines_of(text) == [said if said.startswith("rx:") else f"b.toml: {said}"]
+    assert lines_of(text) == [f"b.toml: {said}"]
 
 
 @pytest.mark.parametrize(
@@ -317,3 +317,20 @@ def test_a_bad_udt_is_told_once_however_many_variables_have_it() -> None:
 def test_control_codes_of_a_file_stay_visible_text() -> None:
     (line,) = lines_of(with_line("CONNECT", 'LocalAddress = "\\u001b[31m\\n"'))
     assert "found '\\x1b[31m\\n'" in line and line.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("type_", "said"),
+    [
+        ("ARRAY[0..999999999] OF BYTE", "type: found 1000000000 bytes, expected at most 4194304 bytes"),
+        ("STRING[70000]", "type: found STRING[70000], expected at most 254 characters"),
+        ("Long", "type.text: found STRING[300], expected at most 254 characters"),
+    ],
+)
+def test_a_type_that_is_too_large_is_named_with_its_place(type_: str, said: str) -> None:
+    udt = "TYPE Long : STRUCT text : STRING[300]; END_STRUCT END_TYPE"
+    Path("long.st").write_text(udt, encoding="utf-8")
+    files = '[[udt]]\nfile = "long.st"\n'
+    assert lines_of(f'dialect = "baosky"\n{files}[[data]]\nname = "rx"\ntype = "{type_}"\n') == [
+        f"b.toml: data rx: {said}"
+    ]

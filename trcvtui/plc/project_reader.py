@@ -23,9 +23,10 @@ from trcvtui.plc.project_names import WORDS, Names, find_duplicates
 from trcvtui.plc.tables import TEXT, Given, Table, shown
 from trcvtui.udt.formats import read_files
 from trcvtui.udt.iec_type import parse_type
-from trcvtui.udt.layout import lay_out
+from trcvtui.udt.layout import Layout, lay_out
 from trcvtui.udt.rules import LayoutRules, rules_for
 from trcvtui.udt.type_set import NO_TYPES, TypeSet
+from trcvtui.udt.types import Type
 
 T = TypeVar("T")
 
@@ -142,7 +143,7 @@ class Reader:
             return None
         try:
             type_ = parse_type(text, types or NO_TYPES, table.place("type"))
-            laid_out = lay_out(type_, layout, name or "")
+            laid_out = _placed(type_, layout, name or "?", table.place("type"))
         except UserError as refused:
             if types is not None:  # else the type may stand in the file that cannot be read
                 self.problems += refused.problems
@@ -167,6 +168,17 @@ class Reader:
 
     def entries(self, key: str) -> list[Table]:
         return parts.entries(self.document, key, self.where, self.problems)
+
+
+def _placed(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
+    """Return the layout of a variable; let its mistakes begin with the place in the file."""
+    try:
+        return lay_out(type_, rules, name)
+    except UserError as refused:
+        raise UserError(
+            Problem(place + wrong.where[len(name) :], wrong.found, wrong.expected)
+            for wrong in refused.problems
+        ) from None
 
 
 def _declared(tables: Iterable[Table]) -> tuple[str, ...]:

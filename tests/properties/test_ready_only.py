@@ -19,7 +19,10 @@ from trcvtui.rig.bench import parse_line
 EXAMPLES = 250
 LEAST_SCANS = 20_000
 
-TASKS = [{"name": "MAIN", "interval": "T#10ms"}, {"name": "SLOW", "interval": "T#30ms"}]
+TASKS = [
+    {"name": "MAIN", "interval": "T#10ms", "priority": 2},
+    {"name": "SLOW", "interval": "T#25ms", "priority": 1},
+]
 OTHERS = [
     {"name": "D", "block": "TRCV_C", "connect": "C2", "data": "rx_b", "task": "SLOW"},
     {"name": "E", "block": "TRCV_C", "connect": "C1", "data": "rx_a", "CONT": True},

@@ -4,6 +4,9 @@ A CONNECT sleeps, and all instances on it, once each of them has given an answer
 any command, a stir that the poll saw, a change made by the communication phase. While it is awake all its
 instances are called, so each of them meets the connection in the order of the program. An idle CONNECT costs
 nothing, and nobody can see the difference (tests/properties/test_ready_only.py).
+
+A task is due at the multiples of its interval; its instances are called in the first scan that has reached
+the time: every 25 ms with scans of 10 ms are the scans at 0, 30, 50, 80, ...
 """
 
 from __future__ import annotations
@@ -14,12 +17,14 @@ from trcvtui.plc.instance import Instance
 
 
 class Roster:
-    """The instances in call order, each with the number of scans between two calls of it."""
+    """The instances in call order, each with the interval of its task; times in ns."""
 
-    def __init__(self, entries: Sequence[tuple[Instance, int]]) -> None:
+    def __init__(self, entries: Sequence[tuple[Instance, int]], scan_interval: int) -> None:
         self._entries = tuple(
-            (instance, every, instance.connection.config.name) for instance, every in entries
+            (instance, interval, instance.connection.config.name) for instance, interval in entries
         )
+        self._scan_interval = scan_interval
+        self._intervals = frozenset(interval for _, interval in entries)
         self._places: dict[str, list[int]] = {}  # CONNECT -> the places of its instances in the call order
         for place, (_, _, connect) in enumerate(self._entries):
             self._places.setdefault(connect, []).append(place)
@@ -37,10 +42,10 @@ class Roster:
 
     def call(self, turn: int) -> list[Instance]:
         """Call who is awake and due, in call order; return those whose outputs changed."""
-        changed, awake = [], set()
+        changed, awake, due = [], set(), self._due_intervals(turn)
         for place in self._call_order():
-            instance, every, connect = self._entries[place]
-            if turn % every:
+            instance, interval, connect = self._entries[place]
+            if interval not in due:
                 awake.add(connect)
                 continue
             if instance.scan():
@@ -61,4 +66,10 @@ class Roster:
 
     def due(self, turn: int) -> Iterator[Instance]:
         """Return the instances that this turn calls, the sleeping ones among them."""
-        return (instance for instance, every, _ in self._entries if turn % every == 0)
+        due = self._due_intervals(turn)
+        return (instance for instance, interval, _ in self._entries if interval in due)
+
+    def _due_intervals(self, turn: int) -> set[int]:
+        now = turn * self._scan_interval
+        before = now - self._scan_interval
+        return {interval for interval in self._intervals if now // interval > before // interval}

@@ -70,7 +70,7 @@ class Runtime:
             for config in project.connects
         }
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
-        self._roster = Roster(self._call_periods(project))
+        self._roster = Roster(self._call_order(project), self.interval_ns)
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
         self._connection_snapshots = {n: self._connection_snapshot(c) for n, c in self._connections.items()}
         self._data_snapshots = {name: _data_snapshot(data) for name, data in self._data.items()}
@@ -80,10 +80,11 @@ class Runtime:
         connection = self._connections[decl.connect]
         return Instance(decl.name, decl.block, self._env, connection, data, decl.inputs, self.ledger.write)
 
-    def _call_periods(self, project: Project) -> tuple[tuple[Instance, int], ...]:
-        """Return each instance, in call order, with the number of scans between two calls of it."""
-        periods = {task.name: max(1, round(task.interval_ns / self.interval_ns)) for task in project.tasks}
-        return tuple((self._instances[decl.name], periods[decl.task]) for decl in project.instances)
+    def _call_order(self, project: Project) -> tuple[tuple[Instance, int], ...]:
+        """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
+        tasks = {task.name: task for task in project.tasks}
+        order = sorted(project.instances, key=lambda decl: tasks[decl.task].priority)
+        return tuple((self._instances[decl.name], tasks[decl.task].interval_ns) for decl in order)
 
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:

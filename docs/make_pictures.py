@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
+
+from textual.pilot import Pilot
 
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig import demo_path
@@ -16,8 +18,15 @@ from trcvtui.tui.app import BenchApp
 HERE: Final = Path(__file__).parent
 CONFIGS: Final = HERE.parent / "configs"
 
+
+class Key(NamedTuple):
+    """A key to press once the screen shows what came before."""
+
+    name: str
+
+
 # A line is a bench command; a number lets so many scans pass.
-Play = Sequence[str | int]
+Play = Sequence[str | int | Key]
 
 CHECKWEIGHER: Final[Play] = (
     3,
@@ -25,6 +34,7 @@ CHECKWEIGHER: Final[Play] = (
     10,
     "peer Device send hex 01 00 00 00 20 40 64 00 00 00",
     137,
+    Key("v"),
 )
 DEMO: Final[Play] = ("set TRCV_C_1 CONT=1 EN_R=1", "set TRCV_C_2 CONT=1 EN_R=1", 295)
 
@@ -42,12 +52,28 @@ async def draw(project: Path, play: Play, size: tuple[int, int]) -> str:
     app = BenchApp(driver, loaded)
     async with app.run_test(size=size) as pilot:
         for move in play:
-            driver.scan(move) if isinstance(move, int) else driver.submit(move)
-        for _ in range(4):  # a picture is asked for in one frame and shown in the next
-            await pilot.pause(0.1)
+            await do(move, driver, pilot)
+        await caught_up(pilot)
         svg = app.export_screenshot(title="trcvtui")
     driver.close()
     return svg
+
+
+async def do(move: str | int | Key, driver: LocalDriver, pilot: Pilot[None]) -> None:
+    """Let scans pass, send a bench command, or press a key."""
+    if isinstance(move, int):
+        driver.scan(move)
+    elif isinstance(move, str):
+        driver.submit(move)
+    else:
+        await caught_up(pilot)
+        await pilot.press(move.name)
+
+
+async def caught_up(pilot: Pilot[None]) -> None:
+    """Wait until the screen shows the bench as it is."""
+    for _ in range(4):  # a picture is asked for in one frame and shown in the next
+        await pilot.pause(0.1)
 
 
 def main() -> None:

@@ -32,6 +32,10 @@ Command = Callable[[argparse.Namespace], int]
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line; return 0 good, 1 an expectation failed, 2 the user's mistake, 130, 141."""
+    if sys.stdout is None:  # the shell's >&-
+        if sys.stderr is not None:
+            sys.stderr.write("stdout: found it closed, expected a terminal, a file or a pipe\n")
+        return WRONG_INPUT
     try:
         code = _run_command(argv)
         sys.stdout.flush()

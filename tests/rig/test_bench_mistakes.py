@@ -255,3 +255,9 @@ def test_control_codes_in_a_line_stay_visible_text(project: Project) -> None:
     with pytest.raises(UserError) as caught:
         parse_script("set \x1b[31mX CONT=1", project, "s.toml")
     assert caught.value.lines()[0].isprintable()
+
+
+def test_only_the_end_of_a_line_ends_a_command(project: Project) -> None:
+    with pytest.raises(UserError) as caught:
+        parse_script("run 1\r\nfrob \u2028 \x0b \x85 run 2\nrun x", project, "s.toml")
+    assert [line.split(":")[1].split("(")[0] for line in caught.value.lines()] == [" step 2 ", " step 3 "]

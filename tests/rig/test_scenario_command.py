@@ -145,6 +145,28 @@ def test_stop_gives_0000_and_run_starts_fresh(tmp_path: Path, capsys: pytest.Cap
     assert records == [(1, "0001"), (2, "7001"), (3, "7002"), (4, "0000"), (7, "0001")]
 
 
+def test_stop_before_scan_1_is_no_record_because_nothing_differs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["scenario", scenario(tmp_path, "plc stop\nrun 3\nplc run\nrun 1"), "--format", "jsonl"]) == 0
+    assert [(r["scan"], r["STATUS"]) for r in jsonl(capsys)[:-1]] == [(4, "7000")]
+
+
+def test_stop_and_run_before_one_scan_tell_the_instance_that_this_scan_does_not_call(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tasks = '[[task]]\nname = "FAST"\ninterval = "T#10ms"\n\n[[task]]\nname = "SLOW"\ninterval = "T#30ms"\n'
+    project = PASSIVE.replace('connect = "C1"', 'connect = "C1"\ntask = "SLOW"')
+    file = scenario(
+        tmp_path,
+        "run 1\nplc stop\nplc run\nrun 3",
+        project=project.replace("[[data]]", tasks + "[[data]]", 1),
+    )
+    assert main(["scenario", file, "--format", "jsonl"]) == 0
+    records = [(r["scan"], r["STATUS"]) for r in jsonl(capsys)[:-1]]
+    assert records == [(1, "7000"), (2, "0000"), (4, "7000")]
+
+
 def test_an_instance_of_a_slower_task_is_called_in_its_own_scans(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -163,13 +163,15 @@ class Instance:
             return True
         return now is not before and now != before
 
-    def stop(self) -> None:
-        """Show what a stopped PLC shows: STATUS 0000, outputs FALSE."""
+    def stop(self) -> bool:
+        """Show what a stopped PLC shows: STATUS 0000, outputs FALSE; return whether any output differs."""
         self._block.job.abandon("PLC STOP")
+        before = self.outputs
         self.outcome = NOT_CALLED
         self.outputs, self.edge = self._show(NOT_CALLED)
         self.called = False
         self.since_scan = self._env.scan
+        return self.outputs != before
 
     def _show(self, outcome: Outcome) -> Shown:
         """Return what an outcome looks like, made once for outcomes that come again."""

@@ -50,7 +50,7 @@ class Runtime:
         self._changed: Sequence[Instance] = ()
         self._program_ran = False
         self._stirred: Mapping[Handle, str] | None = None  # what the poll saw; None: look at everything
-        self._stopped_outputs: tuple[Outputs, ...] = ()
+        self._stopped: list[Instance] = []  # whose outputs a STOP has changed, not yet told
         self.interval_ns = min(task.interval_ns for task in project.tasks)
         self._project = project
         self._kernel = kernel
@@ -162,8 +162,9 @@ class Runtime:
     def _write_outputs(self) -> None:
         for instance in self._changed:
             self.ledger.write(instance.edge)
-        self.changed = tuple([instance.outputs for instance in self._changed]) or self._stopped_outputs
-        self._stopped_outputs = ()
+        stopped = [instance for instance in self._stopped if instance not in self._changed]
+        self.changed = tuple([instance.outputs for instance in (*self._changed, *stopped)])
+        self._stopped.clear()
 
     def _service_communication(self) -> None:
         self._resources.queue.serve()
@@ -201,9 +202,9 @@ class Runtime:
         for connection in self._connections.values():
             connection.stop()
         for instance in self._instances.values():
-            instance.stop()
-            self.ledger.write(instance.edge)
-        self._stopped_outputs = tuple([i.outputs for i in self._instances.values()])
+            if instance.stop():
+                self.ledger.write(instance.edge)
+                self._stopped.append(instance)
 
     def _run(self) -> None:
         if self.running:

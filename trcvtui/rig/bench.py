@@ -66,7 +66,7 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
     steps: list[Step] = []
     problems: list[Problem] = []
     number = 0
-    for line in map(str.strip, text.splitlines()):
+    for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like stand inside a command
         if not line or line.startswith("#"):
             continue
         number += 1

@@ -26,7 +26,7 @@ def measure(effort: Effort) -> Iterator[Figure]:
     yield _screen(effort.starts)
     types = str(HERE.parent / "trcvtui" / "rig" / "telegram.st")
     yield _headless("trcvtui status 7006", ["status", "7006"], effort.starts)
-    yield _headless("trcvtui udt show", ["udt", "show", types], effort.starts)
+    yield _headless("trcvtui udt show", ["udt", "show", types, "--type", "Telegram"], effort.starts)
 
 
 def _screen(starts: int) -> Figure:

@@ -64,7 +64,7 @@ class BenchApp(App[None]):
         await super().on_event(event)
 
     async def _after_the_first_frame(self) -> None:
-        await self.main.prompt.prepare()
+        await self.main.prepare()
         while self._early_keys:
             await self._obey_early(self._early_keys.pop(0))
         self._early_keys = None

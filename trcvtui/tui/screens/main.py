@@ -101,6 +101,12 @@ class MainScreen(Screen[None]):
         self.set_focus(self.instances)
         self.show()
 
+    async def prepare(self) -> None:
+        """Make the fields that can be typed into: they need not stand in the first frame."""
+        with self.app.batch_update():
+            await self.prompt.prepare()
+            await self.peer.prepare()
+
     def on_resize(self, event: events.Resize) -> None:
         """Take all panes side by side only where nothing has to be cut."""
         small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT

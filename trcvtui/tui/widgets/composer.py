@@ -62,6 +62,7 @@ class Composer(Vertical):
         self._texts = dict.fromkeys(MODES, "")
         self._seen = ""
         self.fault = ""
+        self._above, self._below = Horizontal(), Horizontal()
         self._modes = ButtonLine(
             "mode", lambda: [("", mode) for mode in MODES], self._to_mode, self._mode_now
         )
@@ -69,14 +70,18 @@ class Composer(Vertical):
         self._options = [Field(self.send, f"option-{name}", example, "option") for name, example in OPTIONS]
 
     def compose(self) -> Iterator[Widget]:
-        """Compose the payload above, its options below."""
-        with Horizontal():
+        """Compose two lines; what can be typed into comes right after the first frame."""
+        with self._above:
             yield self._modes
-            yield self._payload
-        with Horizontal():
-            for (name, _), field in zip(OPTIONS, self._options, strict=True):
-                yield Static(name, markup=False)
-                yield field
+        yield self._below
+
+    async def prepare(self) -> None:
+        """Put the payload above, its options below."""
+        await self._above.mount(self._payload)
+        named = zip(OPTIONS, self._options, strict=True)
+        await self._below.mount_all(
+            widget for (name, _), field in named for widget in (Static(name, markup=False), field)
+        )
 
     # -- the command --------------------------------------------------------------------------------
 

@@ -70,6 +70,11 @@ class PeerPanel(Vertical):
             yield self._buttons
             yield self._preview
 
+    async def prepare(self) -> None:
+        """Make the fields of the composer."""
+        if self._scene.project.peers:
+            await self.composer.prepare()
+
     def show(self) -> None:
         """Show the peers and what the buttons would do."""
         name = plain(self._scene.peer)

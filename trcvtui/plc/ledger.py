@@ -43,8 +43,7 @@ class InputEdge:
     value: bool | int
 
 
-@dataclass(frozen=True, slots=True)
-class PeerSent:
+class PeerSent(NamedTuple):
     """A peer's message: its number (from 1), and where it lies in the peer's sent stream."""
 
     peer: str

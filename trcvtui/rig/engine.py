@@ -22,6 +22,9 @@ from trcvtui.rig.timing import Punctuality
 
 NS_PER_MS: Final = 1_000_000
 SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
+GAP_SHARE: Final = (
+    8  # of each interval one part is for pictures: who computes more is scheduled later (EEVDF)
+)
 MOST_GAPS: Final = 5  # that a picture waits for a gap with enough room
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
 
@@ -74,9 +77,11 @@ class Engine:
         return due
 
     def _serve(self, due: int) -> None:
-        until = due - SPARE_NS
+        until, budget = due - SPARE_NS, self._interval // GAP_SHARE
         while True:
-            self._deliver(until)
+            began = clock.now_ns()
+            self._deliver(min(until, began + budget))
+            budget -= clock.now_ns() - began
             wait_ms = max(0, until - clock.now_ns()) // NS_PER_MS  # the poll knows whole milliseconds only
             if not self._channel.poll(wait_ms / 1000):
                 return

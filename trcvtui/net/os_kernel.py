@@ -65,6 +65,7 @@ class OsKernel:
         self._held: dict[int, str] = {}  # an error found behind bytes that were answered first
         self._told: set[int] = set()  # handles whose error one call has answered
         self._addresses: tuple[LocalAddress, ...] = ()
+        self._addresses_are_new = False  # asked since the last poll: many attempts in one scan ask once
 
     def close_all(self) -> None:
         """Free every handle and the poll set."""
@@ -80,9 +81,9 @@ class OsKernel:
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         """Return the addresses of this machine; without a free descriptor the last list that was got."""
-        own = interface_addresses()
+        own = None if self._addresses_are_new else interface_addresses()
         if own is not None:
-            self._addresses = own
+            self._addresses, self._addresses_are_new = own, True
         if sys.platform == "win32":
             named = socket.gethostbyname_ex(socket.gethostname())[2]
             return self._addresses + tuple(LocalAddress(address, "") for address in named)
@@ -92,6 +93,7 @@ class OsKernel:
 
     def poll(self) -> None:
         """Take the readiness of the whole poll set in one system call."""
+        self._addresses_are_new = False
         if self._polls is not None and self._polled:
             self._ready = dict(self._polls.poll(0, len(self._polled)))
 

@@ -11,7 +11,7 @@ the time: every 25 ms with scans of 10 ms are the scans at 0, 30, 50, 80, ...
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 
 from trcvtui.plc.instance import Instance
 
@@ -25,10 +25,13 @@ class Roster:
         )
         self._scan_interval = scan_interval
         self._intervals = frozenset(interval for _, interval in entries)
+        self._one_task = self._intervals == {scan_interval}  # due in every scan
         self._places: dict[str, list[int]] = {}  # CONNECT -> the places of its instances in the call order
         for place, (_, _, connect) in enumerate(self._entries):
             self._places.setdefault(connect, []).append(place)
         self._awake = set(self._places)
+        self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
+        self._ordered: set[str] = set()
         self._stirring = set(self._places)  # which CONNECTs have been awake since `take_stirring`
 
     def wake_all(self) -> None:
@@ -62,14 +65,21 @@ class Roster:
 
     def _call_order(self) -> list[int]:
         self._stirring |= self._awake
-        return sorted([place for connect in self._awake for place in self._places.get(connect, ())])
+        if self._awake != self._ordered:
+            self._ordered = self._awake
+            self._order = sorted(
+                [place for connect in self._awake for place in self._places.get(connect, ())]
+            )
+        return self._order
 
     def due(self, turn: int) -> Iterator[Instance]:
         """Return the instances that this turn calls, the sleeping ones among them."""
         due = self._due_intervals(turn)
         return (instance for instance, interval, _ in self._entries if interval in due)
 
-    def _due_intervals(self, turn: int) -> set[int]:
+    def _due_intervals(self, turn: int) -> Set[int]:
+        if self._one_task:
+            return self._intervals
         now = turn * self._scan_interval
         before = now - self._scan_interval
         return {interval for interval in self._intervals if now // interval > before // interval}

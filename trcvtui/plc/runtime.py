@@ -162,9 +162,11 @@ class Runtime:
     def _write_outputs(self) -> None:
         for instance in self._changed:
             self.ledger.write(instance.edge)
-        stopped = [instance for instance in self._stopped if instance not in self._changed]
-        self.changed = tuple([instance.outputs for instance in (*self._changed, *stopped)])
-        self._stopped.clear()
+        self.changed = tuple([instance.outputs for instance in self._changed])
+        if self._stopped:
+            stopped = [instance for instance in self._stopped if instance not in self._changed]
+            self.changed += tuple([instance.outputs for instance in stopped])
+            self._stopped.clear()
 
     def _service_communication(self) -> None:
         self._resources.queue.serve()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.e2e.terminal import TRCVTUI, Terminal, need
+from tests.e2e.terminal import LOOKS, TRCVTUI, Terminal, need
 from tests.rig.scenarios import CONFIGS
 
 PASSIVE = CONFIGS / "passive.toml"
@@ -88,3 +88,21 @@ def test_a_wrong_project_is_one_line_and_exit_2(terminals: list[Terminal], tmp_p
     line = screen.replace("\n", "")  # the terminal has wrapped the one line
     assert "connect C1: LocalAddress" in line and "300.1.1.1" in line
     assert "Traceback" not in screen
+
+
+def test_the_program_ends_with_its_terminal_even_where_no_signal_comes(tmp_path: Path) -> None:
+    project = tmp_path / "bench.toml"
+    project.write_text(PASSIVE.read_text(encoding="utf-8"), encoding="utf-8")
+    terminal = Terminal(100, 30, f"trap '' HUP; {TRCVTUI} run {project}; :")
+    terminal.wait("7000")
+    assert running(project)
+    terminal.close()
+    for _ in range(LOOKS):
+        if not running(project):
+            return
+    raise AssertionError("still running without a terminal")
+
+
+def running(project: Path) -> bool:
+    """Return whether a process has the project on its command line."""
+    return subprocess.run(["pgrep", "-f", str(project)], capture_output=True, check=False).returncode == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,6 +21,8 @@ from trcvtui.tui.screens.main import MainScreen
 from trcvtui.tui.theme import DARK, LIGHT
 
 FRAME_S: Final = 1 / 20
+HANG_UP_S: Final = 1.0
+HANG_UP: Final = 129  # as a shell reports SIGHUP
 ENGINE_ENDED: Final = 1
 
 
@@ -49,6 +52,8 @@ class BenchApp(App[None]):
         self.push_screen(self.main)
         self._frame()
         self.set_interval(FRAME_S, self._frame)
+        if not self.is_headless:
+            self.set_interval(HANG_UP_S, self._leave_a_dead_terminal)
         self.call_after_refresh(self._after_the_first_frame)
 
     # -- keys ---------------------------------------------------------------------------------------
@@ -88,6 +93,12 @@ class BenchApp(App[None]):
             self._engine.request(self.scene.request())
         except EngineStopped as stopped:
             self._end(str(stopped))
+
+    def _leave_a_dead_terminal(self) -> None:
+        """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
+        if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
+            self._engine.close()
+            os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
 
     def submit(self, line: str) -> None:
         """Send one bench command line to the engine, while there is one."""

@@ -8,7 +8,7 @@ import pytest
 
 from tests.net.net_facts import FACTS, NEEDS_RDHUP, Fact
 
-PARTS = ("facts_connect", "facts_ports", "facts_poll", "facts_data")
+PARTS = ("facts_connect", "facts_ports", "facts_poll", "facts_data", "facts_datagrams")
 
 # Importing the parts fills the list; rewritten, a failing fact shows both sides of its comparison.
 pytest.register_assert_rewrite(*PARTS)

@@ -31,7 +31,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Endpoint:
-    """One end of a TCP connection: a dotted IPv4 address and a port (0..65535)."""
+    """One end of a connection or of a datagram's way: a dotted IPv4 address and a port (0..65535)."""
 
     address: str
     port: int

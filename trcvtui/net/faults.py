@@ -14,6 +14,7 @@ from trcvtui.errors import mistake
 from trcvtui.net.kernel import (
     CALLS,
     Accepted,
+    Datagram,
     Endpoint,
     Fault,
     Handle,
@@ -224,6 +225,14 @@ class FaultyKernel:
             self._owners[made] = owner
         return made
 
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        """Make a UDP socket."""
+        fault = self.plan.take("socket", owner)
+        made = fault or self.inner.datagram_socket(owner)
+        if not isinstance(made, Fault):
+            self._owners[made] = owner
+        return made
+
     def set_reuse(self, handle: Handle) -> Fault | None:
         """Allow the address and port to be bound while old connections of it linger."""
         return self._take("set_reuse", handle) or self.inner.set_reuse(handle)
@@ -276,6 +285,14 @@ class FaultyKernel:
             if fault is not None:
                 return fault
         return self.inner.send(handle, data)
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        """Send one datagram whole."""
+        return self._take("send", handle) or self.inner.send_to(handle, data, end)
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        """Take one datagram; a planned fault leaves it waiting."""
+        return self._take("recv", handle) or self.inner.recv_from(handle, into)
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
         """Send FIN; a planned fault sends none."""

@@ -44,6 +44,20 @@ class Accepted:
 
 
 @dataclass(frozen=True, slots=True)
+class Datagram:
+    """One datagram that was taken: `size` bytes of it are in the view, `whole` is how many it had."""
+
+    size: int
+    source: Endpoint
+    whole: int
+
+    @property
+    def is_cut(self) -> bool:
+        """Return whether the view was too small for it: the rest is gone."""
+        return self.size < self.whole
+
+
+@dataclass(frozen=True, slots=True)
 class Loss:
     """Why a connection is gone. `fault` is None for the partner's FIN."""
 
@@ -53,11 +67,15 @@ class Loss:
 
 @dataclass(frozen=True, slots=True)
 class PathInfo:
-    """What the stack knows of a connection's send side; bytes and milliseconds."""
+    """What the stack knows of a connection's send side; bytes and milliseconds.
+
+    `probes_often`: a closed window is probed at least every second, so the age of the last ACK means something.
+    """
 
     unacked: int
     unsent: int
     last_ack_ms: int
+    probes_often: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +162,21 @@ class Kernel(Protocol):
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         """Write what the stack takes now and return that count."""
+        ...
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        """Make a UDP socket: bind, the poll set and close serve it as any other; call no set_reuse."""
+        ...
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        """Send one datagram whole, from a free port where none is bound; the Fault's call is `send`.
+
+        That nobody is there to receive it is told to no call.
+        """
+        ...
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        """Take one datagram, an empty one too; the Fault's call is `recv`."""
         ...
 
     def loss(self, handle: Handle) -> Loss | None:

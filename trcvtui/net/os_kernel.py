@@ -28,6 +28,7 @@ from trcvtui.net.kernel import (
     WouldBlock,
 )
 from trcvtui.net.os_addresses import interface_addresses
+from trcvtui.net.os_datagrams import DatagramCalls
 from trcvtui.net.os_errors import error_name
 from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, TCP, apply_options, limit_unacknowledged
 from trcvtui.net.os_poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
@@ -54,7 +55,7 @@ UNSENT_AT: Final = 144
 TCP_INFO_BYTES: Final = 160
 
 
-class OsKernel:
+class OsKernel(DatagramCalls):
     """The Kernel of this machine. Call `close_all` at the end."""
 
     def __init__(self) -> None:

@@ -13,6 +13,7 @@ from typing import Final
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
     Accepted,
+    Datagram,
     Endpoint,
     Fault,
     Handle,
@@ -22,6 +23,7 @@ from trcvtui.net.kernel import (
     SocketOptions,
     WouldBlock,
 )
+from trcvtui.net.sim_datagrams import DatagramWire, SimDatagrams
 from trcvtui.net.sim_socket import LOOPBACK, SimSocket
 from trcvtui.net.sim_stream import Phase
 from trcvtui.net.sim_timers import MS
@@ -42,6 +44,7 @@ class SimKernel:
         fragment: bool = False,
     ) -> None:
         self._wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
+        self._datagrams = DatagramWire(self._wire, latency_ns)
         self._random = random.Random(seed)
         self._not_ethernet = not_ethernet
         self._fragment = fragment
@@ -221,6 +224,26 @@ class SimKernel:
             return Fault("send", "EBADF" if socket is None else "EPIPE")
         got = socket.stream.write(data)
         return Fault("send", got) if isinstance(got, str) else got
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        """Make a UDP socket."""
+        return self._keep(SimDatagrams(self._datagrams, owner))
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        """Send one datagram whole."""
+        socket = self._sockets.get(handle)
+        if not isinstance(socket, SimDatagrams):
+            return Fault("send", "EBADF" if socket is None else "EPIPE")
+        return _fault("send", socket.send_to(data, end)) or len(data)
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        """Take one datagram."""
+        socket = self._sockets.get(handle)
+        if socket is not None and socket.polled and handle not in self._seen:
+            return WOULD_BLOCK
+        if not isinstance(socket, SimDatagrams):
+            return Fault("recv", "EBADF" if socket is None else "ENOTCONN")
+        return socket.take(into)
 
     def loss(self, handle: Handle) -> Loss | None:
         """Return why the connection is gone, without consuming data; None while it stands."""

@@ -85,12 +85,15 @@ class SimSocket:
 
     def bind(self, end: Endpoint) -> str:
         """Bind to a local end; port 0 takes a free one."""
-        if not _is_sane(end) or self.claim.port:
+        return self._cannot_bind(end) or self._wire.ports.bind(self.claim, end)
+
+    def _cannot_bind(self, end: Endpoint) -> str:
+        if not is_sane(end) or self.claim.port:
             return "EINVAL"
         # Linux binds to broadcast and multicast addresses without complaint (2.2, 8081).
         if not (self._wire.owns(end.address) or end.address == ANY or is_group(end.address)):
             return "EADDRNOTAVAIL"
-        return self._wire.ports.bind(self.claim, end)
+        return ""
 
     def listen(self, backlog: int) -> str:
         """Start to listen; backlog + 1 handshakes are finished without accept."""
@@ -112,7 +115,7 @@ class SimSocket:
             return "EISCONN"
         if self.stream is not None:
             return CONNECT_AGAIN[self.stream.phase]
-        if not _is_sane(end):
+        if not is_sane(end):
             return "EINVAL"
         remote = Endpoint(LOOPBACK, end.port) if end.address == ANY else end
         error = self._no_way_to(remote.address)
@@ -184,5 +187,6 @@ class SimSocket:
             self.listener = None
 
 
-def _is_sane(end: Endpoint) -> bool:
+def is_sane(end: Endpoint) -> bool:
+    """Return whether it is a dotted address and a port."""
     return octets(end.address) is not None and 0 <= end.port < 65536

@@ -70,7 +70,8 @@ class SimWire:
         else:
             self._down[owner] = None
 
-    def _is_up(self, one: str, other: str) -> bool:
+    def is_up(self, one: str, other: str) -> bool:
+        """Return whether the links of both owners are up."""
         return not self._down or not (one in self._down or other in self._down)
 
     def owns(self, address: str) -> bool:
@@ -82,7 +83,7 @@ class SimWire:
     def carry(self, source: Stream, segment: Segment) -> None:
         """Carry a segment to the partner, unless a link is down when it leaves or arrives."""
         partner = source.partner
-        if partner is None or (self._down and not self._is_up(source.owner, partner.owner)):
+        if partner is None or (self._down and not self.is_up(source.owner, partner.owner)):
             return
         if self._latency:
             self.at(self.now + self._latency, lambda: self._deliver(source, partner, segment))
@@ -90,7 +91,7 @@ class SimWire:
             self._deliver(source, partner, segment)
 
     def _deliver(self, source: Stream, partner: Stream, segment: Segment) -> None:
-        if self._down and not self._is_up(source.owner, partner.owner):
+        if self._down and not self.is_up(source.owner, partner.owner):
             return
         if partner.phase is not Phase.OVER:
             partner.arrive(segment)
@@ -148,7 +149,7 @@ class SimWire:
         listener = self._listener_at(client.remote)
         if listener is None:
             self._refuse(client)
-        elif self._is_up(client.owner, listener.owner):
+        elif self.is_up(client.owner, listener.owner):
             server = client.partner or self._admit(listener, client)
             if server is not None:
                 self.carry(server, server.answer_syn())

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import errno
 import socket
-import struct
 import sys
 from collections.abc import Callable, Collection
 from typing import Final, cast
@@ -30,16 +29,9 @@ from trcvtui.net.kernel import (
 from trcvtui.net.os_addresses import interface_addresses
 from trcvtui.net.os_datagrams import DatagramCalls
 from trcvtui.net.os_errors import error_name
-from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, TCP, apply_options, limit_unacknowledged
+from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, apply_options, limit_unacknowledged
 from trcvtui.net.os_poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
-
-try:
-    import fcntl
-    import termios
-except ImportError:  # Windows
-    CAN_ASK = False
-else:
-    CAN_ASK = True
+from trcvtui.net.os_queues import path_of, read_away, unread_bytes
 
 Socket = socket.socket  # inside the class `socket` is the call
 
@@ -48,11 +40,6 @@ TOLD_ONCE: Final = frozenset(
     {"ECONNRESET", "ECONNREFUSED", "ECONNABORTED", "ETIMEDOUT", "ENETRESET"}
     | {"EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"}
 )
-PEEK_BYTES: Final = 65536
-# struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent.
-LAST_ACK_AT: Final = 56
-UNSENT_AT: Final = 144
-TCP_INFO_BYTES: Final = 160
 
 
 class OsKernel(DatagramCalls):
@@ -285,40 +272,15 @@ class OsKernel(DatagramCalls):
 
     def discard(self, handle: Handle, most: int) -> int:
         """Read away at most so many queued bytes and return how many."""
-        sock, waste, gone = self._sockets.get(handle), bytearray(min(most, PEEK_BYTES)), 0
-        try:
-            while sock is not None and gone < most:
-                taken = sock.recv_into(waste)
-                if not taken:
-                    break
-                gone += taken
-        except (OSError, ValueError):
-            pass  # empty, or at an end: what was read away is what counts
-        return gone
+        return read_away(self._sockets.get(handle), most)
 
     def unread(self, handle: Handle) -> int:
         """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
-        sock = self._sockets.get(handle)
-        try:
-            if sock is None:
-                return 0
-            return _ask(sock, termios.FIONREAD) if CAN_ASK else len(sock.recv(PEEK_BYTES, socket.MSG_PEEK))
-        except (OSError, ValueError):
-            return 0
+        return unread_bytes(self._sockets.get(handle))
 
     def path(self, handle: Handle) -> PathInfo | None:
         """Return the send side's state from TCP_INFO, or None where the system does not say."""
-        sock = self._sockets.get(handle)
-        if sock is None or sys.platform != "linux":
-            return None
-        try:
-            info = sock.getsockopt(TCP, socket.TCP_INFO, TCP_INFO_BYTES).ljust(TCP_INFO_BYTES, b"\0")
-            queued = _ask(sock, termios.TIOCOUTQ)
-        except (OSError, ValueError):
-            return None
-        (last_ack_ms,) = struct.unpack_from("=I", info, LAST_ACK_AT)
-        (unsent,) = struct.unpack_from("=I", info, UNSENT_AT)
-        return PathInfo(max(0, queued - unsent), unsent, last_ack_ms)
+        return path_of(self._sockets.get(handle))
 
     # -- the end -------------------------------------------------------------------------------------
 
@@ -387,9 +349,3 @@ class OsKernel(DatagramCalls):
         if error:
             self._told.add(handle)
         return error
-
-
-def _ask(sock: Socket, request: int) -> int:
-    """Return the int that an ioctl answers."""
-    (number,) = struct.unpack("i", fcntl.ioctl(sock.fileno(), request, b"\0\0\0\0"))
-    return int(number)

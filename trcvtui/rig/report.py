@@ -1,14 +1,17 @@
-"""Scenario results as text and as JSON lines (contract 4.3, 4.4)."""
+"""Scenario results as text and as JSON lines (contract 4.3, 4.4), and the table of all formats."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Final, Protocol
 
-from trcvtui.errors import one_line
+from trcvtui.errors import UserError, one_line
 from trcvtui.plc.instance import Outputs
+from trcvtui.rig.junit import Junit
 from trcvtui.rig.runner import Verdict
+from trcvtui.rig.scenario import Scenario
 
 Write = Callable[[str], object]
 
@@ -25,6 +28,22 @@ class Report(Protocol):
         ...
 
 
+class Document(Protocol):
+    """What a format can be told of one call: its files one after the other, then that there are no more."""
+
+    def begin(self, path: Path, scenario: Scenario, interval_ns: int) -> Report:
+        """Return the report of a file that is about to run."""
+        ...
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Tell that a file could not be run, or not to its end."""
+        ...
+
+    def end(self) -> None:
+        """Tell that no file follows."""
+        ...
+
+
 class JsonLines:
     """One object per instance and scan in which any output differs, then one for the scenario."""
 
@@ -36,19 +55,7 @@ class JsonLines:
         """Write one line for each instance that changed."""
         t_ms = (scan - 1) * self._interval_ns / 1e6
         for out in changed:
-            self._line(
-                {
-                    "scan": scan,
-                    "t_ms": t_ms,
-                    "instance": out.instance,
-                    "block": out.block,
-                    "STATUS": f"{out.status:04X}",
-                    "BUSY": out.busy,
-                    "DONE": out.done,
-                    "ERROR": out.error,
-                    "RCVD_LEN": out.rcvd_len,
-                }
-            )
+            self._line({"scan": scan, "t_ms": t_ms, **_outputs(out)})
 
     def verdict(self, verdict: Verdict) -> None:
         """Write the line of the scenario."""
@@ -64,6 +71,20 @@ class JsonLines:
     def _line(self, record: dict[str, object]) -> None:
         # ASCII: bytes from a wire stay data, for a terminal too. DEL is the one control that JSON leaves raw.
         self._write(json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n")
+
+
+def _outputs(out: Outputs) -> dict[str, object]:
+    """Return the keys of an instance; an output that its block does not have is left out."""
+    record: dict[str, object] = {
+        "instance": out.instance,
+        "block": out.block,
+        "STATUS": f"{out.status:04X}",
+        "BUSY": out.busy,
+        "DONE": out.done,
+        "ERROR": out.error,
+        "RCVD_LEN": out.rcvd_len,
+    }
+    return {key: value for key, value in record.items() if value is not None}
 
 
 class Text:
@@ -86,4 +107,26 @@ class Text:
             self._write(f"        found: {one_line(failure.found)}\n")
 
 
-FORMATS: Final[dict[str, type[JsonLines] | type[Text]]] = {"text": Text, "jsonl": JsonLines}
+class Following:
+    """The document of a format whose files stand one behind the other and know nothing of each other."""
+
+    def __init__(self, write: Write, report: Callable[[Write, int], Report]) -> None:
+        self._write = write
+        self._report = report
+
+    def begin(self, path: Path, scenario: Scenario, interval_ns: int) -> Report:
+        """Return the report of a file."""
+        return self._report(self._write, interval_ns)
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Write nothing: stderr has it."""
+
+    def end(self) -> None:
+        """Write nothing: the last file ended with its own line."""
+
+
+FORMATS: Final[dict[str, Callable[[Write], Document]]] = {
+    "text": lambda write: Following(write, Text),
+    "jsonl": lambda write: Following(write, JsonLines),
+    "junit": Junit,
+}

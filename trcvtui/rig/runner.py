@@ -23,13 +23,26 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True)
+class Taken:
+    """One step that was carried out: when it was over, in ns of the run, and what failed in it."""
+
+    step: words.Step
+    until_ns: int
+    failure: Failure | None
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
-    """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario."""
+    """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario.
+
+    `taken` are the steps in order; a failed `wait` is the last one.
+    """
 
     scenario: str
     scans: int
     failures: tuple[Failure, ...]
     traces: tuple[tuple[str, str], ...]
+    taken: tuple[Taken, ...]
 
     @property
     def passed(self) -> bool:
@@ -69,12 +82,16 @@ class Runner:
         self._on_scan = on_scan
         self._traces = {decl.name: Trace() for decl in bench.project.instances}
         self._failures: list[Failure] = []
+        self._taken: list[Taken] = []
         self._running = True
 
     def play(self, steps: Iterable[words.Step]) -> Verdict:
         """Carry out the steps in order; a failed `wait` ends the file."""
         for step in steps:
+            known = len(self._failures)
             self._take(step)
+            failed = self._failures[known:]  # one at most: a step ends with its failure
+            self._taken.append(Taken(step, self._elapsed(), failed[0] if failed else None))
             if not self._running:
                 break
         return Verdict(
@@ -82,6 +99,7 @@ class Runner:
             self._bench.runtime.scans,
             tuple(self._failures),
             tuple((name, str(trace)) for name, trace in self._traces.items()),
+            tuple(self._taken),
         )
 
     def _take(self, step: words.Step) -> None:
@@ -119,6 +137,11 @@ class Runner:
 
     def _fail(self, step: words.Step, what: str) -> None:
         self._failures.append(Failure(step.number, step.line, what))
+
+    def _elapsed(self) -> int:
+        """Return the end of the last scan's interval: virtual time, or the clock's on a live bench."""
+        runtime = self._bench.runtime
+        return self._bench.now + runtime.interval_ns if runtime.scans else 0
 
     def _scans_in(self, ns: int) -> int:
         return ns // self._bench.runtime.interval_ns

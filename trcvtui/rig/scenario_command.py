@@ -9,7 +9,7 @@ from pathlib import Path
 from trcvtui.errors import UserError, mistake
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.live_pace import LivePace
-from trcvtui.rig.report import FORMATS
+from trcvtui.rig.report import FORMATS, Document
 from trcvtui.rig.runner import Pace, Runner, VirtualPace
 from trcvtui.rig.scenario import Scenario, load_scenario
 
@@ -32,20 +32,23 @@ def run_files(
 def _run_all(
     paths: Sequence[Path], kernel: str, form: str, write: Callable[[str], object], overrides: Sequence[str]
 ) -> int:
+    document = FORMATS[form](write)
     worst = HELD
     for path in paths:
         try:
-            held = _run_one(load_scenario(path, overrides), kernel, form, write)
+            held = _run_one(path, load_scenario(path, overrides), kernel, document)
             worst = max(worst, HELD if held else FAILED)
         except UserError as error:
+            document.wrong(path, error)
             sys.stderr.write("".join(line + "\n" for line in error.lines()))
             worst = WRONG_FILE
+    document.end()
     return worst
 
 
-def _run_one(scenario: Scenario, kernel: str, form: str, write: Callable[[str], object]) -> bool:
+def _run_one(path: Path, scenario: Scenario, kernel: str, document: Document) -> bool:
     bench = Bench(scenario.project, kernel)
-    report = FORMATS[form](write, bench.runtime.interval_ns)
+    report = document.begin(path, scenario, bench.runtime.interval_ns)
     pace: Pace = LivePace() if kernel == "live" else VirtualPace()
     try:
         verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))

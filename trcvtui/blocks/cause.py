@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
+
+from trcvtui.net.answers import Fault
 
 
 class Why(StrEnum):
@@ -20,6 +23,17 @@ class Why(StrEnum):
     OWNER = "owner"
     RESOURCE = "resource"
     OTHER_BLOCK = "other block"
+
+
+# What fails like a call and is none; everything else is the kernel's own answer, or a planned fault's.
+NO_KERNEL_CALLS: Final = {
+    "queue": (Why.RESOURCE, "the job queue is full"),
+    "buffer": (Why.RESOURCE, "no buffer is left"),
+    "budget": (Why.RESOURCE, "no connection is left"),
+    "address": (Why.PARAMETER, "the address cannot be used"),
+    "resolve": (Why.WAITING, "nobody has listened there yet"),
+    "attempt_limit": (Why.WAITING, "no answer within the attempt's limit"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,3 +54,9 @@ class Cause:
     have: int | None = None
     need: int | None = None
     detail: str = ""
+
+
+def cause_of(fault: Fault, peer: str = "") -> Cause:
+    """Return the cause that a failed call is; what is no kernel call is a resource of the PLC."""
+    why, name = NO_KERNEL_CALLS.get(fault.call, (Why.KERNEL, f"{fault.call} failed"))
+    return Cause(why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer)

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from dataclasses import replace
 from enum import Enum, auto
 from typing import Final
 
-from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks import closing
+from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import Fault
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.set_up import Stage, StepFault
 
@@ -27,17 +28,6 @@ STAGE_CONDITIONS: Final = {
     Stage.POLL_ADD: Condition.POLL_ADD_FAILED,
     Stage.ACCEPT: Condition.ACCEPT_FAILED,
     Stage.CONNECT: Condition.CONNECT_FAILED,
-}
-
-
-# What fails like a call and is none; everything else is the kernel's own answer, or a planned fault's.
-NO_KERNEL_CALLS: Final = {
-    "queue": (Why.RESOURCE, "the job queue is full"),
-    "buffer": (Why.RESOURCE, "no buffer is left"),
-    "budget": (Why.RESOURCE, "no connection is left"),
-    "address": (Why.PARAMETER, "the address cannot be used"),
-    "resolve": (Why.WAITING, "nobody has listened there yet"),
-    "attempt_limit": (Why.WAITING, "no answer within the attempt's limit"),
 }
 
 
@@ -71,7 +61,7 @@ class ConnectionPart:
         """Return whether the connection stands, and inputs that have not changed leave all to the job."""
         return (
             self.phase is Phase.CONNECTED
-            and self._connection.state is State.CONNECTED
+            and self._connection.is_up
             and self._connection.incarnation == self.incarnation
             and self.cont
             and not self._reset_wanted
@@ -134,7 +124,7 @@ class ConnectionPart:
 
     def _go_on_connecting(self) -> Outcome:
         failed = self._connection.step(self._env.scan, self._env.now)
-        if self._connection.state is State.CONNECTED and self.waits:
+        if self._connection.is_up and self.waits:
             return self._connected()
         if failed is not None:
             return self._set_up_failed(failed)
@@ -146,6 +136,11 @@ class ConnectionPart:
         self.incarnation = self._connection.incarnation
         peer = str(self._connection.peer or "")
         return Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the partner is connected", peer=peer))
+
+    def hold_back(self, outcome: Outcome) -> None:
+        """Show the first "connected" one scan later: another code takes this scan."""
+        if outcome.condition is Condition.CONNECTED:
+            self._script.append(outcome)
 
     def wait(self, reason: str) -> Outcome:
         """Show the first scan of "connecting"."""
@@ -194,14 +189,10 @@ class ConnectionPart:
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         was_up = self.phase is Phase.CONNECTED and self._connection.lost(self.incarnation) is None
-        peer = str(self._connection.peer or "")
-        fault = self._connection.disconnect()
         self.phase = Phase.IDLE
-        if fault is not None:
-            return Outcome(_unless_poll_del(fault, Condition.DISCONNECT_FAILED), cause_of(fault, peer))
-        if was_up:
-            self._script.append(Outcome(Condition.CLOSED, cause))
-        return Outcome(Condition.CLOSING, cause)
+        shown, *more = closing.disconnect(self._connection, cause)
+        self._script.extend(more if was_up else ())
+        return shown
 
     def _has_connection(self) -> bool:
         return self._connection.state is not State.CLOSED
@@ -214,29 +205,12 @@ class ConnectionPart:
         if fault is not None:
             self._reset_wanted = True
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        peer = str(self._connection.peer or "")
-        return self._reset_done(self._connection.reset(), peer)
-
-    def _reset_done(self, fault: Fault | None, peer: str) -> Outcome:
         self.phase, self.waits = Phase.CONNECTING, 0
-        clear = self._env.rules.com_rst_autoclear
-        if fault is not None:
-            shown = _unless_poll_del(fault, Condition.RESET_FAILED)
-            return Outcome(shown, cause_of(fault, peer), clear_com_rst=clear)
         cause = Cause(Why.INPUT, "COM_RST rose", pin="COM_RST", value=1)
-        self._script = deque((Outcome(Condition.CLOSING, cause), Outcome(Condition.CLOSED, cause)))
-        return Outcome(Condition.RESETTING, cause, clear_com_rst=clear)
+        shown, *more = closing.reset(self._connection, cause)
+        self._script = deque(more)
+        return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
 
 
 _NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)
 _CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the socket is there"))
-
-
-def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
-    return Condition.POLL_DEL_FAILED if fault.call == "poll_del" else otherwise
-
-
-def cause_of(fault: Fault, peer: str = "") -> Cause:
-    """Return the cause that a failed call is; what is no kernel call is a resource of the PLC."""
-    why, name = NO_KERNEL_CALLS.get(fault.call, (Why.KERNEL, f"{fault.call} failed"))
-    return Cause(why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer)

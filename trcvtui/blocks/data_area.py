@@ -24,3 +24,9 @@ class DataArea:
         old, self.content = self.content, content
         self.generation += 1
         return old
+
+    def resize(self, type_name: str, size: int) -> None:
+        """Take another type; bytes that both sizes have stay, new ones are 0."""
+        self.type_name, self.size = type_name, size
+        self.content = self.content[:size] + bytes(max(0, size - len(self.content)))
+        self.generation += 1

@@ -35,6 +35,33 @@ class JobEnded(NamedTuple):
     reason: str
 
 
+class SendStarted(NamedTuple):
+    """A send job of `length` bytes began; `offset` is in the stream that this incarnation has sent."""
+
+    instance: str
+    job: int
+    connection: str
+    incarnation: int
+    offset: int
+    length: int
+
+
+class SendEnded(NamedTuple):
+    """A send job ended; the local stack has `size` bytes of it, from `offset` on; all of them when `done`."""
+
+    instance: str
+    job: int
+    connection: str
+    incarnation: int
+    offset: int
+    size: int
+    done: bool
+    reason: str
+
+
+JobNote = JobStarted | JobEnded | SendStarted | SendEnded
+
+
 @dataclass(slots=True)
 class Environment:
     """The surroundings of every block of one PLC; `scan` and `now` (ns) are those of the running scan.
@@ -44,6 +71,6 @@ class Environment:
 
     rules: Rules
     resources: Resources
-    write: Callable[[JobStarted | JobEnded], None]
+    write: Callable[[JobNote], None]
     scan: int = 0
     now: int = 0

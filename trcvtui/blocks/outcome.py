@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 from trcvtui.blocks import conditions
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
+
+
+class Lamp(Enum):
+    """BUSY or DONE of a block whose job is not to move bytes: its condition alone does not tell."""
+
+    BUSY = "busy"
+    DONE = "done"
 
 
 @dataclass(frozen=True, slots=True, eq=False)  # the same object is the same answer
@@ -22,16 +30,17 @@ class Outcome:
     rcvd_len: int = 0
     clear_com_rst: bool = False
     lasts: bool = False
+    lamp: Lamp | None = None
 
     @property
     def busy(self) -> bool:
         """Return BUSY: a job is running."""
-        return self.condition in conditions.BUSY
+        return self.condition in conditions.BUSY or self.lamp is Lamp.BUSY
 
     @property
     def done(self) -> bool:
         """Return DONE: a job ended well, in this scan."""
-        return self.condition in conditions.DONE
+        return self.condition in conditions.DONE or self.lamp is Lamp.DONE
 
     @property
     def error(self) -> bool:

@@ -31,21 +31,41 @@ class Pin:
         return self.iec_type == "BOOL"
 
 
-# Manual 7.15.1 (baosky.md section 2). CONNECT and DATA are InOut too; they are named by the project file.
-TRCV_C: Final = (
-    Pin("EN_R", Direction.IN, "BOOL", "TRUE keeps receiving, job after job"),
-    Pin("CONT", Direction.IN, "BOOL", "1 builds and holds the connection, 0 closes it"),
-    Pin("LEN", Direction.IN, "UDINT", "bytes wanted (static) or limit (ad-hoc); 0 = size of DATA"),
-    Pin("ADHOC", Direction.IN, "BOOL", "0 static: exact length; 1 ad-hoc: whatever arrives"),
-    Pin("COM_RST", Direction.IN_OUT, "BOOL", "rising edge resets an established connection", edge=True),
+# CONNECT and DATA are InOut too; they are named by the project file. Sections: baosky.md 2, 3, 5.
+_EN_R: Final = Pin("EN_R", Direction.IN, "BOOL", "TRUE keeps receiving, job after job")
+_REQ: Final = Pin("REQ", Direction.IN, "BOOL", "rising edge sends DATA once", edge=True)
+_CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 builds and holds the connection, 0 closes it")
+_ADHOC: Final = Pin("ADHOC", Direction.IN, "BOOL", "0 static: exact length; 1 ad-hoc: whatever arrives")
+_COM_RST: Final = Pin(
+    "COM_RST", Direction.IN_OUT, "BOOL", "rising edge resets an established connection", edge=True
+)
+_RCV_LEN: Final = Pin(
+    "LEN", Direction.IN, "UDINT", "bytes wanted (static) or limit (ad-hoc); 0 = size of DATA"
+)
+_SEND_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "bytes to send; 0 = size of DATA")
+_RCVD_LEN: Final = Pin("RCVD_LEN", Direction.OUT, "UDINT", "bytes received; valid in the DONE scan only")
+_LAMPS: Final = (
     Pin("DONE", Direction.OUT, "BOOL", "a job ended well; TRUE for one scan"),
     Pin("BUSY", Direction.OUT, "BOOL", "a job is running"),
     Pin("ERROR", Direction.OUT, "BOOL", "something failed; STATUS says what"),
     Pin("STATUS", Direction.OUT, "WORD", "what the block is doing"),
-    Pin("RCVD_LEN", Direction.OUT, "UDINT", "bytes received; valid in the DONE scan only"),
 )
 
-PINS: Final[dict[str, tuple[Pin, ...]]] = {"TRCV_C": TRCV_C}
+
+def _req(text: str) -> tuple[Pin, ...]:
+    return (Pin("REQ", Direction.IN, "BOOL", text, edge=True), *_LAMPS)
+
+
+PINS: Final[dict[str, tuple[Pin, ...]]] = {
+    "TRCV_C": (_EN_R, _CONT, _RCV_LEN, _ADHOC, _COM_RST, *_LAMPS, _RCVD_LEN),
+    "TSEND_C": (_REQ, _CONT, _SEND_LEN, _COM_RST, *_LAMPS),
+    "TCON": _req("rising edge builds the connection, which is then kept"),
+    "TDISCON": _req("rising edge closes the connection"),
+    "T_RESET": _req("rising edge resets an established connection"),
+    "TSEND": (_REQ, _SEND_LEN, *_LAMPS),
+    "TRCV": (_EN_R, _RCV_LEN, _ADHOC, *_LAMPS, _RCVD_LEN),
+}
+MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"})  # these have a DATA pin
 
 
 def inputs_of(block: str) -> tuple[Pin, ...]:

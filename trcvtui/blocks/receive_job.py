@@ -10,14 +10,16 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
+from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import cause_of
-from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.environment import Environment, JobEnded, JobStarted
+from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.job_checks import refuse
+from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.answers import WOULD_BLOCK
-from trcvtui.net.connection import Connection, ConnectionLoss
+from trcvtui.net.connection_loss import ConnectionLoss
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
 
@@ -32,56 +34,52 @@ _RECEIVING: Final = {
 class ReceiveJob:
     """One instance's receive jobs, one after the other."""
 
-    def __init__(self, env: Environment, connection: Connection, instance: str) -> None:
+    def __init__(self, bound: Binding) -> None:
         self.number = 0
         self.running = False
         self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
         self.have = 0
         self.need = 0
         self.adhoc = False
-        self.last_receive: int | None = None
-        self._env = env
-        self._buffers = env.resources.buffers
-        self._connection = connection
-        self._connect = connection.config.name
-        self._instance = instance
-        self._owner = object()
+        self.last_bytes: int | None = None
+        self.claim = bound.claim()
+        self._env = bound.env
+        self._data = bound.data
+        self._buffers = bound.env.resources.buffers
+        self._connection = bound.connection
+        self._connect = bound.connection.config.name
+        self._instance = bound.instance
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
         self._incarnation = 0  # of the connection that the running job receives on
         self._first_offset = 0
 
-    # -- may a job start? ---------------------------------------------------------------------------
+    # -- one scan with EN_R = 1, connected ----------------------------------------------------------
 
-    def refuse(self, data: DataArea | None, length: int) -> Outcome | None:
-        """Return why no job can start, in the manual's order: 80A4, 80A5, 80C3, then a buffer."""
-        if data is None or data.size == 0:
-            return Outcome(
-                Condition.DATA_EMPTY, Cause(Why.PARAMETER, "DATA has no byte", pin="DATA", value=0)
-            )
-        if length > data.size or (length or data.size) > self._env.rules.max_len:
-            return self._wrong_length(data, length)
-        if self._connection.receiver is not self._owner:
-            if self._connection.receiver is not None:
-                cause = Cause(Why.OWNER, "another instance receives on this CONNECT")
-                return Outcome(Condition.CONNECT_IN_USE, cause)
-            self._connection.receiver = self._owner
-        fault = self._buffers.acquire(self._connect)
-        return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
+    def call(self, inputs: Inputs) -> Outcome | ConnectionLoss:
+        """Start, go on or end: one frame a scan at most."""
+        if not self.running:
+            return self._begin(inputs.len, inputs.adhoc)
+        if not self.complete:
+            loss = self._collect()
+            if loss is not None:
+                return loss
+            if not self.complete:
+                return self.receiving()
+        return self._deliver()
 
-    def _wrong_length(self, data: DataArea, length: int) -> Outcome:
-        limit = min(data.size, self._env.rules.max_len)
-        name = "LEN is larger than DATA" if length > data.size else "longer than one job can be"
-        cause = Cause(Why.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
-        return Outcome(Condition.LENGTH_WRONG, cause)
+    def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
+        receiving = self._connection.receiving
+        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect)
+        if refused is not None:
+            return self.check_loss() or refused
+        assert self._data is not None
+        self._start(length or self._data.size, adhoc)
+        return self._collect() or self.receiving()
 
-    # -- one job --------------------------------------------------------------------------------------
-
-    def start(self, data: DataArea, length: int, adhoc: bool) -> None:
-        """Begin a job of `length` bytes (0: the size of DATA); its buffer is taken already."""
+    def _start(self, need: int, adhoc: bool) -> None:
         self.number += 1
-        self.running, self.complete, self.adhoc = True, False, adhoc
-        need = self.need = length or data.size
+        self.running, self.complete, self.adhoc, self.need = True, False, adhoc, need
         if len(self._buffer) != need:
             self._buffer = bytearray(need)
         self._view = memoryview(self._buffer)
@@ -91,55 +89,71 @@ class ReceiveJob:
             JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
         )
 
-    def collect(self) -> ConnectionLoss | None:
+    def _collect(self) -> ConnectionLoss | None:
         """Read what is there into the job's own buffer; return the loss that stands behind the last byte."""
         have = self.have
         got = self._connection.receive(self._view[have:] if have else self._view)
         if isinstance(got, int):
             have = self.have = have + got
             self.complete = self.adhoc or have == self.need
-            self.last_receive = self._env.now
+            self.last_bytes = self._env.now
             return None
         return None if got is WOULD_BLOCK else got
 
     def check_loss(self) -> ConnectionLoss | None:
         """Look for a loss while no job runs."""
-        return self._connection.check_loss(self._owner)
+        return self._connection.check_loss(self.claim)
+
+    def shown(self, loss: ConnectionLoss) -> list[Outcome]:
+        """Return what a loss shows, one scan each, and end the job."""
+        failed = Condition.RECEIVE_FAILED if self.running else None
+        outcomes = shown(loss, self._env.rules, self, failed, short_frame=bool(self.have and not self.adhoc))
+        self.abandon("connection lost")
+        return outcomes
 
     def receiving(self) -> Outcome:
         """Return the outcome of a job that waits; the same object while nothing changes."""
         return _receiving(self.have, self.need, self.complete)
 
-    def deliver(self, data: DataArea) -> Outcome:
-        """Write the job's bytes to DATA and end it."""
-        size = self.have
+    def _deliver(self) -> Outcome:
+        """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
+        size, data = self.have, self._data
+        assert data is not None
         self._view.release()
         if size == data.size == len(self._buffer):
             self._buffer = data.swap(self._buffer)
         else:
             data.write(0, memoryview(self._buffer)[:size].toreadonly())
-        self._end(done=True, reason="complete")
+        kept = min(size, data.size)
+        self._connection.drop(self._first_offset + kept, size - kept, "DATA resized", self._incarnation)
+        self._end(done=True, reason="complete", size=kept)
         return _received(size, self.need)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what it had collected is dropped and noted."""
         if self.running:
             self._connection.drop(self._first_offset, self.have, reason, self._incarnation)
-            self._end(done=False, reason=reason)
+            self._end(done=False, reason=reason, size=self.have)
 
     def let_go(self) -> None:
         """Give the CONNECT's receive side back (EN_R fell)."""
-        if self._connection.receiver is self._owner:
-            self._connection.receiver = None
+        self._connection.receiving.give_back(self.claim)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; in the middle of a job the lock stays behind until disconnect or reset (row 15)."""
+        self.claim.is_orphan = self.running
+        if not self.running:
+            self.let_go()
+        self.abandon(reason)
 
     def partial(self) -> bytes:
         """Return a copy of the bytes collected so far."""
         return bytes(self._buffer[: self.have]) if self.running else b""
 
-    def _end(self, done: bool, reason: str) -> None:
+    def _end(self, done: bool, reason: str, size: int) -> None:
         self._buffers.release()
         self.running = self.complete = False
-        size, self.have = self.have, 0
+        self.have = 0
         incarnation, offset = self._incarnation, self._first_offset
         self._env.write(
             JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)

@@ -1,4 +1,4 @@
-"""Baosky (Tianxing) PLC, TRCV_C: the answered questionnaire of manual 7.15.1, 7.15.2 and 7.15.4.
+"""Baosky (Tianxing) PLC: the answered questionnaire of manual 7.15.1, 7.15.2 and 7.15.4.
 
 Each point that the manual leaves open is a switch; names and defaults are those of design.md section 6.
 """
@@ -44,6 +44,19 @@ SWITCHES: Final = (
     Switch("max_len", "choice", "65535", "longest job in bytes", ("65535", "65536")),
     Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80A7"),
     Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80AC"),
+    # 7.15.1 and 7.15.2, notes: in tasks of different priority DATA gets into disorder.
+    Switch(
+        "lock_across_tasks",
+        "bool",
+        False,
+        "blocks that share a CONNECT show 80C3 also across tasks of different priority",
+    ),
+    Switch(
+        "user_timeout",
+        "bool",
+        True,
+        "bytes that stay unacknowledged for 3 keep-alive intervals show 80AB; false: after minutes only",
+    ),
     Switch("strict_local_address", "bool", False, "a loopback LocalAddress shows 8081"),
     Switch(
         "second_client",
@@ -68,6 +81,7 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
         reset_counts_as_close=chosen["reset_is"] == "80C5",
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
         max_len=int(chosen["max_len"]),
+        lock_across_tasks=bool(chosen["lock_across_tasks"]),
         policy=_policy(chosen),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),
@@ -83,13 +97,14 @@ def _policy(chosen: Mapping[str, SwitchValue]) -> Policy:
         check_remote_port=bool(chosen["check_remote_port"]),
         second_client=str(chosen["second_client"]),
         small_buffers=bool(chosen["small_buffers"]),
+        user_timeout=bool(chosen["user_timeout"]),
     )
 
 
 BAOSKY: Final = Dialect(
     name="baosky",
     title="Baosky (Tianxing) PLC, TCP blocks 7.15",
-    blocks=("TRCV_C",),
+    blocks=("TRCV_C", "TSEND_C", "TCON", "TDISCON", "T_RESET", "TSEND", "TRCV"),
     status=STATUS,
     switches=SWITCHES,
     models={"T3": 8, "T4": 32},  # TCP connections, manual 7.15.4

@@ -30,6 +30,11 @@ class ConnectConfig:
         """Return the keep-alive interval in seconds that is in force."""
         return self.keep_alive_interval_s or SYSTEM_KEEP_ALIVE_S
 
+    @property
+    def dead_after_ms(self) -> int:
+        """Return after how many milliseconds of silence the link counts as dead: 3 intervals (7.15.4)."""
+        return 3000 * self.keep_alive_s
+
 
 def parse_address(text: str) -> str | None:
     """Return the address when it is exactly four octets 0..255, else None; never ask a resolver."""

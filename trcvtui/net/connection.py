@@ -2,19 +2,22 @@
 
 Rule 1: `step` does at most one thing a scan, whoever asks first; the others read the same answer.
 Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
-Rule 3: a FIN never overtakes bytes: while somebody receives, only his `receive` finds the loss.
+Rule 3: a FIN never overtakes bytes: while somebody receives, the incarnation ends behind the last of them.
+A sender that meets the loss first knows it at once; the connection is doomed until the receiver has read on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import Enum, StrEnum, auto
+from dataclasses import replace
+from enum import StrEnum
 from typing import Final
 
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.connection_loss import ConnectionLoss, LossKind, loss_of
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, Kernel, WouldBlock
-from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote, Note, What
+from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
+from trcvtui.net.ownership import Claim, Direction
 from trcvtui.net.resources import Resources
 from trcvtui.net.set_up import ACCEPTS_A_SCAN, Policy, SetUp, Stage, StepFault
 
@@ -30,30 +33,6 @@ class State(StrEnum):
     CREATED = "created"
     ESTABLISHING = "establishing"
     CONNECTED = "connected"
-
-
-class LossKind(Enum):
-    """How an established connection ended."""
-
-    CLOSED_BY_PARTNER = auto()
-    RESET_BY_PARTNER = auto()
-    LINK_DEAD = auto()
-    FAILED = auto()
-    OURS = auto()
-
-
-# 3.2: this whole family, on an established connection, means that the link is dead.
-LINK_DEAD_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"})
-
-
-@dataclass(frozen=True, slots=True)
-class ConnectionLoss:
-    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
-
-    kind: LossKind
-    peer: str
-    fault: Fault | None = None
-    release_fault: Fault | None = None
 
 
 class Connection:
@@ -72,9 +51,11 @@ class Connection:
         self.state = State.CLOSED
         self.incarnation = 0
         self.peer: Endpoint | None = None
-        self.receiver: object | None = None
-        self.bytes_received = 0
-        self.recvs = 0
+        self.receiving = Direction()
+        self.sending = Direction()
+        self.bytes_received = self.recvs = 0
+        self.bytes_sent = self.sends = 0
+        self.doom: ConnectionLoss | None = None  # known, but somebody still reads what came before it
         self.attempts = 0
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
@@ -89,6 +70,12 @@ class Connection:
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
         self._losses: dict[int, ConnectionLoss] = {}
+        self._user_timeout_ms = 0
+
+    @property
+    def is_up(self) -> bool:
+        """Return whether the connection stands, as far as anybody knows."""
+        return self.state is State.CONNECTED and self.doom is None
 
     @property
     def local(self) -> Endpoint | None:
@@ -120,6 +107,7 @@ class Connection:
             case State.CREATED:
                 return self._prepare(now)
             case State.CONNECTED:
+                self._end_if_doomed()
                 return None
             case _ if self.set_up.listener is not None:
                 return self._adopt(self.set_up.accept(), now)
@@ -160,8 +148,9 @@ class Connection:
         self.handle, self.peer = got.handle, got.peer
         self.state = State.CONNECTED
         self.incarnation += 1
-        self.bytes_received = self.recvs = 0
+        self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self._local = self._kernel.local_end(got.handle)
+        self._limit_unacknowledged(got.handle, closed_window=False)
         self._note(What.CONNECTED)
 
     def _failed(self, failed: StepFault, now: int) -> StepFault:
@@ -204,33 +193,49 @@ class Connection:
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
-            return WOULD_BLOCK
+            return WOULD_BLOCK if self.doom is None else self._lose(self.doom)
         if isinstance(got, int):
             if got == 0:
-                return self._lose(self._loss_of(None))
+                return self._lose(self.doom or self._loss_of(None))
             self.recvs += 1
             offset = self.bytes_received
             self.bytes_received = offset + got
             self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got))
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
-            return self._lose(self._loss_of(got))
+            return self._lose(self.doom or self._loss_of(got))
         return WOULD_BLOCK
 
-    def check_loss(self, asking: object = None) -> ConnectionLoss | None:
+    def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.
 
         While somebody else than `asking` receives, the loss is left to him (rule 3).
         """
-        if self.receiver not in (None, asking) or self.handle is None:
+        if self.handle is None or self.receiving.is_anybodys_but(asking):
             return None
-        seen = self._kernel.loss(self.handle)
-        return None if seen is None else self._lose(self._loss_of(seen.fault))
+        return self._look_for_loss(self.handle)
 
-    def lost(self, incarnation: int) -> ConnectionLoss | None:
-        """Return how that incarnation ended, None while it stands."""
+    def _look_for_loss(self, handle: Handle) -> ConnectionLoss | None:
+        if self.doom is not None:
+            return self._found(self.doom)
+        seen = self._kernel.loss(handle)
+        return None if seen is None else self._found(self._loss_of(seen.fault))
+
+    def _found(self, loss: ConnectionLoss) -> ConnectionLoss:
+        """Release the connection, or leave that to whoever still reads."""
+        if not self.receiving.is_anybodys_but(None):
+            return self._lose(loss)
+        self.doom = loss
+        return loss
+
+    def _end_if_doomed(self) -> None:
+        if self.doom is not None and not self.receiving.is_anybodys_but(None):
+            self._lose(self.doom)
+
+    def lost(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
+        """Return how that incarnation ended, None while it stands; to its receiver it stands to the last."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
-            return None
+            return None if self.doom is None or self.receiving.holds(asking) else self.doom
         return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
 
     @property
@@ -249,15 +254,7 @@ class Connection:
             self._write(BytesDropped(self.config.name, of, offset, size, reason))
 
     def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
-        if fault is None:
-            kind = LossKind.CLOSED_BY_PARTNER
-        elif fault.error == "ECONNRESET":
-            kind = LossKind.RESET_BY_PARTNER
-        elif fault.error in LINK_DEAD_ERRORS:
-            kind = LossKind.LINK_DEAD
-        else:
-            kind = LossKind.FAILED
-        return ConnectionLoss(kind, str(self.peer), fault)
+        return loss_of(fault, str(self.peer))
 
     def _lose(self, loss: ConnectionLoss) -> ConnectionLoss:
         assert self.handle is not None
@@ -270,6 +267,59 @@ class Connection:
             self._note(What.CALL_FAILED, fault=loss.release_fault)
         self._end_incarnation(loss, State.ESTABLISHING)
         return loss
+
+    # -- data: TSEND ----------------------------------------------------------------------------
+
+    def look_before_sending(self) -> ConnectionLoss | None:
+        """Look for a loss on behalf of a send job: the stack would still take bytes behind a FIN (3.4)."""
+        assert self.handle is not None
+        return self._look_for_loss(self.handle)
+
+    def send(self, data: memoryview) -> int | WouldBlock | ConnectionLoss:
+        """Give bytes to the local stack and return how many it took."""
+        assert self.handle is not None
+        got = self._kernel.send(self.handle, data)
+        if isinstance(got, int):
+            self.sends += 1
+            offset = self.bytes_sent
+            self.bytes_sent = offset + got
+            self._resources.unsettled[self._name] = None
+            self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got))
+            return got
+        if isinstance(got, Fault) and got.error != "EAGAIN":
+            return self._found(self._loss_of(got))
+        return WOULD_BLOCK
+
+    def unacknowledged(self) -> int | None:
+        """Return how many bytes of ours the partner's stack has not acknowledged; None: nobody knows."""
+        path = None if self.handle is None else self._kernel.path(self.handle)
+        return None if path is None else path.unacked + path.unsent
+
+    def watch(self) -> bool:
+        """Keep a closed window from looking like a dead link, and a dead link from hiding behind one.
+
+        Return whether the link is dead. Done in each scan as long as bytes of ours are on the way (3.2, 5.5).
+        """
+        path = None if self.handle is None else self._kernel.path(self.handle)
+        if self.handle is None or path is None or not (path.unacked or path.unsent):
+            self._resources.unsettled.pop(self._name, None)
+            path = None
+        if self.handle is None or self.doom is not None:
+            return False
+        closed_window = path is not None and path.unacked == 0
+        self._limit_unacknowledged(self.handle, closed_window)
+        if path is None or not closed_window or not path.probes_often or not self._policy.user_timeout:
+            return False
+        if path.last_ack_ms < self.config.dead_after_ms:
+            return False
+        self._found(self._loss_of(Fault("path", "ETIMEDOUT")))
+        return True
+
+    def _limit_unacknowledged(self, handle: Handle, closed_window: bool) -> None:
+        limit = self.config.dead_after_ms if self._policy.user_timeout and not closed_window else 0
+        if limit != self._user_timeout_ms:
+            self._user_timeout_ms = limit
+            self._kernel.set_user_timeout(handle, limit)
 
     # -- close and reset: TDISCON, T_RESET ----------------------------------------------------------
 
@@ -324,8 +374,11 @@ class Connection:
         self._losses[self.incarnation] = loss
         if len(self._losses) > LOSSES_KEPT:
             del self._losses[min(self._losses)]
-        self.handle, self.receiver, self.retry_at = None, None, None
+        self.handle, self.doom, self.retry_at = None, None, None
         self.peer, self._local = None, None
+        self.receiving.end()
+        self.sending.end()
+        self._user_timeout_ms = 0
         self.state = state
 
     # -- notes ------------------------------------------------------------------------------------

@@ -52,6 +52,16 @@ class BytesReceived(NamedTuple):
     size: int
 
 
+class BytesSent(NamedTuple):
+    """One send call gave `size` bytes to the local stack; `offset` is in the incarnation's sent stream."""
+
+    connection: str
+    incarnation: int
+    send: int
+    offset: int
+    size: int
+
+
 @dataclass(frozen=True, slots=True)
 class BytesDropped:
     """Bytes of the stream that will never reach DATA, and why. offset -1: they were still in the stack."""
@@ -63,4 +73,4 @@ class BytesDropped:
     reason: str
 
 
-Note = ConnectionNote | BytesReceived | BytesDropped
+Note = ConnectionNote | BytesReceived | BytesSent | BytesDropped

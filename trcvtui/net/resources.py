@@ -90,9 +90,10 @@ class ConnectionBudget:
 
 
 class Resources:
-    """The three resources of one PLC."""
+    """The three resources of one PLC, and which CONNECTs have bytes on the way to a partner."""
 
     def __init__(self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget) -> None:
         self.queue = queue
         self.buffers = buffers
         self.budget = budget
+        self.unsettled: dict[str, None] = {}

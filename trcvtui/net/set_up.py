@@ -60,6 +60,7 @@ class Policy:
     check_remote_port: bool = False
     second_client: str = "reject"
     small_buffers: bool = False
+    user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection
 
 
 class SetUp:

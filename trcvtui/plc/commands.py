@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from trcvtui.plc.project import DataDecl, InstanceDecl
+
 PinValue = bool | int
 
 
@@ -51,4 +53,46 @@ class PlcRun:
     """CPU RUN: fresh instances; inputs and DATA keep their values."""
 
 
-Command = SetInput | PulseInput | BlinkInput | WriteData | PlcStop | PlcRun
+@dataclass(frozen=True, slots=True)
+class CreateInstance:
+    """A new instance: it is called from this scan on, behind those of its task that are there already."""
+
+    decl: InstanceDecl
+
+
+@dataclass(frozen=True, slots=True)
+class DeleteInstance:
+    """The instance is gone; its connection stays, and so does the lock of a job that runs."""
+
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class DownloadInstance:
+    """Incremental download of a changed initial value: a new instance of the same name (7.15.1, notes).
+
+    Its inputs keep what the program writes to them, so CONT=1 counts as rising.
+    """
+
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class ResizeData:
+    """Another type for a global variable; bytes that both sizes have stay, new ones are 0."""
+
+    decl: DataDecl
+
+
+Command = (
+    SetInput
+    | PulseInput
+    | BlinkInput
+    | WriteData
+    | PlcStop
+    | PlcRun
+    | CreateInstance
+    | DeleteInstance
+    | DownloadInstance
+    | ResizeData
+)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from trcvtui.blocks import parameters
-from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
-from trcvtui.blocks.trcv_c import TrcvC, TrcvCInputs
-from trcvtui.net.connection import Connection
+from trcvtui.blocks.registry import BLOCKS
 from trcvtui.plc.ledger import InputEdge, StatusEdge
+from trcvtui.plc.project import InstanceDecl
 from trcvtui.plc.snapshot import InstanceSnapshot
 
 PinValue = bool | int
@@ -22,7 +22,7 @@ KNOWN_OUTCOMES: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes."""
+    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin."""
 
     instance: str
     block: str
@@ -30,7 +30,7 @@ class Outputs:
     busy: bool
     done: bool
     error: bool
-    rcvd_len: int
+    rcvd_len: int | None
 
 
 class Shown(NamedTuple):
@@ -43,25 +43,19 @@ class Shown(NamedTuple):
 class Instance:
     """One instance; `scan` calls its block once, `outputs` is what the program reads afterwards."""
 
-    def __init__(
-        self,
-        name: str,
-        block: str,
-        env: Environment,
-        connection: Connection,
-        data: DataArea | None,
-        inputs: tuple[tuple[str, PinValue], ...],
-        note: Callable[[InputEdge], None],
-    ) -> None:
-        self.name = name
-        self.block_name = block
-        self.connection = connection
-        self.data = data
+    def __init__(self, decl: InstanceDecl, bound: Binding, note: Callable[[InputEdge], None]) -> None:
+        self.name = decl.name
+        self.block_name = decl.block
+        self.decl = decl
+        self.connection = bound.connection
+        self.data = bound.data
         self.inputs: dict[str, PinValue] = {
-            pin.name: False if pin.is_bool else 0 for pin in parameters.inputs_of(block)
+            pin.name: False if pin.is_bool else 0 for pin in parameters.inputs_of(decl.block)
         }
-        self.inputs.update(inputs)
-        self._env = env
+        self.inputs.update(decl.inputs)
+        self._has_rcvd_len = any(pin.name == "RCVD_LEN" for pin in parameters.PINS[decl.block])
+        self._bound = bound
+        self._env = bound.env
         self._note = note
         self._known: dict[Outcome, Shown] = {}
         self._pulsed: list[str] = []  # TRUE for the next call
@@ -70,9 +64,9 @@ class Instance:
         self.fresh()
 
     def fresh(self) -> None:
-        """Begin anew, as after STOP and RUN; inputs and DATA keep their values."""
-        self._block = TrcvC(self._env, self.connection, self.data, self.name)
-        self._frozen: TrcvCInputs | None = None
+        """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
+        self._block = BLOCKS[self.block_name](self._bound)
+        self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
         self.outputs, self.edge = self._show(NOT_CALLED)
         self.called = False
@@ -130,15 +124,8 @@ class Instance:
             return False
         return self._take(outcome) or first
 
-    def _freeze(self) -> TrcvCInputs:
-        pins = self.inputs
-        return TrcvCInputs(
-            en_r=bool(pins["EN_R"]),
-            cont=bool(pins["CONT"]),
-            len=int(pins["LEN"]),
-            adhoc=bool(pins["ADHOC"]),
-            com_rst=bool(pins["COM_RST"]),
-        )
+    def _freeze(self) -> Inputs:
+        return Inputs(**{pin.lower(): value for pin, value in self.inputs.items()})  # type: ignore[arg-type]
 
     def _go_on_by_itself(self) -> None:
         for pin in self._fading:
@@ -154,7 +141,8 @@ class Instance:
         self.outputs = now
         if now.done:
             self.jobs_done += 1
-            self.last_done = (self._env.scan, now.rcvd_len)
+            size = outcome.cause.have if now.rcvd_len is None else now.rcvd_len
+            self.last_done = (self._env.scan, size or 0)
         if now.error:
             self.errors += 1
             self.last_error = (self._env.scan, now.status)
@@ -165,7 +153,7 @@ class Instance:
 
     def stop(self) -> bool:
         """Show what a stopped PLC shows: STATUS 0000, outputs FALSE; return whether any output differs."""
-        self._block.job.abandon("PLC STOP")
+        self._block.stop("PLC STOP")
         before = self.outputs
         self.outcome = NOT_CALLED
         self.outputs, self.edge = self._show(NOT_CALLED)
@@ -173,13 +161,17 @@ class Instance:
         self.since_scan = self._env.scan
         return self.outputs != before
 
+    def leave(self, reason: str) -> None:
+        """Drop the running job; its lock on the connection stays behind."""
+        self._block.leave(reason)
+
     def _show(self, outcome: Outcome) -> Shown:
         """Return what an outcome looks like, made once for outcomes that come again."""
         if len(self._known) >= KNOWN_OUTCOMES:
             self._known.clear()
         status = self._env.rules.status[outcome.condition]
         lamps = outcome.busy, outcome.done, outcome.error
-        named = self.name, self.block_name, status, *lamps, outcome.rcvd_len
+        named = self.name, self.block_name, status, *lamps, outcome.rcvd_len if self._has_rcvd_len else None
         shown = Shown(Outputs(*named), StatusEdge(*named, str(outcome.condition), outcome.cause))
         self._known[outcome] = shown
         return shown
@@ -200,13 +192,7 @@ class Instance:
             connect=self.connection.config.name,
             data=self.data.name if self.data else None,
             inputs=tuple(self.inputs.items()),
-            outputs=(
-                ("DONE", out.done),
-                ("BUSY", out.busy),
-                ("ERROR", out.error),
-                ("STATUS", out.status),
-                ("RCVD_LEN", out.rcvd_len),
-            ),
+            outputs=self._output_pins(),
             status=out.status,
             condition=str(self.outcome.condition),
             cause=self.outcome.cause,
@@ -218,11 +204,17 @@ class Instance:
             have=job.have,
             need=job.need if job.running else 0,
             adhoc=job.adhoc,
-            last_receive_ns=job.last_receive,
+            last_receive_ns=job.last_bytes,
             jobs_done=self.jobs_done,
             errors=self.errors,
             last_done_scan=done[0],
             last_rcvd_len=done[1],
             last_error_scan=error[0],
             last_error_status=error[1],
+            task=self.decl.task,
         )
+
+    def _output_pins(self) -> tuple[tuple[str, PinValue], ...]:
+        out = self.outputs
+        lamps = (("DONE", out.done), ("BUSY", out.busy), ("ERROR", out.error), ("STATUS", out.status))
+        return lamps if out.rcvd_len is None else (*lamps, ("RCVD_LEN", out.rcvd_len))

@@ -13,8 +13,8 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.cause import Cause
-from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote
+from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote
 
 KEPT_LINES: Final = 20_000
 
@@ -68,10 +68,13 @@ Event = (
     | InputEdge
     | JobStarted
     | JobEnded
+    | SendStarted
+    | SendEnded
     | PeerSent
     | BenchNote
     | ConnectionNote
     | BytesReceived
+    | BytesSent
     | BytesDropped
 )
 

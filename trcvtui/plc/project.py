@@ -6,7 +6,7 @@ Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the bl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -62,7 +62,8 @@ class PeerDecl:
 
     `source` is the local end of an active peer, where the file gives one. The rest is what the peer does by
     itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
-    every `every_ns`; a message is written as behind `peer P1 send`.
+    every `every_ns`; a message is written as behind `peer P1 send`. With `udp` it receives datagrams at `end`
+    and sends to `remote`, None: to whoever was heard last.
     """
 
     name: str
@@ -72,6 +73,8 @@ class PeerDecl:
     reconnect_ns: int = 0
     says: tuple[str, ...] = ()
     every_ns: int = DEFAULT_EVERY_NS
+    udp: bool = False
+    remote: Endpoint | str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,3 +128,21 @@ class Project:
     def peer(self, name: str) -> PeerDecl | None:
         """Return the peer of that name."""
         return next((p for p in self.peers if p.name == name), None)
+
+    def task(self, name: str) -> Task | None:
+        """Return the task of that name."""
+        return next((t for t in self.tasks if t.name == name), None)
+
+    # -- a running PLC changes its program: another Project, the file stays as it is -------------------
+
+    def with_instance(self, decl: InstanceDecl) -> Project:
+        """Return the project with one more instance, last in the call order of its task."""
+        return replace(self, instances=(*self.instances, decl))
+
+    def without_instance(self, name: str) -> Project:
+        """Return the project without an instance."""
+        return replace(self, instances=tuple(i for i in self.instances if i.name != name))
+
+    def with_data(self, decl: DataDecl) -> Project:
+        """Return the project with another type for a global variable."""
+        return replace(self, data=tuple(decl if d.name == decl.name else d for d in self.data))

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
+from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.net.connection import Connection, State
@@ -20,9 +21,13 @@ from trcvtui.net.resources import Resources
 from trcvtui.plc.commands import (
     BlinkInput,
     Command,
+    CreateInstance,
+    DeleteInstance,
+    DownloadInstance,
     PlcRun,
     PlcStop,
     PulseInput,
+    ResizeData,
     SetInput,
     WriteData,
 )
@@ -70,21 +75,27 @@ class Runtime:
             for config in project.connects
         }
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
-        self._roster = Roster(self._call_order(project), self.interval_ns)
+        self._roster = self._new_roster()
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
         self._connection_snapshots = {n: self._connection_snapshot(c) for n, c in self._connections.items()}
         self._data_snapshots = {name: _data_snapshot(data) for name, data in self._data.items()}
 
     def _instance(self, decl: InstanceDecl) -> Instance:
-        data = self._data[decl.data] if decl.data is not None else None
-        connection = self._connections[decl.connect]
-        return Instance(decl.name, decl.block, self._env, connection, data, decl.inputs, self.ledger.write)
+        task = self._project.task(decl.task)
+        bound = Binding(
+            self._env,
+            self._connections[decl.connect],
+            self._data[decl.data] if decl.data is not None else None,
+            decl.name,
+            task.priority if task else 1,
+        )
+        return Instance(decl, bound, self.ledger.write)
 
-    def _call_order(self, project: Project) -> tuple[tuple[Instance, int], ...]:
+    def _new_roster(self) -> Roster:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
-        tasks = {task.name: task for task in project.tasks}
-        order = sorted(project.instances, key=lambda decl: tasks[decl.task].priority)
-        return tuple((self._instances[decl.name], tasks[decl.task].interval_ns) for decl in order)
+        tasks = {task.name: task for task in self._project.tasks}
+        order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
+        return Roster([(i, tasks[i.decl.task].interval_ns) for i in order], self.interval_ns)
 
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:
@@ -117,12 +128,14 @@ class Runtime:
         return tuple(instance.outputs for instance in self._roster.due(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
-        """Return the outputs of an instance as the last scan left them."""
-        return self._instances[instance].outputs
+        """Return the outputs of an instance as the last scan left them; before its first scan it has none."""
+        known = self._instances.get(instance)
+        return known.outputs if known else Outputs(instance, "", 0, False, False, False, 0)
 
     def inputs(self, instance: str) -> Mapping[str, bool | int]:
         """Return a copy of the inputs of an instance."""
-        return dict(self._instances[instance].inputs)
+        known = self._instances.get(instance)
+        return dict(known.inputs) if known else {}
 
     def data(self, name: str) -> bytes:
         """Return a copy of a global variable."""
@@ -130,7 +143,13 @@ class Runtime:
 
     def partial(self, instance: str) -> bytes:
         """Return a copy of what an instance's running job has collected."""
-        return self._instances[instance].partial()
+        known = self._instances.get(instance)
+        return known.partial() if known else b""
+
+    def sent(self, connect: str) -> tuple[int, int | None]:
+        """Return how many bytes a CONNECT's present connection has sent, and how many are unacknowledged."""
+        connection = self._connections[connect]
+        return connection.bytes_sent, connection.unacknowledged()
 
     # -- one scan ------------------------------------------------------------------------------------------
 
@@ -173,6 +192,9 @@ class Runtime:
         for name in self._connections if self._stirred is None else self._stirred_listeners(self._stirred):
             if self._connections[name].service():
                 self._roster.wake((name,))
+        for name in tuple(self._resources.unsettled):
+            if self._connections[name].watch():
+                self._roster.wake((name,))
 
     def _stirred_listeners(self, stirred: Mapping[Handle, str]) -> list[str]:
         connections = self._connections
@@ -195,6 +217,33 @@ class Runtime:
                 self._stop()
             case PlcRun():
                 self._run()
+            case CreateInstance(decl):
+                self._create(decl)
+            case DeleteInstance(name):
+                self._delete(name)
+            case DownloadInstance(name):
+                self._download(name)
+            case ResizeData(data):
+                self._data[data.name].resize(data.type_name, data.size)
+                self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
+
+    def _create(self, decl: InstanceDecl) -> None:
+        instance = self._instances[decl.name] = self._instance(decl)
+        self._instance_snapshots[decl.name] = instance.snapshot()
+        self._roster = self._new_roster()
+        self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
+
+    def _delete(self, name: str) -> None:
+        instance = self._instances.pop(name)
+        del self._instance_snapshots[name]
+        self._roster = self._new_roster()
+        self.ledger.write(BenchNote(name, "deleted"))
+        instance.leave("instance deleted")
+
+    def _download(self, name: str) -> None:
+        self.ledger.write(BenchNote(name, "downloaded", "a new instance of the same name"))
+        self._instances[name].leave("instance downloaded")
+        self._instances[name].fresh()
 
     def _stop(self) -> None:
         if not self.running:
@@ -244,7 +293,7 @@ class Runtime:
 
     def _renew_snapshots(self) -> None:
         """Make the snapshots anew of what may have changed; the others stay the same objects."""
-        stirring = self._roster.take_stirring()
+        stirring = self._roster.take_stirring() | set(self._resources.unsettled)
         for name, instance in self._instances.items():
             if instance.connection.config.name in stirring:
                 self._instance_snapshots[name] = instance.snapshot()
@@ -270,6 +319,10 @@ class Runtime:
             attempts=connection.attempts,
             retry_in_ns=max(0, retry - self._env.now) if retry is not None else None,
             last_loss=loss.kind.name.lower().replace("_", " ") if loss else "",
+            bytes_sent=connection.bytes_sent,
+            unacknowledged=connection.unacknowledged() if connection.bytes_sent else 0,
+            receivers=connection.receiving.owners(),
+            senders=connection.sending.owners(),
         )
 
 

@@ -22,6 +22,10 @@ class ConnectionSnapshot:
     attempts: int
     retry_in_ns: int | None
     last_loss: str
+    bytes_sent: int = 0
+    unacknowledged: int | None = None  # bytes of ours that the partner's stack has not acknowledged
+    receivers: tuple[str, ...] = ()
+    senders: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,7 @@ class InstanceSnapshot:
     last_rcvd_len: int | None
     last_error_status: int | None
     last_error_scan: int | None
+    task: str = ""
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of an input or output by its manual's name, None where it has none."""

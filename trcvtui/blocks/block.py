@@ -1,0 +1,76 @@
+"""What every block is to those who call it: bound once, called once a scan, asked how its job stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.net.connection import Connection
+from trcvtui.net.ownership import Claim
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """What an instance is tied to. `data` None: the pin is open; `priority` is that of its task."""
+
+    env: Environment
+    connection: Connection
+    data: DataArea | None
+    instance: str
+    priority: int = 1
+
+    def claim(self) -> Claim:
+        """Return this instance's claim on one direction of its connection."""
+        return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
+
+
+class Job(Protocol):
+    """How a job stands; sizes in bytes, `last_bytes` the time (ns) at which bytes last moved."""
+
+    running: bool
+    have: int
+    need: int
+    adhoc: bool
+    last_bytes: int | None
+
+    def partial(self) -> bytes:
+        """Return a copy of the bytes collected so far."""
+        ...
+
+
+class NoJob:
+    """The job of a block that moves no bytes."""
+
+    running = False
+    have = need = 0
+    adhoc = False
+    last_bytes: int | None = None
+
+    def partial(self) -> bytes:
+        """Return nothing."""
+        return b""
+
+
+class Block(Protocol):
+    """One block instance's inside."""
+
+    @property
+    def job(self) -> Job:
+        """Return how its job stands."""
+        ...
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call."""
+        ...
+
+    def stop(self, reason: str) -> None:
+        """Drop what runs; the connection is closed by others (PLC STOP)."""
+        ...
+
+    def leave(self, reason: str) -> None:
+        """Be gone: deleted, or made anew by a download. A running job leaves its lock behind."""
+        ...

@@ -1,0 +1,63 @@
+"""What a lost connection shows: which codes, one scan each (design 6, rows 7 to 10, 22, 23)."""
+
+from __future__ import annotations
+
+from trcvtui.blocks.block import Job
+from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.rules import Rules
+from trcvtui.net.connection_loss import ConnectionLoss, LossKind
+
+_FIN_CALL = {LossKind.CLOSED_BY_PARTNER: "recv"}  # it answered 0 bytes: no errno
+
+_LOSS_NAMES = {
+    LossKind.CLOSED_BY_PARTNER: "the partner closed",
+    LossKind.RESET_BY_PARTNER: "the partner reset",
+    LossKind.LINK_DEAD: "the link is dead",
+    LossKind.FAILED: "the connection failed",
+    LossKind.OURS: "closed on our side",
+}
+
+
+def shown(
+    loss: ConnectionLoss, rules: Rules, job: Job, failed: Condition | None, short_frame: bool = False
+) -> list[Outcome]:
+    """Return the outcomes of a loss; nothing without a job, but for a dead link and a failed release.
+
+    `failed` is the condition of a job that the connection's failure ends, None: there is no job.
+    """
+    cause = loss_cause(loss, job)
+    outcomes = []
+    if loss.kind is LossKind.LINK_DEAD:
+        outcomes.append(Outcome(Condition.LINK_DEAD, cause))
+    elif failed is not None and loss.kind is not LossKind.OURS:
+        if _counts_as_failure(loss, rules):
+            outcomes.append(Outcome(failed, cause))
+        else:
+            outcomes += [Outcome(Condition.SHORT_FRAME, cause)] * (short_frame and rules.short_frame_shown)
+            outcomes.append(Outcome(Condition.PARTNER_CLOSED, cause))
+    if loss.release_fault is not None:
+        outcomes[-1:] = [Outcome(Condition.POLL_DEL_FAILED, cause_of(loss.release_fault, loss.peer))]
+    return outcomes
+
+
+def _counts_as_failure(loss: ConnectionLoss, rules: Rules) -> bool:
+    if loss.kind is LossKind.RESET_BY_PARTNER:
+        return not rules.reset_counts_as_close
+    return loss.kind is LossKind.FAILED
+
+
+def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:
+    """Return the evidence of a loss: the call that told of it, and how far the job was."""
+    fault = loss.fault
+    return Cause(
+        Why.OTHER_BLOCK if loss.kind is LossKind.OURS else Why.PARTNER if fault is None else Why.KERNEL,
+        _LOSS_NAMES[loss.kind],
+        call=fault.call if fault else _FIN_CALL.get(loss.kind, ""),
+        error=fault.error if fault else "",
+        injected=fault.injected if fault else False,
+        peer=loss.peer,
+        have=job.have if job.running else None,
+        need=job.need if job.running else None,
+    )

@@ -1,0 +1,155 @@
+"""The send job: what TSEND does between a rising edge of REQ and DONE.
+
+Rule 1: DATA is copied at the edge, at most LEN bytes; no edge is seen until the job has ended (7.15.2).
+Rule 2: a loss is looked for before each send and before DONE: never DONE behind a FIN (design 6, row 9).
+Rule 3: the REQ scan shows "sending" even when the stack took everything (row 6); DONE means that the local
+stack has every byte, not that the partner has.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import SendEnded, SendStarted
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.job_checks import refuse
+from trcvtui.blocks.losses import shown
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.receive_job import OUTCOMES_KEPT
+from trcvtui.net.answers import WOULD_BLOCK
+from trcvtui.net.connection_loss import ConnectionLoss
+
+
+class SendJob:
+    """One instance's send jobs, one after the other."""
+
+    adhoc = False
+
+    def __init__(self, bound: Binding) -> None:
+        self.number = 0
+        self.running = False
+        self.have = 0  # bytes of this job that the stack has taken
+        self.need = 0
+        self.last_bytes: int | None = None
+        self.claim = bound.claim()
+        self._env = bound.env
+        self._data = bound.data
+        self._buffers = bound.env.resources.buffers
+        self._connection = bound.connection
+        self._connect = bound.connection.config.name
+        self._instance = bound.instance
+        self._unsent = memoryview(b"")
+        self._incarnation = 0
+        self._first_offset = 0
+
+    # -- one scan, connected ------------------------------------------------------------------------
+
+    def begin(self, inputs: Inputs) -> Outcome | ConnectionLoss:
+        """Start a job in the scan of the edge and send at once."""
+        loss = self._connection.look_before_sending()
+        if loss is not None:
+            return loss
+        sending = self._connection.sending
+        refused = refuse(self._env, self._data, inputs.len, sending, self.claim, self._connect)
+        if refused is not None:
+            return refused
+        assert self._data is not None
+        self._start(bytes(self._data.content[: inputs.len or self._data.size]))
+        loss = self._push()
+        if loss is not None:
+            return loss
+        if not self.have:
+            # Row 18: nothing of this job is on its way, so it can end; later it would cut the stream.
+            self._end(done=False, reason="the send buffer is full")
+            return _full(self.need)
+        return _sending(self.have, self.need)
+
+    def go_on(self) -> Outcome | ConnectionLoss:
+        """Send what is left; end the job when the stack has it all."""
+        loss = self._connection.look_before_sending()
+        if loss is None and self._unsent:
+            loss = self._push()
+        if loss is not None:
+            return loss
+        if self._unsent:
+            return _sending(self.have, self.need)
+        self._end(done=True, reason="complete")
+        return _sent(self.need)
+
+    def _start(self, payload: bytes) -> None:
+        self.number += 1
+        self.running, self.have, self.need = True, 0, len(payload)
+        self._unsent = memoryview(payload)
+        incarnation = self._incarnation = self._connection.incarnation
+        offset = self._first_offset = self._connection.bytes_sent
+        self._env.write(
+            SendStarted(self._instance, self.number, self._connect, incarnation, offset, self.need)
+        )
+
+    def _push(self) -> ConnectionLoss | None:
+        got = self._connection.send(self._unsent)
+        if isinstance(got, int):
+            self.have += got
+            self._unsent = self._unsent[got:]
+            self.last_bytes = self._env.now
+            return None
+        return None if got is WOULD_BLOCK else got
+
+    def check_loss(self) -> ConnectionLoss | None:
+        """Look for a loss while no job runs."""
+        return self._connection.check_loss()
+
+    def shown(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
+        """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""
+        failed = Condition.SEND_FAILED if self.running or asked else None
+        outcomes = shown(loss, self._env.rules, self, failed)
+        self.abandon("connection lost")
+        return outcomes
+
+    def abandon(self, reason: str) -> None:
+        """End a running job without DONE; what the stack has not taken is dropped, never sent later."""
+        if self.running:
+            self._end(done=False, reason=reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; in the middle of a job the lock stays behind until disconnect or reset (row 15)."""
+        self.claim.is_orphan = self.running
+        self.abandon(reason)
+
+    def partial(self) -> bytes:
+        """Return nothing: a send job collects no bytes."""
+        return b""
+
+    def _end(self, done: bool, reason: str) -> None:
+        self.running = False
+        self._unsent = memoryview(b"")
+        self._buffers.release()
+        if not self.claim.is_orphan:
+            self._connection.sending.give_back(self.claim)
+        incarnation, offset = self._incarnation, self._first_offset
+        self._env.write(
+            SendEnded(
+                self._instance, self.number, self._connect, incarnation, offset, self.have, done, reason
+            )
+        )
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _sending(have: int, need: int) -> Outcome:
+    name = "the stack has taken all, which shows in the next scan" if have == need else "bytes are left"
+    return Outcome(Condition.SENDING, Cause(Why.BYTES, name, have=have, need=need))
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _sent(size: int) -> Outcome:
+    cause = Cause(Why.BYTES, "the local stack has every byte", have=size, need=size)
+    return Outcome(Condition.SENT, cause)
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _full(need: int) -> Outcome:
+    cause = Cause(Why.BYTES, "the stack takes no byte: the partner does not read", have=0, need=need)
+    return Outcome(Condition.SEND_BUFFER_FULL, cause)

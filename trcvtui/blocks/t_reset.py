@@ -1,0 +1,54 @@
+"""T_RESET: reset a connection that stands (manual 7.15.7)."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from trcvtui.blocks import closing
+from trcvtui.blocks.block import Binding, NoJob
+from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.tdiscon import IDLE, lit
+from trcvtui.net.connection import State
+
+
+class TReset:
+    """One T_RESET instance. It builds nothing: TCON or a _C block connects again."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = NoJob()
+        self._connection = bound.connection
+        self._req = False
+        self._script: deque[Outcome] = deque()
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 8000, 7003, 7007 with DONE, then how the connection stands: 7002, 7004."""
+        rose = inputs.req and not self._req
+        self._req = inputs.req
+        if self._script:
+            return self._script.popleft()
+        if not rose or not self._connection.is_up:
+            return self._view()
+        fault = self._connection.queue_job()
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        cause = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
+        return lit(closing.reset(self._connection, cause), self._script)
+
+    def _view(self) -> Outcome:
+        if self._connection.is_up:
+            return _UP
+        return IDLE if self._connection.state is State.CLOSED else _DOWN
+
+    def stop(self, reason: str) -> None:
+        """Forget what was still to be shown."""
+        self._script.clear()
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+
+
+_UP = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "a connection stands"), lasts=True)
+_DOWN = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no connection stands"), lasts=True)

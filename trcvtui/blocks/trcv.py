@@ -1,0 +1,57 @@
+"""TRCV: receive on a connection that another block has built (manual 7.15.9)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.link_view import CONNECTED, NO_LINK, LinkView
+from trcvtui.blocks.not_connected import not_connected
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.receive_job import ReceiveJob
+from trcvtui.blocks.trcv_c import READY
+from trcvtui.net.connection_loss import ConnectionLoss
+
+
+class Trcv:
+    """One TRCV instance."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = ReceiveJob(bound)
+        self._connection = bound.connection
+        self._link = LinkView(bound.connection)
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7004, 7006, 7008; EN_R without a connection is 80A1 in each scan (design 6)."""
+        if not inputs.en_r:
+            self.job.abandon("EN_R fell")
+            self.job.let_go()
+        loss = self._link.lost(self.job.claim)
+        if loss is not None:
+            return self._lost(loss)
+        shown = self._link.next_shown()
+        if shown is not None:
+            return shown
+        if self._link.is_new():
+            return CONNECTED
+        if self._link.is_known():
+            return self._receive(inputs)
+        if not inputs.en_r:
+            return NO_LINK
+        return replace(not_connected("EN_R", "EN_R is 1 without a connection", self._connection), lasts=True)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+        self.job.leave(reason)
+
+    def _receive(self, inputs: Inputs) -> Outcome:
+        got = self.job.call(inputs) if inputs.en_r else self.job.check_loss() or READY
+        return got if isinstance(got, Outcome) else self._lost(got)
+
+    def _lost(self, loss: ConnectionLoss) -> Outcome:
+        return self._link.end(self.job.shown(loss))

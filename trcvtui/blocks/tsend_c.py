@@ -1,0 +1,85 @@
+"""TSEND_C: build a connection and send on it (manual 7.15.2)."""
+
+from __future__ import annotations
+
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.connection_part import ConnectionPart
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.not_connected import not_connected
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.send_job import SendJob
+from trcvtui.net.connection_loss import ConnectionLoss
+
+
+class TsendC:
+    """One TSEND_C instance."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = SendJob(bound)
+        self._connection = bound.connection
+        self._part = ConnectionPart(bound.env, bound.connection)
+        self._inputs: Inputs | None = None
+        self._req = False
+        self._asked = False  # an edge that came without a connection, not yet told
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
+        if inputs is self._inputs and self._part.stands():  # the usual scan, in short
+            return self._send(inputs, req_rose=False)
+        self._inputs = inputs
+        req_rose = inputs.req and not self._req
+        self._req = inputs.req
+        outcome = self._part.call(inputs.cont, inputs.com_rst)
+        if outcome is not None:
+            return self._while_not_sending(inputs, outcome, req_rose)
+        loss = self._connection.lost(self._part.incarnation)
+        return self._send(inputs, req_rose) if loss is None else self._lost(loss, req_rose)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+        self.job.leave(reason)
+
+    # -- 80A1: asked for data, not connected (design 6, row 4) -------------------------------------
+
+    def _while_not_sending(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
+        self.job.abandon(outcome.cause.name)
+        self._asked = (self._asked or req_rose) and inputs.cont
+        if not self._asked or not self._may_complain(outcome):
+            return outcome
+        self._asked = False
+        self._part.hold_back(outcome)
+        return not_connected("REQ", "REQ rose without a connection", self._connection)
+
+    def _may_complain(self, outcome: Outcome) -> bool:
+        """Return whether 80A1 may take this scan: the second 7002 and later, or the first 7004.
+
+        An edge is never lost without a word, so the 7004 waits for it by one scan.
+        """
+        if outcome.condition is Condition.ESTABLISHING:
+            return self._part.waits > 1
+        return outcome.condition is Condition.CONNECTED
+
+    # -- connected ------------------------------------------------------------------------------------
+
+    def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
+        if self.job.running:
+            got = self.job.go_on()
+        elif req_rose:
+            got = self.job.begin(inputs)
+        else:
+            got = self.job.check_loss() or READY
+        return got if isinstance(got, Outcome) else self._lost(got, req_rose)
+
+    def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
+        shown = self.job.shown(loss, asked=req_rose)
+        self._asked = req_rose and not shown  # closed on our side shows no error that would tell the edge
+        return self._part.lost(shown, "the connection is gone")
+
+
+READY = Outcome(Condition.CONNECTED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)

@@ -1,0 +1,58 @@
+"""Who works on one direction of a connection: the lock behind "CONNECT in use" (design 6, row 15).
+
+Rule 1: a claim is one instance's; it is given back, or ends with the connection.
+Rule 2: a claim whose instance is gone is an orphan: it keeps others out, but nobody works under it.
+Rule 3: tasks of one priority see each other's claims. A task of another priority comes in between look and
+take, so each sees its own (manual 7.15.1 and 7.15.2, notes: never share a CONNECT between such tasks).
+"""
+
+from __future__ import annotations
+
+
+class Claim:
+    """One instance's hold; `priority` is its task's, None where every task sees every claim."""
+
+    __slots__ = ("instance", "is_orphan", "priority")
+
+    def __init__(self, instance: str, priority: int | None = None) -> None:
+        self.instance = instance
+        self.priority = priority
+        self.is_orphan = False
+
+
+class Direction:
+    """The claims on one direction of one connection: at most one a priority."""
+
+    def __init__(self) -> None:
+        self._claims: list[Claim] = []
+
+    def take(self, claim: Claim) -> Claim | None:
+        """Take this direction, or return the claim that is in the way."""
+        for held in self._claims:
+            if held is claim:
+                return None
+            if held.priority == claim.priority:
+                return held
+        self._claims.append(claim)
+        return None
+
+    def give_back(self, claim: Claim) -> None:
+        """End a claim; one that is not held is nothing."""
+        if claim in self._claims:
+            self._claims.remove(claim)
+
+    def is_anybodys_but(self, claim: Claim | None) -> bool:
+        """Return whether an instance that is still there works here, other than this one."""
+        return any(held is not claim and not held.is_orphan for held in self._claims)
+
+    def holds(self, claim: Claim | None) -> bool:
+        """Return whether this claim is held."""
+        return claim in self._claims
+
+    def owners(self) -> tuple[str, ...]:
+        """Return the instances that hold it, orphans with their old names."""
+        return tuple(held.instance + " (gone)" * held.is_orphan for held in self._claims)
+
+    def end(self) -> None:
+        """End every claim: the connection is gone."""
+        self._claims.clear()

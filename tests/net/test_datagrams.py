@@ -129,7 +129,7 @@ def network() -> Iterator[OsNetwork]:
 
 
 def told(network: OsNetwork, times: int, number: int = errno.ECONNRESET) -> Handle:
-    return network.kernel._keep(Told(times, number))
+    return network.kernel._keep(Told(times, number), "X")
 
 
 @pytest.mark.parametrize("number", [errno.ECONNRESET, errno.ECONNREFUSED, errno.ENETRESET])

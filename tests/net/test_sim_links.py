@@ -100,7 +100,7 @@ def test_a_cut_shorter_than_three_intervals_is_invisible_and_loses_nothing() -> 
     b.cut()
     b.send(one.client, b"one ")
     b.send(one.client, b"two ")
-    assert b.sim.path(one.client) == PathInfo(unacked=8, unsent=0, last_ack_ms=0)
+    assert b.sim.path(one.client) == PathInfo(unacked=8, unsent=0, last_ack_ms=0, probes_often=True)
     b.time.pass_ms(1500)
     b.send(one.client, b"three")
     b.mend()

@@ -169,6 +169,10 @@ class FaultyKernel:
         """Take the readiness of every handle once."""
         self.inner.poll()
 
+    def set_link(self, owner: str, up: bool) -> str:
+        """Cut the wire of all handles of an owner, or mend it; return what is wrong, or ""."""
+        return self.inner.set_link(owner, up)
+
     def readable(self, handle: Handle) -> bool:
         """Return whether the last poll saw something, or a client still waits behind a planned fault."""
         return self.inner.readable(handle) or handle in self._held

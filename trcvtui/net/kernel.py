@@ -69,7 +69,8 @@ class Loss:
 class PathInfo:
     """What the stack knows of a connection's send side; bytes and milliseconds.
 
-    `probes_often`: a closed window is probed at least every second, so the age of the last ACK means something.
+    `probes_often`: a closed window is probed every second (TCP_RTO_MAX_MS is in force), so that `last_ack_ms`
+    stays small while the link lives, and 3 x I of silence mean that it is dead (status-reproduction 3.2).
     """
 
     unacked: int
@@ -98,6 +99,13 @@ class Kernel(Protocol):
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         """Return the addresses of this machine, loopback among them; () while nobody can say."""
+        ...
+
+    def set_link(self, owner: str, up: bool) -> str:
+        """Cut the wire of all handles of an owner, also of those made later, or mend it.
+
+        Nothing crosses a cut wire and nobody is told, as when a cable is pulled. Return what is wrong, or "".
+        """
         ...
 
     def poll(self) -> None:

@@ -12,6 +12,7 @@ from typing import Final
 from trcvtui.net.ipv4 import pair
 from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, WouldBlock
 from trcvtui.net.os_errors import error_name
+from trcvtui.net.os_link import CutLinks
 
 ICMP_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "ENETRESET"})
 MOST_ICMP: Final = 64  # so many messages are passed over in one call
@@ -27,19 +28,22 @@ class DatagramCalls:
     _sockets: dict[int, socket.socket]
     _polled: set[int]
     _ready: dict[int, int]
+    _links: CutLinks
 
-    def _keep(self, made: socket.socket) -> Handle:
+    def _keep(self, made: socket.socket, owner: str) -> Handle:
         raise NotImplementedError
 
     def datagram_socket(self, owner: str) -> Handle | Fault:
         """Make a non-blocking UDP socket."""
         try:
-            return self._keep(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            return self._keep(socket.socket(socket.AF_INET, socket.SOCK_DGRAM), owner)
         except OSError as problem:
             return Fault("socket", error_name(problem))
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         """Send one datagram; the stack takes all of it or nothing."""
+        if self._links.is_down(handle):
+            return len(data)  # a datagram has no connection whose other end could be made deaf
         error = ""
         for _ in range(MOST_ICMP):
             try:

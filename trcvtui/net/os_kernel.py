@@ -29,6 +29,7 @@ from trcvtui.net.kernel import (
 from trcvtui.net.os_addresses import interface_addresses
 from trcvtui.net.os_datagrams import DatagramCalls
 from trcvtui.net.os_errors import error_name
+from trcvtui.net.os_link import CutLinks
 from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, apply_options, limit_unacknowledged
 from trcvtui.net.os_poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
 from trcvtui.net.os_queues import path_of, read_away, unread_bytes
@@ -47,6 +48,7 @@ class OsKernel(DatagramCalls):
 
     def __init__(self) -> None:
         self._sockets: dict[int, Socket] = {}
+        self._links = CutLinks(self._sockets)
         self._polls: PollSet | None = None
         self._polled: set[int] = set()
         self._ready: dict[int, int] = {}
@@ -121,19 +123,24 @@ class OsKernel(DatagramCalls):
             raise OSError(errno.ENOENT, "no poll set")
         self._polls.unregister(sock.fileno())
 
+    def set_link(self, owner: str, up: bool) -> str:
+        """Let all traffic of an owner's handles go silent, or return; return what is wrong, or ""."""
+        return self._links.set_link(owner, up)
+
     # -- set-up --------------------------------------------------------------------------------------
 
     def socket(self, owner: str) -> Handle | Fault:
         """Make a non-blocking TCP socket."""
         try:
-            return self._keep(Socket(socket.AF_INET, socket.SOCK_STREAM))
+            return self._keep(Socket(socket.AF_INET, socket.SOCK_STREAM), owner)
         except OSError as problem:
             return Fault("socket", error_name(problem))
 
-    def _keep(self, made: Socket) -> Handle:
+    def _keep(self, made: Socket, owner: str) -> Handle:
         made.setblocking(False)
         handle = Handle(made.fileno())
         self._sockets[handle] = made
+        self._links.made(handle, owner)
         return handle
 
     def set_reuse(self, handle: Handle) -> Fault | None:
@@ -178,7 +185,7 @@ class OsKernel(DatagramCalls):
             return WOULD_BLOCK
         except (OSError, ValueError, KeyError) as problem:
             return Fault("accept", error_name(problem))
-        return Accepted(self._keep(made), Endpoint(address, port))
+        return Accepted(self._keep(made, self._links.owner(handle)), Endpoint(address, port))
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending, also where the stack has decided already."""
@@ -311,6 +318,7 @@ class OsKernel(DatagramCalls):
                 self._polls.unregister(handle)
         self._held.pop(handle, None)
         self._told.discard(handle)
+        self._links.freed(handle)
         fault = self._do(call, handle, Socket.close)
         self._sockets.pop(handle, None)
         return fault

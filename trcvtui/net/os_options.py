@@ -40,6 +40,8 @@ def apply_options(sock: socket.socket, options: SocketOptions) -> tuple[str, ...
         if (name in ("TCP_KEEPIDLE", "TCP_KEEPINTVL") and not low <= value <= high)
         or not _accepts(sock, level, option, value)
     ]
+    # Nobody asked for this one: where it is unknown, `probes_often` says so.
+    _accepts(sock, TCP, TCP_RTO_MAX_MS, RTO_MAX_MS)
     if not limit_unacknowledged(sock, options.user_timeout_ms) and options.user_timeout_ms:
         refused.append("TCP_USER_TIMEOUT")
     return tuple(refused)
@@ -51,6 +53,14 @@ def limit_unacknowledged(sock: socket.socket, milliseconds: int) -> bool:
     return _accepts(sock, TCP, option, -(-milliseconds // unit))
 
 
+def probes_often(sock: socket.socket) -> bool:
+    """Return whether retransmissions and window probes are at most a second apart."""
+    try:
+        return TCP_RTO_MAX_MS is not None and sock.getsockopt(TCP, TCP_RTO_MAX_MS) <= RTO_MAX_MS
+    except (OSError, ValueError):
+        return False
+
+
 def _wanted(options: SocketOptions) -> Iterator[tuple[str, int, int | None, int]]:
     """Yield (name, level, option or None where unknown, value) in the order of setting."""
     yield "TCP_NODELAY", TCP, socket.TCP_NODELAY, int(options.nodelay)
@@ -58,7 +68,6 @@ def _wanted(options: SocketOptions) -> Iterator[tuple[str, int, int | None, int]
     yield "TCP_KEEPINTVL", TCP, TCP_KEEPINTVL, options.keep_alive_s
     yield "TCP_KEEPCNT", TCP, TCP_KEEPCNT, KEEP_ALIVE_PROBES
     yield "SO_KEEPALIVE", BASE, socket.SO_KEEPALIVE, 1
-    yield "TCP_RTO_MAX_MS", TCP, TCP_RTO_MAX_MS, RTO_MAX_MS
     if options.small_buffers:
         yield "SO_SNDBUF", BASE, socket.SO_SNDBUF, SMALL_SEND_BUFFER
         yield "SO_RCVBUF", BASE, socket.SO_RCVBUF, SMALL_RECEIVE_BUFFER

@@ -8,7 +8,7 @@ import sys
 from typing import Final
 
 from trcvtui.net.kernel import PathInfo
-from trcvtui.net.os_options import TCP
+from trcvtui.net.os_options import TCP, probes_often
 
 try:
     import fcntl
@@ -56,11 +56,12 @@ def path_of(sock: socket.socket | None) -> PathInfo | None:
     try:
         info = sock.getsockopt(TCP, socket.TCP_INFO, TCP_INFO_BYTES).ljust(TCP_INFO_BYTES, b"\0")
         queued = _ask(sock, termios.TIOCOUTQ)
+        often = probes_often(sock)
     except (OSError, ValueError):
         return None
     (last_ack_ms,) = struct.unpack_from("=I", info, LAST_ACK_AT)
     (unsent,) = struct.unpack_from("=I", info, UNSENT_AT)
-    return PathInfo(max(0, queued - unsent), unsent, last_ack_ms)
+    return PathInfo(max(0, queued - unsent), unsent, last_ack_ms, often)
 
 
 def _ask(sock: socket.socket, request: int) -> int:

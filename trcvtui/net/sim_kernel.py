@@ -66,9 +66,10 @@ class SimKernel:
             raise ValueError(f"time runs forwards: {now_ns} is before {self._wire.now}")
         self._wire.agenda.run_until(now_ns)
 
-    def set_link(self, owner: str, up: bool) -> None:
-        """Cut the wire of all handles of an owner without a word to anybody, or mend it."""
+    def set_link(self, owner: str, up: bool) -> str:
+        """Cut the wire of all handles of an owner without a word to anybody, or mend it; "" = done."""
         self._wire.set_link(owner, up)
+        return ""
 
     def leaks(self) -> tuple[str, ...]:
         """Return a line for every handle that is still open."""

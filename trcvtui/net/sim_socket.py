@@ -11,14 +11,13 @@ from typing import Final
 from trcvtui.net.ipv4 import is_group, is_loopback, octets
 from trcvtui.net.kernel import Endpoint, SocketOptions
 from trcvtui.net.sim_ports import ANY, Claim
-from trcvtui.net.sim_stream import Phase, Stream, Tuning, nobody_looks
+from trcvtui.net.sim_stream import RTO_MAX, Phase, Stream, Tuning, nobody_looks
 from trcvtui.net.sim_timers import MS, SECOND
 from trcvtui.net.sim_wire import Listener, SimWire
 
 LOOPBACK: Final = "127.0.0.1"
 KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
 KEEP_ALIVE_DEFAULT: Final = 7200 * SECOND
-RTO_MAX: Final = 1 * SECOND  # TCP_RTO_MAX_MS is accepted here
 SMALL_SEND_BUFFER: Final = 2 * 4608  # Linux doubles what it is asked for
 SMALL_RECEIVE_BUFFER: Final = 2 * 2304
 # What a second connect on the same socket answers (3.3).

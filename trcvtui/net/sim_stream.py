@@ -19,6 +19,7 @@ from trcvtui.net.sim_timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAliv
 SEND_BUFFER: Final = 2_621_440  # with the receive buffer the 4.19 MB that Linux swallowed before EAGAIN
 RECEIVE_BUFFER: Final = 1_572_864
 ORPHAN_LIFE: Final = 120 * SECOND
+RTO_MAX: Final = 1 * SECOND  # TCP_RTO_MAX_MS is accepted here
 
 
 class Phase(Enum):
@@ -107,7 +108,8 @@ class Stream:
 
     def path(self) -> PathInfo:
         """Return the send side's state."""
-        return PathInfo(self._out.unacked, self._out.unsent, (self._wire.now - self.heard) // MS)
+        often = self.tuning.longest_wait <= RTO_MAX
+        return PathInfo(self._out.unacked, self._out.unsent, (self._wire.now - self.heard) // MS, often)
 
     # -- what a program does -------------------------------------------------------------------------
 

@@ -133,6 +133,8 @@ def kind_of(pin: Pin) -> Kind[Any]:
 def read_peer(table: Table) -> PeerDecl | None:
     """Return one peer; without `active` it is active when it has a `remote`."""
     name = table.must("name", NAME)
+    if table.get("udp", TRUTH, False):
+        return _read_udp_peer(table, name)
     active = table.get("active", TRUTH, table.has("remote"))
     end: Endpoint | str | None
     source = None
@@ -151,6 +153,21 @@ def read_peer(table: Table) -> PeerDecl | None:
     if name is None or end is None:
         return None
     return PeerDecl(name, active, end, source, reconnect, says, every)
+
+
+def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
+    end = table.get("local", ENDPOINT, FREE_PORT)
+    remote = table.read("remote", END_OR_NAME)
+    says = table.get("says", MESSAGES, ())
+    every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
+    for key in ("active", "reconnect"):
+        if table.has(key):
+            table.know(key)
+            table.wrong(key, "a word of connections", "local and remote alone: UDP has no connection")
+    table.finish()
+    if name is None:
+        return None
+    return PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote)
 
 
 def read_sim(table: Table) -> SimDecl:

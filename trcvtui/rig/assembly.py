@@ -16,8 +16,9 @@ from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
-from trcvtui.rig.peer import Peer
+from trcvtui.rig.bench_instances import after
 from trcvtui.rig.routine import SelfActing, read_routines
+from trcvtui.rig.udp_peer import AnyPeer, new_peer
 
 KERNELS: Final = ("sim", "live")
 
@@ -40,7 +41,7 @@ class Bench:
         )
         self.plan.fired = self._fault_fired
         self.peers = {
-            decl.name: Peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write)
+            decl.name: new_peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write)
             for decl in project.peers
         }
         self._self_acting = [
@@ -50,7 +51,7 @@ class Bench:
             if not peer.decl.active:
                 self._must_listen(peer)
 
-    def _must_listen(self, peer: Peer) -> None:
+    def _must_listen(self, peer: AnyPeer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""
         wrong = peer.listen()
         if wrong:
@@ -103,6 +104,10 @@ class Bench:
             words.Set: self._set,
             words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
             words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
+            words.Create: lambda c: self._change(c, commands.CreateInstance(c.decl)),
+            words.Delete: lambda c: self._change(c, commands.DeleteInstance(c.instance)),
+            words.Download: lambda c: self._change(c, commands.DownloadInstance(c.instance)),
+            words.Resize: lambda c: self._change(c, commands.ResizeData(c.data)),
             words.PlcStop: lambda c: self._submit(commands.PlcStop()),
             words.PlcRun: lambda c: self._submit(commands.PlcRun()),
             words.PeerConnect: lambda c: self.peers[c.peer].connect(self.now),
@@ -121,6 +126,10 @@ class Bench:
     def _submit(self, command: commands.Command) -> str:
         self.runtime.submit(command)
         return ""
+
+    def _change(self, command: words.BenchCommand, change: commands.Command) -> str:
+        self.project = after(command, self.project)
+        return self._submit(change)
 
     def _set(self, command: words.Set) -> str:
         for pin, value in command.pins:

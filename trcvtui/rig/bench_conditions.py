@@ -25,6 +25,8 @@ from trcvtui.rig.bench_words import (
 from trcvtui.rig.inbox import KEPT_BYTES
 from trcvtui.rig.trace_pattern import parse_pattern
 
+UDP_STATES: Final = ("listening", "closed")
+OF_UDP: Final = "listening, closed or received"
 SUBJECT: Final = "an instance, a DATA variable or peer NAME"
 
 
@@ -93,6 +95,8 @@ def _read_peer_condition(words: Words, project: Project) -> Condition:
     words.finish()
     if state not in PEER_STATES:
         raise words.wrong(shown(state), expected_name(state, (*PEER_STATES, "received"), "state"))
+    if peer.udp and state not in UDP_STATES:
+        raise words.wrong(f"'{state}' of the UDP peer '{peer.name}', which has no connection", OF_UDP)
     return PeerIs(peer.name, state)
 
 

@@ -36,6 +36,8 @@ SIMPLE: Final[dict[str, Callable[[str], BenchCommand]]] = {
     "resume": PeerResume,
 }
 VERBS: Final = (*SIMPLE, "send")
+OF_CONNECTIONS: Final = ("connect", "rst", "shutdown")
+OF_UDP: Final = "one of " + ", ".join(verb for verb in VERBS if verb not in OF_CONNECTIONS)
 SIZE: Final = whole(1, MOST_BYTES)
 TIMES: Final = whole(1, 1_000_000)
 OPTIONS: Final = ("split", "gap", "repeat", "every")
@@ -51,6 +53,8 @@ def read_peer_command(words: Words, project: Project) -> BenchCommand:
     if verb not in SIMPLE:
         raise words.wrong(shown(verb), expected_name(verb, VERBS, "peer command"))
     words.finish()
+    if peer.udp and verb in OF_CONNECTIONS:
+        raise words.wrong(f"{verb} of the UDP peer '{peer.name}', which has no connection", OF_UDP)
     if verb == "connect" and not peer.active:
         raise words.wrong(
             f"connect of the passive peer '{peer.name}'", "listen, or a peer with active = true"

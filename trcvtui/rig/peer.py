@@ -63,6 +63,11 @@ class Peer:
             return "listening"
         return self._ended[0] if self._ended else "closed"
 
+    @property
+    def can_send(self) -> bool:
+        """Return whether a message could go now."""
+        return self._handle is not None
+
     def is_in(self, state: str) -> bool:
         """Return whether a state word of the bench commands is true.
 

@@ -8,7 +8,7 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.plc.project import PeerDecl, Project
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_words import PeerSend
-from trcvtui.rig.peer import Peer
+from trcvtui.rig.udp_peer import AnyPeer
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def _read_says(decl: PeerDecl, project: Project, problems: list[Problem]) -> tup
 class SelfActing:
     """A peer and its routine; `step` comes before the peer's own."""
 
-    def __init__(self, peer: Peer, routine: Routine) -> None:
+    def __init__(self, peer: AnyPeer, routine: Routine) -> None:
         self._peer = peer
         self._routine = routine
         self._turn = 0
@@ -59,7 +59,7 @@ class SelfActing:
 
     def step(self, now: int) -> None:
         """Connect again or say the next message, when it is due."""
-        if self._peer.state == "connected":
+        if self._peer.can_send:
             self._next_attempt = now + self._routine.reconnect_ns
             self._say(now)
         elif self._routine.reconnect_ns and self._peer.state != "connecting":

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import PINS, Direction, Pin
+from trcvtui.blocks.parameters import MOVES_BYTES, PINS, Direction, Pin
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
@@ -104,6 +104,8 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     connect = table.must("connect", TEXT)
     data = table.read("data", TEXT)
     task = table.get("task", TEXT, first_task)
+    if data is not None and block in blocks and block not in MOVES_BYTES:
+        table.wrong("data", shown(data), f"nothing: {block} has no DATA")
     if block is not None and block not in blocks:
         table.wrong("block", shown(block), expected_name(block, blocks, "block"))
     # Without its block nobody knows which pins it has: the other names are checked all the same.

@@ -16,6 +16,7 @@ from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
+from trcvtui.rig.bench_instances import after
 from trcvtui.rig.routine import SelfActing, read_routines
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
 
@@ -103,6 +104,10 @@ class Bench:
             words.Set: self._set,
             words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
             words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
+            words.Create: lambda c: self._change(c, commands.CreateInstance(c.decl)),
+            words.Delete: lambda c: self._change(c, commands.DeleteInstance(c.instance)),
+            words.Download: lambda c: self._change(c, commands.DownloadInstance(c.instance)),
+            words.Resize: lambda c: self._change(c, commands.ResizeData(c.decl)),
             words.PlcStop: lambda c: self._submit(commands.PlcStop()),
             words.PlcRun: lambda c: self._submit(commands.PlcRun()),
             words.PeerConnect: lambda c: self.peers[c.peer].connect(self.now),
@@ -121,6 +126,10 @@ class Bench:
     def _submit(self, command: commands.Command) -> str:
         self.runtime.submit(command)
         return ""
+
+    def _change(self, command: words.BenchCommand, change: commands.Command) -> str:
+        self.project = after(command, self.project)
+        return self._submit(change)
 
     def _set(self, command: words.Set) -> str:
         for pin, value in command.pins:

@@ -15,6 +15,7 @@ from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.tables import shown, whole
 from trcvtui.rig.bench_conditions import read_expect, read_instance, read_wait
 from trcvtui.rig.bench_data import read_write
+from trcvtui.rig.bench_instances import after, read_create, read_delete, read_download, read_resize
 from trcvtui.rig.bench_peer import read_peer_command
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_values import duration, pin_value, value_of
@@ -36,7 +37,6 @@ from trcvtui.rig.bench_words import (
 
 SCANS: Final = whole(1, 1_000_000_000)
 COUNT: Final = whole(1, 1_000_000_000)
-NOT_YET: Final = ("resize", "delete", "create", "download")
 LONGEST_LINE: Final = 1_000_000
 LONGEST_SHOWN: Final = 60
 
@@ -52,8 +52,6 @@ def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
     if not words:
         return None
     verb = words.next("a command")
-    if verb in NOT_YET:
-        raise words.wrong(f"'{verb}', which is not available yet", f"one of {', '.join(VERBS)}")
     if verb not in VERBS:
         raise words.wrong(shown(verb), expected_name(verb, VERBS, "command"))
     command = VERBS[verb](words, project)
@@ -77,6 +75,7 @@ def parse_script(text: str, project: Project, where: str) -> list[Step]:
             continue
         if command is not None:
             steps.append(Step(number, line, command))
+            project = after(command, project)
     if problems:
         raise UserError(problems)
     return steps
@@ -198,6 +197,10 @@ VERBS: Final[dict[str, Callable[[Words, Project], BenchCommand]]] = {
     "set": _set,
     "pulse": _pulse,
     "write": read_write,
+    "resize": read_resize,
+    "create": read_create,
+    "delete": read_delete,
+    "download": read_download,
     "plc": _plc,
     "peer": read_peer_command,
     "link": _link,

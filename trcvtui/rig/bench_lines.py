@@ -42,6 +42,14 @@ def _bytes_of(data: str, offset: int, payload: bytes) -> str:
     return f"{data}{f'+{offset}' if offset else ''} hex {payload.hex(' ')}"
 
 
+def _create(c: words.Create) -> str:
+    decl = c.decl
+    parts = [f"create {decl.block} {decl.name} connect={decl.connect}"]
+    parts += [f"data={decl.data}"] if decl.data is not None else []
+    parts += [f"task={decl.task}"] if decl.task else []
+    return " ".join(parts + [_pins(decl.inputs)] * bool(decl.inputs))
+
+
 def _send(c: words.PeerSend) -> str:
     parts = [f"peer {c.peer} send {c.text or 'hex ' + c.payload.hex(' ')}"]
     if c.split:
@@ -110,6 +118,10 @@ LINES: Final[dict[type, Callable[[Any], str]]] = {
     words.Set: _set,
     words.Pulse: lambda c: f"pulse {c.instance} {c.pin}",
     words.Write: _write,
+    words.Create: _create,
+    words.Delete: lambda c: f"delete {c.instance}",
+    words.Download: lambda c: f"download {c.instance}",
+    words.Resize: lambda c: f"resize {c.data} {c.type_name}",
     words.PlcStop: lambda c: "plc stop",
     words.PlcRun: lambda c: "plc run",
     words.PeerConnect: lambda c: f"peer {c.peer} connect",

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from trcvtui.plc.project import DataDecl, InstanceDecl
 from trcvtui.rig.trace_pattern import TracePattern
 from trcvtui.udt.coding import Value
 
@@ -42,6 +43,36 @@ class Write:
     offset: int
     payload: bytes
     text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Create:
+    """`create TRCV_C TRCV_C_2 connect=C1 data=rx EN_R=1`: a new instance."""
+
+    decl: InstanceDecl
+
+
+@dataclass(frozen=True, slots=True)
+class Delete:
+    """`delete TRCV_C_1`: the instance is gone; its connection and the lock of a running job stay."""
+
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class Download:
+    """`download TRCV_C_1`: incremental download of a changed initial value, which makes the instance anew."""
+
+    instance: str
+
+
+@dataclass(frozen=True, slots=True)
+class Resize:
+    """`resize rx ARRAY[0..9] OF BYTE`: another type for a DATA variable, while the program runs."""
+
+    data: str
+    type_name: str
+    decl: DataDecl = field(compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,6 +266,10 @@ BenchCommand = (
     Set
     | Pulse
     | Write
+    | Create
+    | Delete
+    | Download
+    | Resize
     | PlcStop
     | PlcRun
     | PeerConnect

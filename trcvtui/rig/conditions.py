@@ -45,9 +45,10 @@ def _pin(bench: Bench, instance: str, pin: str) -> bool | int:
         "BUSY": out.busy,
         "DONE": out.done,
         "ERROR": out.error,
-        "RCVD_LEN": out.rcvd_len,
+        "RCVD_LEN": out.rcvd_len or 0,
     }
-    return outputs[pin] if pin in outputs else bench.runtime.inputs(instance)[pin]
+    # An instance that no scan has created yet has pins, and they are 0.
+    return outputs[pin] if pin in outputs else bench.runtime.inputs(instance).get(pin, 0)
 
 
 def _pin_text(pin: str, value: bool | int) -> str:
@@ -67,4 +68,5 @@ def _member(bench: Bench, data: str, path: str) -> Value | None:
     decl = bench.project.data_decl(data)
     assert decl is not None
     number = decl.layout.number_of(path)
+    # A resize takes effect in the next scan: until then there may be fewer bytes than members.
     return decode_leaves(decl.layout, bench.runtime.data(data), number, number + 1)[0]

@@ -12,6 +12,7 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.project_file import load_project, load_scenario_document
 from trcvtui.plc.tables import TEXT, Table
 from trcvtui.rig.bench import parse_script
+from trcvtui.rig.bench_instances import after
 from trcvtui.rig.bench_words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, Wait
 from trcvtui.rig.routine import read_routines
 
@@ -44,6 +45,8 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     _collected(problems, lambda: read_routines(project))
     # A file named in a step stands beside the scenario, also where the project stands elsewhere.
     here = replace(project, base=path.parent)
+    for step in start:
+        here = after(step.command, here)
     steps = _collected(problems, lambda: parse_script(text or "", here, str(path))) or ()
     if problems:
         raise UserError(problems)

@@ -1,0 +1,135 @@
+"""`create`, `delete`, `download`, `resize`: what an engineer changes in a running program (7.15.1, notes).
+
+Later lines are read against the project as these commands leave it: `after` says how that is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from trcvtui.blocks.parameters import MOVES_BYTES, PINS, Direction
+from trcvtui.errors import UserError
+from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier
+from trcvtui.plc.project import DataDecl, InstanceDecl, Project
+from trcvtui.plc.project_names import WORDS
+from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
+from trcvtui.plc.tables import shown
+from trcvtui.rig.bench_conditions import read_instance
+from trcvtui.rig.bench_tokens import Words
+from trcvtui.rig.bench_values import pin_value
+from trcvtui.rig.bench_words import BenchCommand, Create, Delete, Download, Resize
+from trcvtui.udt.iec_type import parse_type
+from trcvtui.udt.layout import lay_out
+
+
+def read_create(words: Words, project: Project) -> Create:
+    """Return `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`; raise UserError."""
+    blocks = [block for block in project.dialect.blocks if block in PINS]
+    block = words.next("a block such as TRCV_C")
+    if block not in blocks:
+        raise words.wrong(shown(block), expected_name(block, blocks, "block"))
+    name = _new_name(words, project)
+    given = _read_pairs(words)
+    connect = _reference(given, "connect", [c.name for c in project.connects], "CONNECT", words)
+    if connect is None:
+        raise words.wrong("no connect=", "connect= and the name of a CONNECT")
+    data = None
+    if block in MOVES_BYTES:
+        data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
+    task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
+    inputs = _inputs(given, block, words)
+    return Create(InstanceDecl(name, block, connect, data, task or project.tasks[0].name, inputs))
+
+
+def _new_name(words: Words, project: Project) -> str:
+    name = words.next("a name for the new instance")
+    if not is_identifier(name) or name in WORDS:
+        raise words.wrong(shown(name), IDENTIFIER_TEXT)
+    if project.instance(name) is not None or project.data_decl(name) is not None:
+        raise words.wrong(f"{shown(name)}, which is there already", "a name of its own")
+    return name
+
+
+def _read_pairs(words: Words) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for word in words.rest():
+        key, equals, text = word.partition("=")
+        if not equals or key in pairs:
+            raise words.wrong(shown(word), "KEY=VALUE once each, such as connect=C1 data=rx CONT=1")
+        pairs[key] = text
+    return pairs
+
+
+def _reference(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str | None:
+    name = given.pop(key, None)
+    if name is not None and name not in names:
+        raise words.wrong(f"{key}={name}", expected_name(name, names, what))
+    return name
+
+
+def _inputs(given: dict[str, str], block: str, words: Words) -> tuple[tuple[str, bool | int], ...]:
+    pins = {pin.name: pin for pin in PINS[block] if pin.direction is not Direction.OUT}
+    for key in given:
+        if key not in pins:
+            raise words.wrong(
+                shown(key), expected_name(key, ("connect", "data", "task", *pins), "key or input")
+            )
+    return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
+
+
+def read_delete(words: Words, project: Project) -> Delete:
+    """Return `delete TRCV_C_1`; raise UserError."""
+    return Delete(read_instance(words, project).name)
+
+
+def read_download(words: Words, project: Project) -> Download:
+    """Return `download TRCV_C_1`; raise UserError."""
+    return Download(read_instance(words, project).name)
+
+
+def read_resize(words: Words, project: Project) -> Resize:
+    """Return `resize rx ARRAY[0..9] OF BYTE`; raise UserError."""
+    name = words.next("the name of a DATA variable")
+    if project.data_decl(name) is None:
+        raise words.wrong(shown(name), expected_name(name, [d.name for d in project.data], "DATA"))
+    type_name = words.rest_text("an IEC type or a UDT")
+    return Resize(name, type_name, declare(name, type_name, project, words.where))
+
+
+def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl:
+    """Return a global variable of this type, laid out as the project says; raise UserError."""
+    type_ = parse_type(type_name, project.types, where)
+    layout = lay_out(type_, project.layout, name)
+    return DataDecl(name, type_name, type_, layout, layout.size)
+
+
+def after(command: BenchCommand, project: Project) -> Project:
+    """Return the project as a command leaves it."""
+    match command:
+        case Create(decl):
+            return project.with_instance(decl)
+        case Delete(name):
+            return project.without_instance(name)
+        case Resize(_, _, decl):
+            return project.with_data(decl)
+        case _:
+            return project
+
+
+def follow(snapshot: Snapshot, project: Project) -> Project:
+    """Return the project as a running PLC has it now: a reader of pictures knows no commands."""
+    decls = tuple(project.instance(i.name) or _decl_of(i) for i in snapshot.instances)
+    if decls != project.instances:
+        project = replace(project, instances=decls)
+    for data in snapshot.data:
+        known = project.data_decl(data.name)
+        if known is not None and known.type_name != data.type_name:
+            try:
+                project = project.with_data(declare(data.name, data.type_name, project, data.name))
+            except UserError:  # a type that the engine knows and this side does not: keep the old view
+                continue
+    return project
+
+
+def _decl_of(instance: InstanceSnapshot) -> InstanceDecl:
+    return InstanceDecl(instance.name, instance.block, instance.connect, instance.data, instance.task, ())

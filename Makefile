@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 ARGS   ?=
 READY  := $(VENV)/.ready
 
-.PHONY: run test lint types contracts unit bench scenarios pictures clean
+.PHONY: run test lint types contracts unit bench scenarios pictures atlas clean
 
 run: $(READY)
 	@$(BIN)/trcvtui $(ARGS)
@@ -39,6 +39,9 @@ $(READY): pyproject.toml
 
 pictures: $(READY)
 	$(BIN)/python docs/make_pictures.py
+
+atlas: $(READY)
+	$(BIN)/python docs/make_status.py
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

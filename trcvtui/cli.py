@@ -142,7 +142,8 @@ def _scenario(args: argparse.Namespace) -> int:
     if args.format not in FORMATS:
         raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(FORMATS))
     out = None if args.out is None else _path(args.out)
-    return run_files([_path(file) for file in args.files], args.kernel, args.format, out, args.set)
+    files = [_path(file) for file in args.files]
+    return run_files(files, args.kernel, args.format, out, args.set, args.netns)
 
 
 def _format_names() -> str:
@@ -282,6 +283,7 @@ def _add_scenario(parser: _Parser) -> None:
     parser.add_argument("files", metavar="FILE.toml", nargs="+")
     parser.add_argument("--kernel", choices=KERNELS, default="sim", help="default: sim")
     parser.add_argument("--format", metavar="NAME", default="text", help="default: text")
+    parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
     parser.add_argument("--out", metavar="FILE", help="write here instead of stdout")
     parser.add_argument(
         "--set", metavar="PATH=VALUE", action="append", default=[], help="such as options.retry=T#100ms"

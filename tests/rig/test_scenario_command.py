@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.cli import main
+from trcvtui.cli import KERNELS, main
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")
 PULSE = "set TRCV_C_1 CONT=1 EN_R=1\nrun 4\nexpect TRCV_C_1 trace 0001 7001 7002 80A1!"
@@ -210,11 +210,16 @@ def test_json_lines_are_ascii_whatever_a_partner_sent(
     assert (failure["found"], failure["line"]) == ("a\x9b\x7f\x1b", "expect rx 'AÄ'")
 
 
-def test_a_cut_wire_is_for_the_simulation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = scenario(tmp_path, "link C1 down\nrun 1")
-    assert main(["scenario", file, "--format", "jsonl"]) == 0
-    assert main(["scenario", file, "--kernel", "live", "--format", "jsonl"]) == 1
-    assert "--kernel sim" in jsonl(capsys)[-1]["failures"][0]["found"]
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_what_is_sent_into_a_cut_wire_comes_when_it_is_mended(
+    kernel: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = (
+        "set TRCV_C_1 CONT=1 EN_R=1 LEN=2\nwait TRCV_C_1 STATUS=7002\npeer P1 connect\n"
+        "wait TRCV_C_1 STATUS=7006\nlink C1 down\npeer P1 send hex 01 02\nrun 10\n"
+        "expect TRCV_C_1 STATUS=7006\nlink C1 up\nwait TRCV_C_1 STATUS=7008 within T#2s\nexpect rx hex 01 02"
+    )
+    assert main(["scenario", scenario(tmp_path, steps), "--kernel", kernel]) == 0, capsys.readouterr().out
 
 
 def test_several_files_follow_each_other_and_the_worst_exit_code_wins(

@@ -19,6 +19,7 @@ from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
 from trcvtui.rig.routine import SelfActing, read_routines
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
+from trcvtui.rig.wire import set_link
 
 KERNELS: Final = ("sim", "live")
 
@@ -140,11 +141,10 @@ class Bench:
         return ""
 
     def _link(self, command: words.Link) -> str:
-        if self._sim is None:
-            return "the wire of a live kernel cannot be cut from here: run with --kernel sim"
-        self._sim.set_link(command.connect, command.up)
-        self._note(command.connect, "link up" if command.up else "link down")
-        return ""
+        wrong, how = set_link(self._kernel, command.connect, command.up)
+        if not wrong:
+            self._note(command.connect, "link up" if command.up else "link down", how)
+        return wrong
 
     def _fault(self, command: words.FaultOn) -> str:
         times = None if command.times == words.FOREVER else command.times

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from trcvtui.errors import UserError, mistake
+from trcvtui.rig import wire
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.live_pace import LivePace
 from trcvtui.rig.report import FORMATS, Document
@@ -17,9 +18,19 @@ HELD, FAILED, WRONG_FILE = 0, 1, 2
 
 
 def run_files(
-    paths: Sequence[Path], kernel: str, form: str, out: Path | None, overrides: Sequence[str]
+    paths: Sequence[Path],
+    kernel: str,
+    form: str,
+    out: Path | None,
+    overrides: Sequence[str],
+    netns: bool = False,
 ) -> int:
-    """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins)."""
+    """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
+
+    With `netns` each file runs in a fresh network of this process's own.
+    """
+    if netns:
+        wire.enter_own_network(kernel)
     if out is None:
         return _run_all(paths, kernel, form, sys.stdout.write, overrides)
     try:
@@ -47,6 +58,8 @@ def _run_all(
 
 
 def _run_one(path: Path, scenario: Scenario, kernel: str, document: Document) -> bool:
+    if wire.is_own_network():
+        wire.enter_own_network(kernel, scenario.project.sim)
     bench = Bench(scenario.project, kernel)
     report = document.begin(path, scenario, bench.runtime.interval_ns)
     pace: Pace = LivePace() if kernel == "live" else VirtualPace()

@@ -1,32 +1,57 @@
-"""What the screen may say and see: one line in, one answer out; one request in, one picture out."""
+"""What the screen may say and see: one line in, one answer out; one request in, one picture out.
+
+Rule: a scenario gets a fresh bench in place of the present one; when it is left, the project that was opened
+gets a fresh one too. There is always exactly one bench.
+"""
 
 from __future__ import annotations
 
 from collections import deque
+from pathlib import Path
 from typing import Final
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
+from trcvtui.plc.project import Project
 from trcvtui.rig import bench_words as words
-from trcvtui.rig.assembly import Bench
+from trcvtui.rig.assembly import KERNELS, Bench
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.conditions import found, holds
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
+from trcvtui.rig.player import Player, refuse_too_many_steps
+from trcvtui.rig.scenario import load_scenario, start_steps
 
 MOST_ANSWERS: Final = 64
 MOST_DATA: Final = (
     65_536  # of one variable in a picture: as much as a job can write; more would block the pipe
 )
 SCAN_CONTROL: Final = ("hold", "go")
+SCENARIO: Final = "scenario"
+SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
+
+
+def fresh_bench(project: Project, kernel: str) -> Bench:
+    """Return a bench before its first scan; the commands of `start` act in that one."""
+    bench = Bench(project, kernel)
+    for step in start_steps(project):
+        bench.do(step.command)
+    return bench
 
 
 class Console:
-    """The bench as the screen drives it. While `holding`, only the scans in `wanted` pass."""
+    """The bench as the screen drives it. While `holding`, only the scans in `wanted` or of a step pass."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
+        self.player: Player | None = None
         self.holding = False
         self.wanted = 0
+        self._home = bench.project, bench.kernel_name
         self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
+        self._bench_number = 0
+        self._project = bench.project
+        self._project_number = 0
+
+    # -- lines -----------------------------------------------------------------------------------------
 
     def take(self, number: int, line: str) -> None:
         """Carry out one line; its answer is in the next picture."""
@@ -37,6 +62,9 @@ class Console:
             self.holding, self.wanted = line == "hold", 0
             return ""
         try:
+            verb, _, rest = line.partition(" ")
+            if verb == SCENARIO:
+                return self._scenario(rest.strip())
             command = parse_line(line, self.bench.project, "prompt")
         except UserError as error:
             return error.lines()[0]
@@ -61,31 +89,113 @@ class Console:
         self.wanted += scans
         return ""
 
-    def may_scan(self) -> bool:
+    # -- a scenario ------------------------------------------------------------------------------------
+
+    def _scenario(self, rest: str) -> str:
+        if rest in ("step", "run"):
+            return self._play(rest)
+        if rest == "stop":
+            if self.player is not None:
+                self._go_home()
+            return ""
+        file, _, kernel = rest.removeprefix("load ").rpartition(" ")
+        if not rest.startswith("load ") or not file.strip() or kernel not in KERNELS:
+            raise mistake("prompt", f"'{SCENARIO} {rest}'", f"{SCENARIO} {SCENARIO_LINES}")
+        self._load(file.strip(), kernel)
+        return ""
+
+    def _play(self, how: str) -> str:
+        if self.player is None:
+            return f"no scenario is loaded; `{SCENARIO} load FILE.toml sim` does it"
+        if self.player.is_finished:
+            return "the scenario is over; loading it again begins anew"
+        self.player.run() if how == "run" else self.player.step()
+        return ""
+
+    def _load(self, file: str, kernel: str) -> None:
+        """Put a scenario on a bench of its own; with a mistake in the file the present bench stays."""
+        scenario = load_scenario(Path(file))
+        refuse_too_many_steps(file, scenario)
+        self.bench.close()  # first: both may want the same port
+        try:
+            self._enter(Bench(scenario.project, kernel))
+        except UserError:
+            self._go_home()
+            raise
+        self.player, self.holding = Player(file, scenario, self.bench), True
+
+    def _go_home(self) -> None:
+        self.bench.close()
+        self._enter(fresh_bench(*self._home))
+
+    def _enter(self, bench: Bench) -> None:
+        self.bench, self.player = bench, None
+        self.holding, self.wanted = False, 0
+        self._bench_number += 1
+
+    # -- scans -----------------------------------------------------------------------------------------
+
+    @property
+    def hurries(self) -> bool:
+        """Return whether scans shall pass as fast as they can: a simulated scenario on its way to the end."""
+        player = self.player
+        simulated = self.bench.kernel_name == "sim"
+        return player is not None and simulated and player.is_to_end and player.wants_scan
+
+    def scan(self, now: int | None = None) -> bool:
+        """Let the next scan pass, if it may; return whether it has."""
+        if not self._may_scan():
+            return False
+        self.bench.step(now)
+        if self.player is not None:
+            self.player.scanned()
+        return True
+
+    def _may_scan(self) -> bool:
         """Return whether the next scan may pass, and count it."""
-        if not self.holding:
+        if not self.holding or (self.player is not None and self.player.wants_scan):
             return True
         if self.wanted == 0:
             return False
         self.wanted -= 1
         return True
 
+    def rest(self) -> None:
+        """Let the peers go on while no scan passes; in a simulated scenario time stands between the steps."""
+        if self.player is None or self.bench.kernel_name == "live":
+            self.bench.step_peers()
+
+    # -- pictures --------------------------------------------------------------------------------------
+
     def picture(self, request: PictureRequest, timing: EngineTiming, most_lines: int) -> Picture:
         """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
         runtime = self.bench.runtime
-        fresh = runtime.ledger.last_seq - request.since_seq
-        lines = runtime.ledger.since(request.since_seq, min(most_lines, request.most_lines))
+        known = request.bench == self._bench_number
+        since = request.since_seq if known else 0
+        fresh = runtime.ledger.last_seq - since
+        lines = runtime.ledger.since(since, min(most_lines, request.most_lines))
         answers = tuple(self._answers)
         self._answers.clear()
+        self._count_project()
         return Picture(
             snapshot=runtime.snapshot(tuple(str(fault) for fault in self.bench.plan.entries())),
             lines=lines,
             lines_skipped=max(0, fresh - len(lines)),
-            data=tuple((name, runtime.data(name)[:MOST_DATA]) for name in request.data),
-            partial=tuple((name, runtime.partial(name)) for name in request.partial_of),
+            data=tuple((name, runtime.data(name)[:MOST_DATA]) for name in request.data if known),
+            partial=tuple((name, runtime.partial(name)) for name in request.partial_of if known),
             peers=tuple(peer.snapshot() for peer in self.bench.peers.values()),
             answers=answers,
             timing=timing,
             holding=self.holding,
             kernel=self.bench.kernel_name,
+            bench=self._bench_number,
+            project_number=self._project_number,
+            project=None if request.project == self._project_number else self._project,
+            player=self.player.snapshot() if self.player is not None else None,
         )
+
+    def _count_project(self) -> None:
+        """Give the project another number when it has become another: by a fresh bench, or on the way."""
+        if self._project is not self.bench.project:
+            self._project = self.bench.project
+            self._project_number += 1

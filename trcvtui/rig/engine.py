@@ -2,6 +2,7 @@
 
 Rule 1: a scan is never caught up in a burst: deadlines that have passed are skipped and counted.
 Rule 2: the screen is served between two scans, piece by piece, and only as long as the gap lasts.
+Rule 3: a fresh bench begins with its own time, its own deadlines and its own punctuality.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from typing import Final
 
 from trcvtui.rig import clock
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_script
 from trcvtui.rig.console import Console
 from trcvtui.rig.courier import Courier
 from trcvtui.rig.picture import PictureRequest
@@ -29,65 +29,72 @@ TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan'
 
 
 class Engine:
-    """The bench, its console, and the channel to the screen."""
+    """The console with its bench, and the channel to the screen."""
 
     def __init__(self, channel: Channel, bench: Bench) -> None:
         self._channel = channel
-        self._bench = bench
         self._console = Console(bench)
         self._courier = Courier(channel)
         self._request: PictureRequest | None = None
         self._gaps_waited = 0
         self._picture_ns = 0  # what the last picture took
-        self._timing = Punctuality(be_punctual())
+        self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)
+        self._bench = bench
+
+    def _begin(self, bench: Bench) -> None:
+        quiet_collector()
+        self._bench = bench
+        self._interval = bench.runtime.interval_ns
+        self._timing = Punctuality(self._mode)
         if self._timing_file:
             self._timing.keep_every()
-        self._interval = bench.runtime.interval_ns
-        for step in parse_script(bench.project.start, bench.project, str(bench.project.path)):
-            bench.do(step.command)
+        self._start = self._due = clock.now_ns()
 
     def run(self) -> None:
         """Scan at every deadline; serve the screen in between."""
-        quiet_collector()
-        start = due = clock.now_ns()
+        self._begin(self._bench)
         try:
             while True:
-                self._serve(due)
-                clock.sleep_until(due)
-                due = self._scan(start, due)
+                self._serve()
+                self._hurry(self._due - SPARE_NS)
+                clock.sleep_until(self._due)
+                self._scan()
         finally:
             self._bench.close()
             if self._timing_file:
                 self._timing.write_to(Path(self._timing_file))
 
-    def _scan(self, start: int, due: int) -> int:
+    def _scan(self) -> None:
         began = clock.now_ns()
-        if self._console.may_scan():
-            self._bench.step(began - start if self._bench.kernel_name == "live" else None)
+        if self._console.scan(began - self._start if self._bench.kernel_name == "live" else None):
             ended = clock.now_ns()
-            self._timing.scanned(due, began, ended, self._interval)
+            self._timing.scanned(self._due, began, ended, self._interval)
         else:
-            self._bench.step_peers()
+            self._console.rest()
             ended = clock.now_ns()
-        due += self._interval
-        if ended > due:
-            due += (ended - due + self._interval - 1) // self._interval * self._interval
-        return due
+        self._due += self._interval
+        if ended > self._due:
+            self._due += (ended - self._due + self._interval - 1) // self._interval * self._interval
 
-    def _serve(self, due: int) -> None:
+    def _hurry(self, until: int) -> None:
+        """Let scans pass that wait for no clock."""
+        while self._console.hurries and clock.now_ns() < until:
+            self._console.scan()
+
+    def _serve(self) -> None:
         """Serve the screen right behind the scan, and again every STEP of a long gap.
 
         The engine wakes by the clock alone, and not shortly before a scan: a process that has just run is no
         longer entitled to the processor at once, the scan would begin 0.5 to 2.5 ms late (seen with perf).
         """
-        until = due - SPARE_NS
         self._take_messages()
-        self._deliver(until)
-        while due - (now := clock.now_ns()) > 2 * STEP_NS:
+        self._deliver(self._due - SPARE_NS)
+        while self._due - (now := clock.now_ns()) > 2 * STEP_NS:
+            self._hurry(now + STEP_NS)
             clock.sleep_until(now + STEP_NS)
             self._take_messages()
-            self._deliver(until)
+            self._deliver(self._due - SPARE_NS)
 
     def _take_messages(self) -> None:
         for _ in range(MOST_MESSAGES):
@@ -99,6 +106,8 @@ class Engine:
         match message:
             case (int() as number, str() as line):
                 self._console.take(number, line)
+                if self._console.bench is not self._bench:
+                    self._begin(self._console.bench)
             case PictureRequest() as request:
                 self._request, self._gaps_waited = request, 0
 

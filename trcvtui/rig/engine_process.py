@@ -7,28 +7,36 @@ from collections.abc import Sequence
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 
+from trcvtui.errors import UserError
+
 
 def engine_main(channel: Channel, path: Path, kernel: str, overrides: Sequence[str]) -> None:
     """Run the engine until the screen closes the channel; a crash is told before the process ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
     try:
         _run(channel, path, kernel, overrides)
+    except UserError as wrong:
+        _tell(channel, wrong.lines()[0])
     except Exception:
-        _tell_last_words(channel)
+        _tell(channel, _traceback())
 
 
 def _run(channel: Channel, path: Path, kernel: str, overrides: Sequence[str]) -> None:
     from trcvtui.plc.project_file import load_project
-    from trcvtui.rig.assembly import Bench
+    from trcvtui.rig.console import fresh_bench
     from trcvtui.rig.engine import Engine
 
-    Engine(channel, Bench(load_project(path, overrides), kernel)).run()
+    Engine(channel, fresh_bench(load_project(path, overrides), kernel)).run()
 
 
-def _tell_last_words(channel: Channel) -> None:
+def _traceback() -> str:
     import traceback
 
+    return traceback.format_exc()
+
+
+def _tell(channel: Channel, last_words: str) -> None:
     try:
-        channel.send(traceback.format_exc())
+        channel.send(last_words)
     except OSError:
         return  # the screen is gone, and that was the reason

@@ -24,8 +24,7 @@ class LocalDriver:
     def scan(self, scans: int = 1) -> None:
         """Let scans pass, as far as they are not held."""
         for _ in range(scans):
-            if self.console.may_scan():
-                self.console.bench.step()
+            self.console.scan()
 
     def request(self, request: PictureRequest) -> None:
         """Take a picture now."""

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
 
+if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
+    from trcvtui.plc.project import Project
+
+TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
+STEP_STATES: Final = (TO_COME, NOW, DONE, HELD, FAILED)
+
 
 @dataclass(frozen=True, slots=True)
 class PictureRequest:
-    """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs."""
+    """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs.
+
+    `bench` and `project` are the numbers of those that the screen knows, as the last picture told them.
+    """
 
     since_seq: int = 0
     data: tuple[str, ...] = ()
     partial_of: tuple[str, ...] = ()
     most_lines: int = 2000
+    bench: int = 0
+    project: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +45,7 @@ class PeerSnapshot:
     bytes_received: int
     pending: int
     last_received: bytes
+    received_here: int = 0  # on the current or last connection
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +70,45 @@ class EngineTiming:
 
 
 @dataclass(frozen=True, slots=True)
+class StepSnapshot:
+    """One step of a scenario: its number (0: a command of `start`), its line, its state, what was found."""
+
+    number: int
+    line: str
+    state: str
+    found: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PlayerSnapshot:
+    """How far a scenario has been played.
+
+    `current` is the place in `steps` of the one that runs or comes next; `scans_of_step` have passed in the running step. `traces` are the newest STATUS runs of each instance.
+    """
+
+    path: str
+    scenario: str
+    about: str
+    steps: tuple[StepSnapshot, ...]
+    current: int
+    running: bool
+    finished: bool
+    scans_of_step: int
+    traces: tuple[tuple[str, str], ...]
+
+    @property
+    def failed(self) -> tuple[StepSnapshot, ...]:
+        """Return the steps that failed."""
+        return tuple(step for step in self.steps if step.state == FAILED)
+
+
+@dataclass(frozen=True, slots=True)
 class Picture:
-    """The bench after its last scan. `holding` is True while no scans pass."""
+    """The bench after its last scan. `holding` is True while no scans pass.
+
+    `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where
+    the screen does not know it yet. `player` is there while a scenario is loaded.
+    """
 
     snapshot: Snapshot
     lines: tuple[Line, ...]
@@ -70,3 +120,7 @@ class Picture:
     timing: EngineTiming
     holding: bool
     kernel: str
+    bench: int = 0
+    project_number: int = 0
+    project: Project | None = None
+    player: PlayerSnapshot | None = None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 from trcvtui.rig.trace_pattern import ANY, Run, Scan, TracePattern, collapse, matches
@@ -61,6 +62,13 @@ class Trace:
         self._since.clear()
         self._lost = 0
         return section
+
+    def newest(self, most: int) -> str:
+        """Return the newest runs in the notation of a pattern, `...` for those before them."""
+        kept = self._since if self._is_cut else self._told
+        runs = list(islice(reversed(kept), most))[::-1]
+        older = self._is_cut or len(kept) > most
+        return "... " * older + (collapse(runs) if runs else "")
 
     def __str__(self) -> str:
         """Return the scans of the whole scenario in the notation of a pattern, `...` where they are cut."""

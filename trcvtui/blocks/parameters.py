@@ -65,6 +65,7 @@ PINS: Final[dict[str, tuple[Pin, ...]]] = {
     "TSEND": (_REQ, _SEND_LEN, *_LAMPS),
     "TRCV": (_EN_R, _RCV_LEN, _ADHOC, *_LAMPS, _RCVD_LEN),
 }
+SENDS: Final = frozenset({"TSEND_C", "TSEND"})
 MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"})  # these have a DATA pin
 
 

@@ -35,7 +35,7 @@ from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.roster import Roster
-from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, Snapshot
+from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, SentBytes, Snapshot
 
 
 class Runtime:
@@ -146,10 +146,13 @@ class Runtime:
         known = self._instances.get(instance)
         return known.partial() if known else b""
 
-    def sent(self, connect: str) -> tuple[int, int | None]:
-        """Return how many bytes a CONNECT's present connection has sent, and how many are unacknowledged."""
+    def sent(self, connect: str) -> SentBytes | None:
+        """Return what a CONNECT's present connection has sent, None without a connection."""
         connection = self._connections[connect]
-        return connection.bytes_sent, connection.unacknowledged()
+        if connection.state is not State.CONNECTED:
+            return None
+        ends = str(connection.local or ""), str(connection.peer or "")
+        return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
     # -- one scan ------------------------------------------------------------------------------------------
 

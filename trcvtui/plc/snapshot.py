@@ -29,6 +29,16 @@ class ConnectionSnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class SentBytes:
+    """What a CONNECT's present connection has sent; `unacknowledged` None: this system does not say."""
+
+    local: str
+    remote: str
+    accepted: int
+    unacknowledged: int | None
+
+
+@dataclass(frozen=True, slots=True)
 class InstanceSnapshot:
     """One instance. `have` of `need` bytes are in the running job (need 0: no job). Sizes in bytes."""
 

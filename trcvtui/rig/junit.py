@@ -7,7 +7,7 @@ but the results is in it (no clock, no host), so a simulated run gives the same 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.instance import Outputs
 from trcvtui.rig.bench_words import Expect, ExpectTrace, Step, Wait
+from trcvtui.rig.delivery import NONE_SENT, Delivery
 from trcvtui.rig.runner import Taken, Verdict
 from trcvtui.rig.scenario import START_STEP, Scenario
 
@@ -88,7 +89,9 @@ class FileReport:
         self._scenario = scenario
         self._done = done
 
-    def scan(self, scan: int, changed: Iterable[Outputs]) -> None:
+    def scan(
+        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
         """Write nothing: a suite holds the traces of its instances."""
 
     def verdict(self, verdict: Verdict) -> None:

@@ -106,6 +106,7 @@ class Peer:
             bytes_received=self.traffic.inbox.total,
             pending=self.traffic.unsent,
             last_received=self.traffic.inbox.last[-LAST_SHOWN:],
+            received_here=self.traffic.inbox.count,
         )
 
     # -- commands ------------------------------------------------------------------------------------

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Final, Protocol
 
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.instance import Outputs
+from trcvtui.rig.delivery import NONE_SENT, Delivery
 from trcvtui.rig.junit import Junit
 from trcvtui.rig.runner import Verdict
 from trcvtui.rig.scenario import Scenario
@@ -19,8 +21,10 @@ Write = Callable[[str], object]
 class Report(Protocol):
     """What a format can be told while a scenario runs."""
 
-    def scan(self, scan: int, changed: Iterable[Outputs]) -> None:
-        """Tell the outputs that changed in a scan."""
+    def scan(
+        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
+        """Tell the outputs that changed in a scan, and of instances with DONE how far their bytes are."""
         ...
 
     def verdict(self, verdict: Verdict) -> None:
@@ -51,11 +55,15 @@ class JsonLines:
         self._write = write
         self._interval_ns = interval_ns
 
-    def scan(self, scan: int, changed: Iterable[Outputs]) -> None:
+    def scan(
+        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
         """Write one line for each instance that changed."""
         t_ms = (scan - 1) * self._interval_ns / 1e6
         for out in changed:
-            self._line({"scan": scan, "t_ms": t_ms, **_outputs(out)})
+            record = {"scan": scan, "t_ms": t_ms, **_outputs(out)}
+            sent = deliveries.get(out.instance)
+            self._line(record if sent is None else record | asdict(sent))
 
     def verdict(self, verdict: Verdict) -> None:
         """Write the line of the scenario."""
@@ -93,7 +101,9 @@ class Text:
     def __init__(self, write: Write, interval_ns: int) -> None:
         self._write = write
 
-    def scan(self, scan: int, changed: Iterable[Outputs]) -> None:
+    def scan(
+        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+    ) -> None:
         """Write nothing: the traces of the verdict tell it in short."""
 
     def verdict(self, verdict: Verdict) -> None:

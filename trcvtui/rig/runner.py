@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from trcvtui.plc.instance import Outputs
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
+from trcvtui.rig.delivery import Delivery, deliveries
 from trcvtui.rig.stage import Failure, Stage
 
 
@@ -57,14 +58,14 @@ class VirtualPace:
 
 
 class Runner:
-    """One scenario on one bench; `on_scan` is told the outputs that changed in each scan."""
+    """One scenario on one bench; `on_scan` is told what changed in each scan, and how far sent bytes are."""
 
     def __init__(
         self,
         bench: Bench,
         name: str,
         pace: Pace,
-        on_scan: Callable[[int, Iterable[Outputs]], None],
+        on_scan: Callable[[int, Iterable[Outputs], Mapping[str, Delivery]], None],
     ) -> None:
         self._bench = bench
         self._name = name
@@ -99,4 +100,4 @@ class Runner:
         self._pace.next_scan(self._bench)
         self._stage.scanned()
         if runtime.changed:
-            self._on_scan(runtime.scans, runtime.changed)
+            self._on_scan(runtime.scans, runtime.changed, deliveries(self._bench, runtime.changed))

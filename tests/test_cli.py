@@ -68,7 +68,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(trcvtui.__file__).parent.par
         ("status 1234", "CODE: found 16#1234, expected a code in the table"),
         ("status 80G5", "CODE: found '80G5', expected a STATUS word"),
         ("status 80C5 --dialect siemnes", "--dialect: found 'siemnes', expected one of baosky"),
-        ("status 80C5 --block TRVC_C", "--block: found 'TRVC_C', expected one of TRCV_C, TSEND_C"),
+        ("status 80C5 --block TRVC_C", "--block: found 'TRVC_C', expected one of TCON, TDISCON, TRCV"),
         ("status 7006 --block TSEND_C", "CODE: found 16#7006, expected a code in the table of TSEND_C"),
         # the UDT file
         ("udt show nix.st", "nix.st: found No such file or directory"),
@@ -148,7 +148,8 @@ def test_status_of_a_code_is_json_with_the_keys_of_the_contract(
     code, out, err = run(capsys, "status", spelling, "--format", "json", "--dialect", "baosky")
     assert (code, err) == (0, "")
     [one] = json.loads(out)
-    assert set(one) == {"code", "dialect", "blocks", "error", "title", "causes", "checks"}
+    assert list(one)[:7] == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
+    assert "configs/scenarios/baosky/80c5-partner-closes.toml" in one["scenarios"]
     assert (one["code"], one["dialect"], one["error"]) == ("16#80C5", "baosky", True)
 
 
@@ -172,6 +173,13 @@ def test_status_of_one_block_leaves_out_the_codes_of_the_other(capsys: pytest.Ca
     _, out, _ = run(capsys, "status", "--block", "TRCV_C")
     assert "16#7008" in out
     assert "16#7009" not in out
+
+
+def test_the_codes_of_an_inner_block_are_known_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "status", "--block", "tdiscon")
+    assert [line.split()[1] for line in out.splitlines()] == [
+        *("16#0000", "16#7003", "16#7007", "16#8087", "16#80A2", "16#80AC")
+    ]
 
 
 def test_the_help_of_status_names_the_dialects(capsys: pytest.CaptureFixture[str]) -> None:

@@ -161,13 +161,18 @@ def _status(args: argparse.Namespace) -> int:
         chosen_dialects,
         explain,
         parse_code,
+        with_scenarios,
     )
 
     code = None if args.code is None else parse_code(args.code)
-    found = explain(chosen_dialects(tuple(DIALECTS.values()), args.dialect), code, args.block)
-    if args.format == "json":
-        return _print(as_json(found))
-    return _print(as_table(found) if code is None else as_text(found))
+    dialects = chosen_dialects(tuple(DIALECTS.values()), args.dialect)
+    found = explain(dialects, code, args.block)
+    if code is None and args.format == "text":
+        return _print(as_table(found))
+    from trcvtui.rig.scenario_shelf import scenarios_of
+
+    shown = with_scenarios(found, {dialect.name: scenarios_of(dialect.name) for dialect in dialects})
+    return _print(as_json(shown) if args.format == "json" else as_text(shown))
 
 
 def _dialect_names() -> str:

@@ -1,4 +1,4 @@
-"""The only door: run | scenario | status | udt. Arguments and exit codes; stdout is data, stderr is talk.
+"""The only door: run, scenario, status, st, udt. Arguments, exit codes; stdout is data, stderr is talk.
 
 Rule 1: a command imports what it needs inside its own function, so that headless commands start fast.
 Rule 2: the screen library is imported by `run` alone, and only after the engine process has been started.
@@ -181,6 +181,17 @@ def _dialect_names() -> str:
     return "dialects: " + ", ".join(f"{dialect.name} ({dialect.title})" for dialect in DIALECTS.values())
 
 
+# -- st -----------------------------------------------------------------------------------------------------
+
+
+def _st(args: argparse.Namespace) -> int:
+    from trcvtui.rig.st_call import st_text
+
+    project = _load_bench(_path(args.project))
+    names = [args.instance] if args.instance else [decl.name for decl in project.instances]
+    return _print(st_text(project, names))
+
+
 # -- udt ----------------------------------------------------------------------------------------------------
 
 
@@ -272,6 +283,7 @@ def _parser() -> _Parser:
     _add_run(commands.add_parser("run", help="open the screen on a project"))
     _add_scenario(commands.add_parser("scenario", help="run without a screen"))
     _add_status(commands.add_parser("status", help="explain a STATUS code"))
+    _add_st(commands.add_parser("st", help="print instances as their calls in Structured Text"))
     _add_udt(commands.add_parser("udt", help="show, decode, encode a UDT"))
     return parser
 
@@ -302,6 +314,12 @@ def _add_status(parser: _Parser) -> None:
     parser.add_argument("--dialect", metavar="NAME", help="default: all")
     parser.add_argument("--block", metavar="BLOCK", help="such as TRCV_C; default: all")
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
+
+
+def _add_st(parser: _Parser) -> None:
+    parser.set_defaults(command=_st)
+    parser.add_argument("project", metavar="PROJECT.toml")
+    parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
 
 
 def _add_udt(parser: _Parser) -> None:

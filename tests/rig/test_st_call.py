@@ -1,0 +1,162 @@
+"""An instance as its call in Structured Text, as it stands at the end of the manual's pages."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from trcvtui.blocks.parameters import MOVES_BYTES, PINS
+from trcvtui.cli import main
+from trcvtui.errors import UserError
+from trcvtui.plc.project import Project
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.st_call import st_call, st_text, st_variables
+
+HEAD = """\
+dialect = "baosky"
+
+[[data]]
+name = "tx"
+type = "ARRAY[0..7]  OF BYTE"
+
+[[connect]]
+name = "C1"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+LocalPort = 0
+RemoteAddress = "10.0.0.7"
+RemotePort = 2001
+SendDelayOpt = true
+KeepAliveTimeInterval = 3
+"""
+
+
+def project(folder: Path, *instances: str, head: str = HEAD) -> Project:
+    file = folder / "bench.toml"
+    file.write_text(head + "".join(f"\n[[instance]]\n{text}\n" for text in instances), encoding="utf-8")
+    return load_project(file)
+
+
+def instance(name: str, block: str, *lines: str) -> str:
+    bound = ['data = "tx"'] if block in MOVES_BYTES else []
+    return "\n".join([f'name = "{name}"', f'block = "{block}"', 'connect = "C1"', *bound, *lines])
+
+
+def test_a_call_binds_every_pin_in_the_order_of_the_manual(tmp_path: Path) -> None:
+    bench = project(tmp_path, instance("TSEND_C_1", "TSEND_C", "CONT = true"))
+    assert st_call(bench, "TSEND_C_1").splitlines() == [
+        "TSEND_C_1(",
+        "    REQ:=FALSE,",
+        "    CONT:=TRUE,",
+        "    LEN:=0,",
+        "    CONNECT:=C1,",
+        "    DATA:=tx,",
+        "    COM_RST:=TSEND_C_1_COM_RST,",
+        "    DONE=>TSEND_C_1_DONE,",
+        "    BUSY=>TSEND_C_1_BUSY,",
+        "    ERROR=>TSEND_C_1_ERROR,",
+        "    STATUS=>TSEND_C_1_STATUS",
+        ");",
+    ]
+
+
+def test_the_present_inputs_stand_as_literals(tmp_path: Path) -> None:
+    bench = project(tmp_path, instance("R", "TRCV_C", "CONT = true", "LEN = 4"))
+    call = st_call(bench, "R", {"CONT": False, "EN_R": True, "ADHOC": 1, "COM_RST": True})
+    assert re.findall(r"(\w+):=(TRUE|FALSE|\d+)\b", call) == [
+        ("EN_R", "TRUE"),
+        ("CONT", "FALSE"),
+        ("LEN", "4"),
+        ("ADHOC", "TRUE"),
+    ]
+
+
+@pytest.mark.parametrize("block", PINS)
+def test_each_block_has_its_own_pins_and_data_only_where_it_moves_bytes(block: str, tmp_path: Path) -> None:
+    call = st_call(project(tmp_path, instance("X", block)), "X")
+    bound = re.findall(r"^    (\w+)(:=|=>)", call, re.MULTILINE)
+    names = {pin.name for pin in PINS[block]} | {"CONNECT"} | ({"DATA"} if block in MOVES_BYTES else set())
+    assert {name for name, _ in bound} == names and len(bound) == len(names)
+    assert [mark for _, mark in bound] == sorted(mark for _, mark in bound)
+    assert call.count(",\n") == len(bound) - 1
+
+
+def test_an_open_data_pin_is_left_out_and_said(tmp_path: Path) -> None:
+    bench = project(tmp_path, 'name = "R"\nblock = "TRCV_C"\nconnect = "C1"')
+    call = st_call(bench, "R")
+    assert call.startswith("R( (* DATA is not bound *)\n")
+    assert "DATA:=" not in call
+
+
+def test_the_variables_stand_above_the_calls_and_a_shared_one_once(tmp_path: Path) -> None:
+    bench = project(tmp_path, instance("S", "TSEND_C"), instance("D", "TDISCON"))
+    text = st_text(bench, ["S", "D"], {"D": {"REQ": True}})
+    comment, first, second = text.split("\n\n")
+    assert comment == "\n".join(
+        [
+            "(* VAR",
+            "    S : TSEND_C;",
+            "    C1 : TCP_CONNECTCONFIG := (",
+            "        ActiveEstablished := TRUE,",
+            "        RemoteAddress := [10, 0, 0, 7],",
+            "        RemotePort := 2001,",
+            "        LocalAddress := [127, 0, 0, 1],",
+            "        LocalPort := 0,",
+            "        SendDelayOpt := TRUE,",
+            "        KeepAliveTimeInterval := 3",
+            "    );",
+            "    tx : ARRAY[0..7] OF BYTE;",
+            "    S_COM_RST : BOOL;",
+            "    S_DONE : BOOL;",
+            "    S_BUSY : BOOL;",
+            "    S_ERROR : BOOL;",
+            "    S_STATUS : WORD;",
+            "    D : TDISCON;",
+            "    D_DONE : BOOL;",
+            "    D_BUSY : BOOL;",
+            "    D_ERROR : BOOL;",
+            "    D_STATUS : WORD;",
+            "END_VAR *)",
+        ]
+    )
+    assert (first, second) == (st_call(bench, "S"), st_call(bench, "D", {"REQ": True}))
+    assert "REQ:=TRUE" in second
+
+
+def test_every_variable_of_a_call_is_declared(tmp_path: Path) -> None:
+    names = [f"I{n}" for n in range(len(PINS))]
+    bench = project(tmp_path, *map(instance, names, PINS))
+    declared = set(re.findall(r"^    (\w+) : ", st_variables(bench, names), re.MULTILINE))
+    used = {
+        word
+        for name in names
+        for word in re.findall(r"(?::=|=>)([A-Za-z]\w*)", st_call(bench, name))
+        if word not in ("TRUE", "FALSE")
+    }
+    assert used <= declared
+
+
+def test_a_remote_port_that_names_a_peer_is_left_out(tmp_path: Path) -> None:
+    peer = '\n[[peer]]\nname = "P1"\nactive = false\nlocal = "127.0.0.1:0"\n'
+    head = HEAD.replace("RemotePort = 2001", 'RemotePort = "@P1"') + peer
+    text = st_variables(project(tmp_path, instance("S", "TSEND_C"), head=head), ["S"])
+    assert "RemotePort" not in text and "RemoteAddress" in text
+
+
+def test_an_unknown_instance_is_answered_with_the_names_that_exist(tmp_path: Path) -> None:
+    with pytest.raises(UserError) as raised:
+        st_text(project(tmp_path, instance("S", "TSEND_C")), ["T"])
+    assert raised.value.lines() == ["INSTANCE: found 'T', expected S"]
+
+
+def test_st_prints_one_instance_or_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bench = project(tmp_path, instance("S", "TSEND_C"), instance("R", "TRCV_C"))
+    assert main(["st", str(bench.path), "R"]) == 0
+    assert capsys.readouterr().out == st_text(bench, ["R"]) + "\n"
+    assert main(["st", str(bench.path)]) == 0
+    assert capsys.readouterr().out == st_text(bench, ["S", "R"]) + "\n"
+    assert main(["st", str(bench.path), "X"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", "INSTANCE: found 'X', expected one of S, R\n")

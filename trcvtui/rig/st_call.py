@@ -1,0 +1,120 @@
+"""An instance as Structured Text: its call as in the manual's examples, and the variables that it needs.
+
+Inputs are the values of now as literals, so that the pasted call does what the bench does. What a block
+writes back (COM_RST) and its outputs are bound to variables of their own: `TSEND_C_1_DONE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Final
+
+from trcvtui.blocks.parameters import MOVES_BYTES, Direction, Pin
+from trcvtui.errors import mistake
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.plc.names import expected_name
+from trcvtui.plc.project import InstanceDecl, Project
+
+PinValue = bool | int
+Inputs = Mapping[str, PinValue]
+NO_INPUTS: Final[Inputs] = {}
+INDENT: Final = "    "
+
+
+def st_text(project: Project, names: Sequence[str], inputs: Mapping[str, Inputs] | None = None) -> str:
+    """Return the variables of these instances as a comment, then their calls; raise UserError.
+
+    `inputs` maps an instance to its present inputs, such as `dict(snapshot.inputs)`; a pin or an instance
+    that is not in it has its initial value.
+    """
+    given = inputs or {}
+    calls = [st_call(project, name, given.get(name, NO_INPUTS)) for name in names]
+    return "\n\n".join([st_variables(project, names), *calls])
+
+
+def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS) -> str:
+    """Return the call of one instance; raise UserError for a name that is not in the project."""
+    decl = _instance(project, name)
+    values = {**dict(decl.inputs), **inputs}
+    bound = ",\n".join(f"{INDENT}{line}" for line in _bound(project, decl, values))
+    remark = "" if decl.data or decl.block not in MOVES_BYTES else " (* DATA is not bound *)"
+    return f"{decl.name}({remark}\n{bound}\n);"
+
+
+def st_variables(project: Project, names: Iterable[str]) -> str:
+    """Return the declarations for these instances' calls, each once, as a comment to paste from."""
+    lines: dict[str, None] = {}
+    for name in names:
+        decl = _instance(project, name)
+        lines |= dict.fromkeys(_declarations(project, decl))
+    return "\n".join(["(* VAR", *(f"{INDENT}{line}" for line in lines), "END_VAR *)"])
+
+
+def _instance(project: Project, name: str) -> InstanceDecl:
+    decl = project.instance(name)
+    if decl is None:
+        known = [each.name for each in project.instances]
+        raise mistake("INSTANCE", f"'{name}'", expected_name(name, known, "instance"))
+    return decl
+
+
+# -- the call --------------------------------------------------------------------------------------------
+
+
+def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str]:
+    """Return each pin with what it is bound to, in the manual's order: inputs, in-outs, outputs."""
+    pins = project.pins(decl.block)
+    for pin in _of(pins, Direction.IN):
+        yield f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}"
+    yield f"CONNECT:={decl.connect}"
+    if decl.data is not None and decl.block in MOVES_BYTES:
+        yield f"DATA:={decl.data}"
+    for pin in _of(pins, Direction.IN_OUT):
+        yield f"{pin.name}:={_variable(decl, pin)}"
+    for pin in _of(pins, Direction.OUT):
+        yield f"{pin.name}=>{_variable(decl, pin)}"
+
+
+def _of(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
+    return [pin for pin in pins if pin.direction is direction]
+
+
+def _variable(decl: InstanceDecl, pin: Pin) -> str:
+    return f"{decl.name}_{pin.name}"
+
+
+def _literal(pin: Pin, value: PinValue) -> str:
+    return str(bool(value)).upper() if pin.is_bool else str(int(value))
+
+
+# -- the variables ---------------------------------------------------------------------------------------
+
+
+def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
+    yield f"{decl.name} : {decl.block};"
+    config = project.connect(decl.connect)
+    if config is not None:
+        fields = ",\n".join(f"{INDENT * 2}{field}" for field in _fields(config))
+        yield f"{config.name} : TCP_CONNECTCONFIG := (\n{fields}\n{INDENT});"
+    data = project.data_decl(decl.data) if decl.data else None
+    if data is not None and decl.block in MOVES_BYTES:
+        yield f"{data.name} : {' '.join(data.type_name.split())};"
+    for pin in project.pins(decl.block):
+        if pin.direction is not Direction.IN:
+            yield f"{_variable(decl, pin)} : {pin.iec_type};"
+
+
+def _fields(config: ConnectConfig) -> Iterator[str]:
+    """Return the fields of a TCP_CONNECTCONFIG; a RemotePort that names a peer has no number to write."""
+    yield f"ActiveEstablished := {str(config.active).upper()}"
+    yield f"RemoteAddress := {_array(config.remote_address)}"
+    if isinstance(config.remote_port, int):
+        yield f"RemotePort := {config.remote_port}"
+    yield f"LocalAddress := {_array(config.local.address)}"
+    yield f"LocalPort := {config.local.port}"
+    yield f"SendDelayOpt := {str(config.send_delay_opt).upper()}"
+    yield f"KeepAliveTimeInterval := {config.keep_alive_interval_s}"
+
+
+def _array(address: str) -> str:
+    return f"[{address.replace('.', ', ')}]"

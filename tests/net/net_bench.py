@@ -55,9 +55,11 @@ class Bench:
             self.network.breathe()
         self.kernel.poll()
 
-    def socket(self, reuse: bool = False, end: Endpoint | None = None, polled: bool = False) -> Handle:
+    def socket(
+        self, reuse: bool = False, end: Endpoint | None = None, polled: bool = False, owner: str = "X"
+    ) -> Handle:
         """Return a new socket, bound where an end is given."""
-        handle = self.kernel.socket("X")
+        handle = self.kernel.socket(owner)
         assert not isinstance(handle, Fault), handle
         if reuse:
             assert self.kernel.set_reuse(handle) is None

@@ -15,13 +15,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.net.contract import FACTS, NEEDS_RDHUP, Fact
+from tests.net.contract import FACTS, NEEDS_RDHUP, OF_THE_WIRE, Fact
 from tests.net.net_bench import Bench
 from trcvtui.net import os_kernel, os_poll
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Handle, LocalAddress, Loss, SocketOptions
 from trcvtui.net.kernel import Fault as Failed
 from trcvtui.net.os_errors import error_name
 from trcvtui.net.os_kernel import OsKernel
+
+OF_THE_POLL_SET = [f for f in FACTS if f not in OF_THE_WIRE]
 
 
 class OsNetwork:
@@ -70,7 +72,7 @@ def test_the_real_network_keeps_the_contract(fact: Fact, network: OsNetwork) -> 
     fact(Bench(network))
 
 
-@pytest.mark.parametrize("fact", FACTS, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("fact", OF_THE_POLL_SET, ids=lambda f: f.__name__)
 def test_a_poll_set_without_epoll_keeps_the_contract(
     fact: Fact, network: OsNetwork, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,7 +80,9 @@ def test_a_poll_set_without_epoll_keeps_the_contract(
     fact(Bench(network))
 
 
-@pytest.mark.parametrize("fact", [f for f in FACTS if f not in NEEDS_RDHUP], ids=lambda f: f.__name__)
+@pytest.mark.parametrize(
+    "fact", [f for f in OF_THE_POLL_SET if f not in NEEDS_RDHUP], ids=lambda f: f.__name__
+)
 def test_a_poll_set_of_select_keeps_the_contract(
     fact: Fact, network: OsNetwork, monkeypatch: pytest.MonkeyPatch
 ) -> None:

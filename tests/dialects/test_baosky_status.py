@@ -21,7 +21,22 @@ SEND_CODES = [
     0x8080, 0x8081, 0x8082, 0x8083, 0x8084, 0x8086, 0x8087,
     0x80A0, 0x80A1, 0x80A2, 0x80A3, 0x80A4, 0x80A5, 0x80A7, 0x80A8, 0x80A9, 0x80AB, 0x80AC, 0x80C3, 0x80C5,
 ]
+# What could be read of 7.15.5 to 7.15.9 (baosky.md sections 4 and 5).
+LISTED = {
+    "TCON": [0x7002, 0x7004],
+    "TDISCON": [0x0000, 0x7003, 0x7007, 0x8087, 0x80A2, 0x80AC],
+    "T_RESET": [0x0000, 0x7002, 0x7003, 0x7004, 0x7007, 0x8000, 0x8080, 0x8081, 0x8082, 0x8083, 0x80A3],
+    "TSEND": [
+        0x7000, 0x7004, 0x7005, 0x7009,
+        0x80A1, 0x80A4, 0x80A5, 0x80A7, 0x80A8, 0x80A9, 0x80AB, 0x80C3, 0x80C5,
+    ],
+    "TRCV": [
+        0x7000, 0x7004, 0x7006, 0x7008,
+        0x80A1, 0x80A4, 0x80A5, 0x80A6, 0x80A7, 0x80AA, 0x80AB, 0x80C3, 0x80C5,
+    ],
+}
 # fmt: on
+SECTIONS = {"TRCV_C": 1, "TSEND_C": 2, "TCON": 5, "TDISCON": 6, "T_RESET": 7, "TSEND": 8, "TRCV": 9}
 SEND_ONLY = {Condition.SENDING, Condition.SENT, Condition.SEND_BUFFER_FULL, Condition.SEND_FAILED}
 RECEIVE_ONLY = {Condition.RECEIVING, Condition.RECEIVED, Condition.SHORT_FRAME, Condition.RECEIVE_FAILED}
 
@@ -29,6 +44,45 @@ RECEIVE_ONLY = {Condition.RECEIVING, Condition.RECEIVED, Condition.SHORT_FRAME, 
 @pytest.mark.parametrize(("block", "codes"), [("TRCV_C", RECEIVE_CODES), ("TSEND_C", SEND_CODES)])
 def test_a_block_lists_exactly_the_codes_of_its_manual_page_in_order(block: str, codes: list[int]) -> None:
     assert [row.code for row in STATUS if block in row.blocks] == codes
+
+
+@pytest.mark.parametrize("block", LISTED)
+def test_an_inner_block_lists_the_codes_of_its_manual_page_and_a_stop(block: str) -> None:
+    codes = [row.code for row in STATUS if block in row.blocks]
+    assert {0x0000, *LISTED[block]} <= set(codes)
+
+
+def test_tdiscon_lists_nothing_but_the_complete_list_of_its_page() -> None:
+    assert [row.code for row in STATUS if "TDISCON" in row.blocks] == LISTED["TDISCON"]
+
+
+@pytest.mark.parametrize("block", ["TCON", "TDISCON", "T_RESET"])
+def test_a_block_that_moves_no_bytes_lists_no_code_of_a_job(block: str) -> None:
+    codes = {row.code for row in STATUS if block in row.blocks}
+    assert not codes & {
+        0x7005,
+        0x7006,
+        0x7008,
+        0x7009,
+        0x80A1,
+        0x80A4,
+        0x80A5,
+        0x80A6,
+        0x80A7,
+        0x80C3,
+        0x80C5,
+    }
+
+
+def test_no_inner_block_lists_what_neither_c_block_does() -> None:
+    assert [row.word for row in STATUS if not {"TRCV_C", "TSEND_C"} & set(row.blocks)] == []
+
+
+@pytest.mark.parametrize("row", STATUS, ids=lambda row: row.word)
+def test_a_row_names_the_manual_sections_of_its_c_blocks(row: StatusRow) -> None:
+    sections = row.manual.split(", ")
+    assert sections == sorted(sections)
+    assert {f"7.15.{SECTIONS[b]}" for b in row.blocks if b.endswith("_C")} <= set(sections)
 
 
 @pytest.mark.parametrize(("block", "foreign"), [("TRCV_C", SEND_ONLY), ("TSEND_C", RECEIVE_ONLY)])

@@ -7,8 +7,18 @@ import json
 import pytest
 
 from trcvtui.dialects.baosky import BAOSKY
-from trcvtui.dialects.status_report import as_json, as_table, as_text, chosen_dialects, explain, parse_code
+from trcvtui.dialects.status_report import (
+    as_json,
+    as_table,
+    as_text,
+    chosen_dialects,
+    explain,
+    parse_code,
+    with_scenarios,
+)
 from trcvtui.errors import UserError
+
+BLOCKS = "TCON, TDISCON, TRCV, TRCV_C, TSEND, TSEND_C, T_RESET"
 
 
 @pytest.mark.parametrize(
@@ -35,12 +45,15 @@ def test_what_is_no_code_is_a_mistake_of_one_line(text: str) -> None:
     assert len(line) < 160
 
 
-def test_json_has_exactly_the_keys_of_the_contract() -> None:
-    [one] = json.loads(as_json(explain([BAOSKY], 0x80C5, None)))
-    assert list(one) == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
+def test_json_has_the_keys_of_the_contract_first_and_then_what_else_is_known() -> None:
+    shown = with_scenarios(explain([BAOSKY], 0x80C5, None), {"baosky": {0x80C5: ["a.toml"]}})
+    [one] = json.loads(as_json(shown))
+    assert list(one)[:7] == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
+    assert list(one)[7:] == ["manual", "reach", "scenarios"]
+    assert (one["manual"], one["reach"], one["scenarios"]) == ("7.15.1, 7.15.2", "real", ["a.toml"])
     assert one["code"] == "16#80C5"
     assert one["dialect"] == "baosky"
-    assert one["blocks"] == ["TRCV_C", "TSEND_C"]
+    assert one["blocks"] == ["TRCV_C", "TSEND_C", "TSEND", "TRCV"]
     assert one["error"] is True
     assert one["causes"] and one["checks"]
 
@@ -50,15 +63,24 @@ def test_the_card_names_code_title_error_blocks_causes_and_checks() -> None:
     assert row is not None
     card = as_text(explain([BAOSKY], 0x7006, None)).splitlines()
     assert card[0] == "16#7006  Receiving, or ready and waiting"
-    assert card[1] == "  no error · TRCV_C · baosky, manual 7.15.1, 7.15.9"
+    assert card[1] == "  no error · TRCV_C, TRCV · baosky, manual 7.15.1, 7.15.9"
     assert [line[6:] for line in card if line.startswith("    - ")] == [*row.causes, *row.checks]
+    assert card[-1] == "  can be brought about by real traffic, also on this machine alone"
+
+
+def test_the_card_names_the_scenarios_that_show_the_code() -> None:
+    shelf = {0x7006: ["s/7006-static.toml", "s/other.toml"]}
+    card = as_text(with_scenarios(explain([BAOSKY], 0x7006, None), {"baosky": shelf}))
+    assert card.splitlines()[-1] == "  to see it: trcvtui scenario s/7006-static.toml"
 
 
 def test_without_a_code_the_whole_table_is_one_line_a_code() -> None:
     lines = as_table(explain([BAOSKY], None, None)).splitlines()
     assert len(lines) == len(BAOSKY.status)
-    assert lines[0] == "baosky  16#0000    TRCV_C TSEND_C  Not called"
-    assert lines[-1] == "baosky  16#80C5 !  TRCV_C TSEND_C  The partner closed during the job"
+    gap = " " * (46 - len("Not called"))
+    assert lines[0] == f"baosky  16#0000    Not called{gap}  TRCV_C TSEND_C TCON TDISCON T_RESET TSEND TRCV"
+    assert lines[-1].startswith("baosky  16#80C5 !  The partner closed during the job  ")
+    assert lines[-1].endswith("  TRCV_C TSEND_C TSEND TRCV")
 
 
 def test_a_block_narrows_the_table() -> None:
@@ -85,7 +107,7 @@ def test_all_dialects_are_asked_unless_one_is_named() -> None:
             "TSEND_C",
             "CODE: found 16#7006, expected a code in the table of TSEND_C (baosky), see `trcvtui status`",
         ),
-        (None, "TRVC_C", "--block: found 'TRVC_C', expected one of TRCV_C, TSEND_C"),
+        (None, "TRVC_C", "--block: found 'TRVC_C', expected one of " + BLOCKS),
     ],
 )
 def test_what_is_in_no_table_is_a_mistake_of_one_line(code: int | None, block: str | None, line: str) -> None:

@@ -26,7 +26,7 @@ CONNECTION_ERRORS: Final = (
             "a new attempt follows by itself after the retry time; CONT need not move",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.4",
+        "7.15.1, 7.15.2, 7.15.4, 7.15.7",
     ),
     StatusRow(
         0x8081,
@@ -45,7 +45,7 @@ CONNECTION_ERRORS: Final = (
             "loopback is accepted unless the switch strict_local_address is on",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.4",
+        "7.15.1, 7.15.2, 7.15.4, 7.15.7",
     ),
     StatusRow(
         0x8082,
@@ -63,7 +63,7 @@ CONNECTION_ERRORS: Final = (
             "the container or service profile that the process runs under",
         ),
         Reach.INJECTED,
-        "7.15.1, 7.15.2",
+        "7.15.1, 7.15.2, 7.15.7",
     ),
     StatusRow(
         0x8083,
@@ -83,7 +83,7 @@ CONNECTION_ERRORS: Final = (
             "`sysctl net.ipv4.ip_unprivileged_port_start` when the errno is EACCES",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2",
+        "7.15.1, 7.15.2, 7.15.7",
     ),
     StatusRow(
         0x8084,

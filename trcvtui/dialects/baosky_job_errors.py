@@ -47,7 +47,7 @@ JOB_ERRORS: Final = (
             "the connection stays; as soon as LEN fits the job starts",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2",
+        "7.15.1, 7.15.2, 7.15.8, 7.15.9",
     ),
     StatusRow(
         0x80A6,

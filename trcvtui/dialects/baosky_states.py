@@ -1,5 +1,6 @@
 """Baosky STATUS words of the normal course: the codes that the manual lists above its exceptions.
 
+A row names the _C blocks; baosky_inner_blocks.py adds the others.
 Causes and checks speak to the person at the cabinet: which pin to look at, which command to type.
 `ss`, `nc`, `ip` and `tcpdump` are meant for the machine that runs the bench.
 """
@@ -26,6 +27,7 @@ STATES: Final = (
             "the program has not called this instance yet",
             "the PLC is in STOP",
             "the call stands in a branch or a task that does not run",
+            "TDISCON, T_RESET: called, but REQ has not risen, or there is nothing to close",
         ),
         (
             "PLC mode: `plc run`, and watch whether the scan counter moves",
@@ -33,7 +35,7 @@ STATES: Final = (
             "STATUS of the instance itself, not a copy that is written elsewhere",
         ),
         Reach.LOGIC,
-        "7.15.1, 7.15.2",
+        "7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x0001,
@@ -42,7 +44,7 @@ STATES: Final = (
         False,
         "Creating the socket",
         (
-            "CONT has just risen; this shows for one scan",
+            "CONT (TCON: REQ) has just risen; this shows for one scan",
             "seen again and again: the program toggles CONT",
         ),
         (
@@ -57,11 +59,12 @@ STATES: Final = (
         Condition.NO_JOB,
         BOTH,
         False,
-        "No job: CONT is 0",
+        "No job, and no connection",
         (
             "CONT was never set; EN_R or a REQ edge alone builds no connection",
             "the program took CONT away, often in its own error handling",
             "an ordered close has ended (7003, 7007 stand before it)",
+            "TCON: REQ has not risen yet; TSEND, TRCV: nobody has built the connection that they need",
         ),
         (
             "pin CONT: set it to 1 and keep it there, also after an ERROR",
@@ -108,7 +111,7 @@ STATES: Final = (
             "port on which nobody listens",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.5",
+        "7.15.1, 7.15.2, 7.15.5, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x7003,
@@ -119,13 +122,14 @@ STATES: Final = (
         (
             "CONT fell: 7007 and 7000 follow, or 7000 alone when nothing was connected",
             "COM_RST rose: part of a reset, 7007 and 7002 follow",
+            "REQ of a TDISCON or a T_RESET rose: 7007 with DONE follows",
         ),
         (
             "pins CONT and COM_RST in the scan before: which of them moved?",
             "a frame that was half here is dropped with the connection: the ledger counts its bytes",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.6",
+        "7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x7004,
@@ -135,6 +139,7 @@ STATES: Final = (
         "Connected, nothing asked for",
         (
             "the connection has just come up; one scan before 7006 when EN_R is 1",
+            "TCON: it is up and is kept; TCON itself moves no bytes",
             "TRCV_C: EN_R is 0, so arriving bytes pile up unread in the socket",
             "TSEND_C: no rising edge at REQ; a REQ that stays 1 sends once only",
         ),
@@ -144,7 +149,7 @@ STATES: Final = (
             "`ss -tn`: Recv-Q above 0 means that the partner sends and nobody reads",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.5",
+        "7.15.1, 7.15.2, 7.15.5, 7.15.7, 7.15.8, 7.15.9",
     ),
     StatusRow(
         0x7005,
@@ -195,13 +200,14 @@ STATES: Final = (
         (
             "CONT fell while connected: 7000 follows",
             "COM_RST rose: 7002 follows and the connection is rebuilt",
+            "a TDISCON or a T_RESET has ended its work: DONE shows with it, for one scan",
         ),
         (
             "pins CONT and COM_RST: what moved, and was it meant?",
             "other blocks on this CONNECT lose the connection with it and show 7002",
         ),
         Reach.REAL,
-        "7.15.1, 7.15.2, 7.15.6",
+        "7.15.1, 7.15.2, 7.15.6, 7.15.7",
     ),
     StatusRow(
         0x7008,
@@ -246,7 +252,7 @@ STATES: Final = (
         False,
         "Resetting the connection",
         (
-            "COM_RST rose while connected; 7003, 7007 and 7002 follow",
+            "COM_RST (T_RESET: REQ) rose while connected; 7003, 7007 and 7002 follow",
             "the reset is meant to clear a shifted stream or a CONNECT that a lost instance still holds",
         ),
         (

@@ -1,4 +1,4 @@
-"""The STATUS table of the Baosky blocks TRCV_C and TSEND_C (manual 7.15.1 and 7.15.2): one row a code."""
+"""The STATUS table of the Baosky TCP blocks (manual 7.15.1, 7.15.2, 7.15.5 to 7.15.9): one row a code."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from typing import Final
 
 from trcvtui.blocks.status import StatusRow
 from trcvtui.dialects.baosky_connection_errors import CONNECTION_ERRORS
+from trcvtui.dialects.baosky_inner_blocks import with_inner_blocks
 from trcvtui.dialects.baosky_job_errors import JOB_ERRORS
 from trcvtui.dialects.baosky_states import STATES
 
-STATUS: Final[tuple[StatusRow, ...]] = STATES + CONNECTION_ERRORS + JOB_ERRORS
+STATUS: Final[tuple[StatusRow, ...]] = with_inner_blocks(STATES + CONNECTION_ERRORS + JOB_ERRORS)

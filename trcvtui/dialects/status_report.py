@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from trcvtui.blocks.status import Reach, StatusRow
@@ -15,17 +15,27 @@ CODE: Final = re.compile(r"\s*(?:(?:W(?:ORD)?#)?16#|0x)?([0-9a-f]{1,4})\s*", re.
 REACH_TEXT: Final = {
     Reach.REAL: "by real traffic, also on this machine alone",
     Reach.LOGIC: "by the pins alone: no network has a part in it",
-    Reach.NAMESPACE: "by a dead link: on the simulated network, or live between two machines",
+    Reach.NAMESPACE: "by a dead link: `link C1 down`, simulated or live on Linux",
     Reach.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
 }
+MOST_TELLING: Final = 3
+
+Shelf = Mapping[int, Sequence[str]]
+NO_SCENARIOS: Final[Shelf] = {}
 
 
 @dataclass(frozen=True, slots=True)
 class Explained:
-    """One row and the dialect that it belongs to."""
+    """One row, the dialect that it belongs to, and the scenario files that show it."""
 
     dialect: str
     row: StatusRow
+    scenarios: tuple[str, ...] = ()
+
+    def telling(self) -> tuple[str, ...]:
+        """Return the scenarios that are named for this code; where none is, the first few that show it."""
+        named = [file for file in self.scenarios if self.row.word[3:] in file.rpartition("/")[2].upper()]
+        return tuple(named or self.scenarios[:MOST_TELLING])
 
 
 def parse_code(text: str) -> int:
@@ -60,6 +70,14 @@ def explain(dialects: Sequence[Dialect], code: int | None, block: str | None) ->
     return found
 
 
+def with_scenarios(found: Iterable[Explained], shelves: Mapping[str, Shelf]) -> list[Explained]:
+    """Return the rows with the scenarios that show them; `shelves` maps a dialect to its files by code."""
+    return [
+        replace(one, scenarios=tuple(shelves.get(one.dialect, NO_SCENARIOS).get(one.row.code, ())))
+        for one in found
+    ]
+
+
 def _known_block(dialects: Sequence[Dialect], block: str) -> str:
     known = sorted({name for dialect in dialects for row in dialect.status for name in row.blocks})
     if block.upper() not in known:
@@ -68,7 +86,7 @@ def _known_block(dialects: Sequence[Dialect], block: str) -> str:
 
 
 def as_json(found: Iterable[Explained]) -> str:
-    """Return a JSON list of objects with exactly the keys of contract 4.1."""
+    """Return a JSON list of objects: the keys of contract 4.1, then what else is known."""
     import json  # here: the text needs none, and a command line starts faster without
 
     return json.dumps([_as_object(one) for one in found], indent=2)
@@ -84,6 +102,9 @@ def _as_object(one: Explained) -> dict[str, object]:
         "title": row.title,
         "causes": list(row.causes),
         "checks": list(row.checks),
+        "manual": row.manual,
+        "reach": str(row.reach),
+        "scenarios": list(one.scenarios),
     }
 
 
@@ -103,17 +124,18 @@ def _card(one: Explained) -> str:
         "  look at",
         *(f"    - {check}" for check in row.checks),
         f"  can be brought about {REACH_TEXT[row.reach]}",
+        *(f"  to see it: trcvtui scenario {file}" for file in one.telling()),
     ]
     return "\n".join(lines)
 
 
 def as_table(found: Iterable[Explained]) -> str:
-    """Return one line a row: dialect, code, `!` for ERROR=1, blocks, title."""
+    """Return one line a row: dialect, code, `!` for ERROR=1, title, blocks."""
     rows = list(found)
     name = max(len(one.dialect) for one in rows)
-    blocks = max(len(" ".join(one.row.blocks)) for one in rows)
+    title = max(len(one.row.title) for one in rows)
     return "\n".join(
         f"{one.dialect:{name}}  {one.row.word} {'!' if one.row.error else ' '}  "
-        f"{' '.join(one.row.blocks):{blocks}}  {one.row.title}"
+        f"{one.row.title:{title}}  {' '.join(one.row.blocks)}"
         for one in rows
     )

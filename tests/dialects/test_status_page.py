@@ -1,0 +1,53 @@
+"""The STATUS atlas as Markdown: text stays text."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from trcvtui.dialects.baosky import BAOSKY
+from trcvtui.dialects.status_page import as_page
+from trcvtui.dialects.status_report import Explained, explain, with_scenarios
+
+
+def page(one: Explained) -> list[str]:
+    return as_page("A PLC", [one], "../").splitlines()
+
+
+def explained(code: int) -> Explained:
+    (one,) = explain([BAOSKY], code, None)
+    return one
+
+
+def test_a_card_tells_everything_of_its_row() -> None:
+    one = replace(explained(0x80C5), scenarios=("configs/80c5-partner.toml", "configs/other.toml"))
+    lines = page(one)
+    assert lines[0] == "# STATUS atlas: A PLC"
+    start = lines.index("## 16#80C5")
+    assert lines[start + 2].startswith("**The partner closed during the job** · ERROR=1 · TRCV_C, TSEND_C")
+    bullets = [line[2:] for line in lines[start:] if line.startswith("- ")]
+    assert bullets == [
+        *one.row.causes,
+        *one.row.checks,
+        "can be brought about by real traffic, also on this machine alone (real)",
+        "[80c5-partner](../configs/80c5-partner.toml)",
+        f"manual {one.row.manual}",
+    ]
+
+
+def test_what_markdown_would_read_as_its_own_is_escaped_but_not_in_code() -> None:
+    row = replace(explained(0x80C5).row, causes=("a <b> | *c* `d <e>`", "another cause of it"))
+    assert r"- a \<b\> \| \*c\* `d <e>`" in page(Explained("baosky", row))
+
+
+def test_scenarios_go_to_the_row_of_their_code_and_dialect() -> None:
+    found = explain([BAOSKY], None, None)
+    shown = with_scenarios(found, {"baosky": {0x7002: ["a.toml"]}, "other": {0x7004: ["b.toml"]}})
+    assert {one.row.code: one.scenarios for one in shown if one.scenarios} == {0x7002: ("a.toml",)}
+
+
+def test_the_scenarios_named_for_a_code_are_the_telling_ones_else_the_first_three() -> None:
+    files = ("s/1.toml", "s/80c3-80c5-both.toml", "s/2.toml", "s/80c5-x.toml", "s/3.toml")
+    one = replace(explained(0x80C5), scenarios=files)
+    assert one.telling() == ("s/80c3-80c5-both.toml", "s/80c5-x.toml")
+    assert replace(explained(0x7002), scenarios=files).telling() == files[:3]
+    assert explained(0x80C5).telling() == ()

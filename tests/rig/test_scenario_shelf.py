@@ -1,0 +1,79 @@
+"""Which codes a scenario shows is read from its own lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+from tests.rig.scenarios import BAOSKY, play
+from trcvtui.dialects import DIALECTS
+from trcvtui.rig import bench_words as words
+from trcvtui.rig.scenario import load_scenario
+from trcvtui.rig.scenario_shelf import codes_of, scenarios_of
+
+
+def expected_codes(steps: Iterable[words.Step]) -> set[int]:
+    """Return the codes of a scenario as the bench itself reads its lines."""
+    found: set[int] = set()
+    for step in steps:
+        match step.command:
+            case words.ExpectTrace(_, pattern):
+                found |= {atom.scan[0] for atom in pattern.atoms if atom.scan is not None and atom.least}
+            case words.Wait(words.PinsAre(_, pins), _) | words.Expect(words.PinsAre(_, pins), _):
+                found |= {int(value) for pin, value in pins if pin == "STATUS"}
+    return found
+
+
+@pytest.mark.parametrize("path", BAOSKY, ids=lambda path: path.stem)
+def test_the_shelf_reads_a_scenario_as_the_bench_does(path: Path) -> None:
+    assert codes_of(path) == expected_codes(load_scenario(path).steps)
+
+
+@pytest.mark.parametrize("path", BAOSKY, ids=lambda path: path.stem)
+def test_every_code_that_an_instance_shows_is_listed_for_its_block(path: Path) -> None:
+    shown = {(int(record["STATUS"], 16), record["block"]) for record in play(path, "sim").records()}
+    assert [
+        f"{block} {code:04X}" for code, block in shown if DIALECTS["baosky"].row(code, block) is None
+    ] == []
+
+
+def test_the_shelf_names_the_files_by_code_as_seen_from_the_source() -> None:
+    shelf = scenarios_of("baosky")
+    assert "configs/scenarios/baosky/80c5-partner-closes.toml" in shelf[0x80C5]
+    assert list(shelf) == sorted(shelf)
+    assert {file for files in shelf.values() for file in files} <= {
+        f"configs/scenarios/baosky/{path.name}" for path in BAOSKY
+    }
+
+
+@pytest.mark.parametrize(
+    ("steps", "codes"),
+    [
+        ("wait X STATUS=7004 within T#2s", {0x7004}),
+        ("expect X DONE=1 STATUS=16#7008 RCVD_LEN=4", {0x7008}),
+        ("  expect X trace 0001 7002* 80A1!+ ... 7004{3}  # 80C5", {0x0001, 0x80A1, 0x7004}),
+        ("# wait X STATUS=7004\nset X LEN=7004\nrun 7006\npeer P1 send text STATUS=7005", set()),
+        ("expect rx hex 7004\nwait peer P1 closed\nexpect", set()),
+    ],
+)
+def test_codes_stand_in_wait_and_expect_lines_alone(steps: str, codes: set[int], tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    file.write_text(f"[scenario]\nsteps = '''\n{steps}\n'''\n", encoding="utf-8")
+    assert codes_of(file) == codes
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[scenario", "scenario = 1", "[scenario]\nsteps = 5", "[scenario]\nsteps = 'wait X STATUS=x'"],
+)
+def test_a_file_that_is_wrong_shows_nothing(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    file.write_text(text, encoding="utf-8")
+    assert codes_of(file) == frozenset()
+
+
+def test_without_configs_the_shelf_is_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trcvtui.rig.scenario_shelf.ROOT", tmp_path)
+    assert scenarios_of("baosky") == {}

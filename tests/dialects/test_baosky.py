@@ -38,6 +38,8 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
         "max_len": "65535",
         "buffers": "64",
         "queue": "64",
+        "lock_across_tasks": "false",
+        "user_timeout": "true",
         "strict_local_address": "false",
         "second_client": "reject",
         "check_remote_ip": "true",

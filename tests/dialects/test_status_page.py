@@ -45,9 +45,9 @@ def test_scenarios_go_to_the_row_of_their_code_and_dialect() -> None:
     assert {one.row.code: one.scenarios for one in shown if one.scenarios} == {0x7002: ("a.toml",)}
 
 
-def test_the_scenarios_named_for_a_code_are_the_telling_ones_else_the_first_three() -> None:
+def test_the_telling_scenarios_begin_with_the_code_or_name_it_else_they_are_the_first_three() -> None:
     files = ("s/1.toml", "s/80c3-80c5-both.toml", "s/2.toml", "s/80c5-x.toml", "s/3.toml")
     one = replace(explained(0x80C5), scenarios=files)
-    assert one.telling() == ("s/80c3-80c5-both.toml", "s/80c5-x.toml")
+    assert one.telling() == ("s/80c5-x.toml", "s/80c3-80c5-both.toml")
     assert replace(explained(0x7002), scenarios=files).telling() == files[:3]
     assert explained(0x80C5).telling() == ()

@@ -33,9 +33,14 @@ class Explained:
     scenarios: tuple[str, ...] = ()
 
     def telling(self) -> tuple[str, ...]:
-        """Return the scenarios that are named for this code; where none is, the first few that show it."""
-        named = [file for file in self.scenarios if self.row.word[3:] in file.rpartition("/")[2].upper()]
-        return tuple(named or self.scenarios[:MOST_TELLING])
+        """Return the scenarios named for this code, first those whose name begins with it.
+
+        Where none is named for it: the first few that show it.
+        """
+        code = self.row.word[3:]
+        places = {file: file.rpartition("/")[2].upper().find(code) for file in self.scenarios}
+        named = [file for file, place in places.items() if place >= 0]
+        return tuple(sorted(named, key=lambda file: places[file] > 0) or self.scenarios[:MOST_TELLING])
 
 
 def parse_code(text: str) -> int:

@@ -105,18 +105,22 @@ def _demo(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    return _open_screen(_path(args.project), args.kernel)
+    return _open_screen(_path(args.project), args.kernel, args.netns)
 
 
-def _open_screen(path: Path, kernel: str) -> int:
+def _open_screen(path: Path, kernel: str, netns: bool = False) -> int:
     import os
 
+    if netns:
+        from trcvtui.rig.wire import enter_own_network
+
+        enter_own_network(kernel)  # found out here, where there is no screen yet
     if not (os.isatty(0) and os.isatty(1)):
         _load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     from trcvtui.rig.driver import start_engine
 
-    driver = start_engine(path, kernel)  # at once: it loads the project while this process does
+    driver = start_engine(path, kernel, netns)  # at once: it loads the project while this process does
     try:
         project = _load_bench(path)
         from trcvtui.tui.app import run_app
@@ -292,6 +296,7 @@ def _add_run(parser: _Parser) -> None:
     parser.set_defaults(command=_run)
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
+    parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
 
 
 def _add_scenario(parser: _Parser) -> None:

@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import CONFIGS
+from tests.rig.test_driver import wait_for
 from trcvtui.cli import KERNELS, main
 from trcvtui.net import os_namespace
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench_words import Link
+from trcvtui.rig.driver import start_engine
 from trcvtui.rig.scenario import load_bench
 
 PASSIVE = str(CONFIGS / "passive.toml")
@@ -84,8 +86,8 @@ def run_alone(*args: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, *args]
     root = str(Path(__file__).parents[2])
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=root)
-    if done.stderr.startswith("--netns: found a system that refuses"):
-        pytest.skip("this system allows no network of its own: " + done.stderr.strip())
+    if "--netns: found a system that refuses" in done.stderr:
+        pytest.skip("this system allows no network of its own: " + done.stderr.splitlines()[-1])
     return done
 
 
@@ -128,6 +130,19 @@ def test_the_ledger_says_by_what_means_the_wire_was_cut(kernel: str) -> None:
         BenchNote("C1", what, by) for what, by in zip(("link down", "link up"), means[kernel], strict=True)
     ]
     assert [note for note in notes if note.subject == "C1"] == said
+
+
+def test_the_engine_of_a_screen_gets_a_network_of_its_own_too() -> None:
+    run_alone("-c", "from trcvtui.rig.wire import enter_own_network as enter; enter('live')")
+    driver = start_engine(Path(PASSIVE), "live", netns=True)
+    try:
+        driver.submit("link C1 down")
+        picture = wait_for(driver, lambda p: bool(p.answers))
+    finally:
+        driver.close()
+    assert [answer.error for answer in picture.answers] == [""]
+    notes = [line.event for line in picture.lines if isinstance(line.event, BenchNote)]
+    assert BenchNote("C1", "link down", "interface lo down: it carries every CONNECT and peer") in notes
 
 
 # -- where it cannot be ------------------------------------------------------------------------------------

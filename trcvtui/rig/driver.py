@@ -39,14 +39,14 @@ class Driver(Protocol):
 class EngineDriver:
     """The bench in a process of its own; start it before the screen library is imported."""
 
-    def __init__(self, path: Path, kernel: str, overrides: Sequence[str] = ()) -> None:
+    def __init__(self, path: Path, kernel: str, overrides: Sequence[str] = (), netns: bool = False) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
         from trcvtui.rig.engine_process import engine_main
 
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
         self._process = context.Process(
-            target=engine_main, args=(theirs, path, kernel, tuple(overrides)), daemon=True
+            target=engine_main, args=(theirs, path, kernel, tuple(overrides), netns), daemon=True
         )
         self._process.start()
         theirs.close()
@@ -111,6 +111,9 @@ class EngineDriver:
             self._process.join()
 
 
-def start_engine(path: Path, kernel: str) -> EngineDriver:
-    """Start the engine on a project file; what is wrong with the file is the caller's to find meanwhile."""
-    return EngineDriver(path, kernel)
+def start_engine(path: Path, kernel: str, netns: bool = False) -> EngineDriver:
+    """Start the engine on a project file; what is wrong with the file is the caller's to find meanwhile.
+
+    With `netns` it runs in a network of its own, which the caller has found to be allowed.
+    """
+    return EngineDriver(path, kernel, netns=netns)

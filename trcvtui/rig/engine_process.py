@@ -10,23 +10,30 @@ from pathlib import Path
 from trcvtui.errors import UserError
 
 
-def engine_main(channel: Channel, path: Path, kernel: str, overrides: Sequence[str]) -> None:
+def engine_main(
+    channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool = False
+) -> None:
     """Run the engine until the screen closes the channel; a crash is told before the process ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
     try:
-        _run(channel, path, kernel, overrides)
+        _run(channel, path, kernel, overrides, netns)
     except UserError as wrong:
         _tell(channel, wrong.lines()[0])
     except Exception:
         _tell(channel, _traceback())
 
 
-def _run(channel: Channel, path: Path, kernel: str, overrides: Sequence[str]) -> None:
+def _run(channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool) -> None:
     from trcvtui.plc.project_file import load_project
     from trcvtui.rig.console import fresh_bench
     from trcvtui.rig.engine import Engine
 
-    Engine(channel, fresh_bench(load_project(path, overrides), kernel)).run()
+    project = load_project(path, overrides)
+    if netns:
+        from trcvtui.rig.wire import enter_own_network
+
+        enter_own_network(kernel, project.sim)
+    Engine(channel, fresh_bench(project, kernel)).run()
 
 
 def _traceback() -> str:

@@ -33,12 +33,17 @@ def test_the_page_is_what_the_tables_say(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DIALECTS)
-def test_each_code_has_one_line_in_the_contents_that_leads_to_its_card(name: str) -> None:
+def test_each_row_has_one_line_in_the_contents_that_leads_to_its_card(name: str) -> None:
     page = written(name)
     cards = re.findall(r"^## (16#[0-9A-F]{4})$", page, re.MULTILINE)
-    assert cards == [row.word for row in DIALECTS[name].status]
-    lines = re.findall(r"^\| \[(16#[0-9A-F]{4})\]\(#(\w+)\) \|", page, re.MULTILINE)
-    assert lines == [(word, word.replace("#", "").lower()) for word in cards]
+    assert cards == sorted(row.word for row in DIALECTS[name].status)
+    lines = re.findall(r"^\| \[(16#[0-9A-F]{4})\]\(#([\w-]+)\) \|", page, re.MULTILINE)
+    assert [word for word, _ in lines] == cards
+    anchors = [anchor for _, anchor in lines]
+    assert len(set(anchors)) == len(anchors)
+    assert {anchor.partition("-")[0] for anchor in anchors} == {
+        word.replace("#", "").lower() for word in cards
+    }
 
 
 @pytest.mark.parametrize("name", DIALECTS)

@@ -14,7 +14,7 @@ def page(one: Explained) -> list[str]:
 
 
 def explained(code: int) -> Explained:
-    (one,) = explain([BAOSKY], code, None)
+    (one,) = explain([BAOSKY], code, "TSEND_C")
     return one
 
 
@@ -39,10 +39,23 @@ def test_what_markdown_would_read_as_its_own_is_escaped_but_not_in_code() -> Non
     assert r"- a \<b\> \| \*c\* `d <e>`" in page(Explained("baosky", row))
 
 
-def test_scenarios_go_to_the_row_of_their_code_and_dialect() -> None:
-    found = explain([BAOSKY], None, None)
-    shown = with_scenarios(found, {"baosky": {0x7002: ["a.toml"]}, "other": {0x7004: ["b.toml"]}})
-    assert {one.row.code: one.scenarios for one in shown if one.scenarios} == {0x7002: ("a.toml",)}
+def test_a_code_with_two_rows_has_two_cards_and_a_link_to_each() -> None:
+    one = explained(0x80C5)
+    other = Explained("baosky", replace(one.row, blocks=("URECV_C",), title="Something else"))
+    lines = as_page("A PLC", [explained(0x80C3), one, other], "").splitlines()
+    contents = [line.partition(" | ")[0] for line in lines if line.startswith("| [")]
+    assert contents == ["| [16#80C3](#1680c3)", "| [16#80C5](#1680c5)", "| [16#80C5](#1680c5-1)"]
+    assert [line for line in lines if line.startswith("## ")] == ["## 16#80C3", "## 16#80C5", "## 16#80C5"]
+
+
+def test_scenarios_go_to_the_row_of_their_code_block_and_dialect() -> None:
+    shelf = {(0x7002, "TSEND_C"): ["b.toml", "c.toml"], (0x7002, "TRCV_C"): ["a.toml", "b.toml"]}
+    other = {(0x7004, "TRCV_C"): ["x.toml"]}
+    shown = with_scenarios([explained(0x7002), explained(0x7004)], {"baosky": shelf, "other": other})
+    assert [one.scenarios for one in shown] == [("a.toml", "b.toml", "c.toml"), ()]
+    row = replace(explained(0x7002).row, blocks=("TRCV_C",))
+    (one,) = with_scenarios([Explained("baosky", row)], {"baosky": shelf})
+    assert one.scenarios == ("a.toml", "b.toml")
 
 
 def test_the_telling_scenarios_begin_with_the_code_or_name_it_else_they_are_the_first_three() -> None:

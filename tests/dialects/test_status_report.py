@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from trcvtui.dialects.baosky import BAOSKY
+from trcvtui.dialects.baosky_status import STATUS
 from trcvtui.dialects.status_report import (
     as_json,
     as_table,
@@ -19,6 +21,7 @@ from trcvtui.dialects.status_report import (
 from trcvtui.errors import UserError
 
 BLOCKS = "TCON, TDISCON, TRCV, TRCV_C, TSEND, TSEND_C, T_RESET"
+TCP = replace(BAOSKY, status=STATUS)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +49,7 @@ def test_what_is_no_code_is_a_mistake_of_one_line(text: str) -> None:
 
 
 def test_json_has_the_keys_of_the_contract_first_and_then_what_else_is_known() -> None:
-    shown = with_scenarios(explain([BAOSKY], 0x80C5, None), {"baosky": {0x80C5: ["a.toml"]}})
+    shown = with_scenarios(explain([TCP], 0x80C5, None), {"baosky": {(0x80C5, "TRCV_C"): ["a.toml"]}})
     [one] = json.loads(as_json(shown))
     assert list(one)[:7] == ["code", "dialect", "blocks", "error", "title", "causes", "checks"]
     assert list(one)[7:] == ["manual", "reach", "scenarios"]
@@ -59,9 +62,9 @@ def test_json_has_the_keys_of_the_contract_first_and_then_what_else_is_known() -
 
 
 def test_the_card_names_code_title_error_blocks_causes_and_checks() -> None:
-    row = BAOSKY.row(0x7006)
+    row = TCP.row(0x7006)
     assert row is not None
-    card = as_text(explain([BAOSKY], 0x7006, None)).splitlines()
+    card = as_text(explain([TCP], 0x7006, None)).splitlines()
     assert card[0] == "16#7006  Receiving, or ready and waiting"
     assert card[1] == "  no error · TRCV_C, TRCV · baosky, manual 7.15.1, 7.15.9"
     assert [line[6:] for line in card if line.startswith("    - ")] == [*row.causes, *row.checks]
@@ -69,14 +72,14 @@ def test_the_card_names_code_title_error_blocks_causes_and_checks() -> None:
 
 
 def test_the_card_names_the_scenarios_that_show_the_code() -> None:
-    shelf = {0x7006: ["s/7006-static.toml", "s/other.toml"]}
-    card = as_text(with_scenarios(explain([BAOSKY], 0x7006, None), {"baosky": shelf}))
+    shelf = {(0x7006, "TRCV_C"): ["s/7006-static.toml", "s/other.toml"]}
+    card = as_text(with_scenarios(explain([TCP], 0x7006, None), {"baosky": shelf}))
     assert card.splitlines()[-1] == "  to see it: trcvtui scenario s/7006-static.toml"
 
 
 def test_without_a_code_the_whole_table_is_one_line_a_code() -> None:
-    lines = as_table(explain([BAOSKY], None, None)).splitlines()
-    assert len(lines) == len(BAOSKY.status)
+    lines = as_table(explain([TCP], None, None)).splitlines()
+    assert len(lines) == len(TCP.status)
     gap = " " * (46 - len("Not called"))
     assert lines[0] == f"baosky  16#0000    Not called{gap}  TRCV_C TSEND_C TCON TDISCON T_RESET TSEND TRCV"
     assert lines[-1].startswith("baosky  16#80C5 !  The partner closed during the job  ")
@@ -84,14 +87,14 @@ def test_without_a_code_the_whole_table_is_one_line_a_code() -> None:
 
 
 def test_a_block_narrows_the_table() -> None:
-    codes = [one.row.code for one in explain([BAOSKY], None, "tsend_c")]
+    codes = [one.row.code for one in explain([TCP], None, "tsend_c")]
     assert 0x7005 in codes
     assert 0x7006 not in codes
 
 
 def test_all_dialects_are_asked_unless_one_is_named() -> None:
-    assert chosen_dialects([BAOSKY], None) == (BAOSKY,)
-    assert chosen_dialects([BAOSKY], "Baosky") == (BAOSKY,)
+    assert chosen_dialects([TCP], None) == (TCP,)
+    assert chosen_dialects([TCP], "Baosky") == (TCP,)
 
 
 @pytest.mark.parametrize(
@@ -112,11 +115,11 @@ def test_all_dialects_are_asked_unless_one_is_named() -> None:
 )
 def test_what_is_in_no_table_is_a_mistake_of_one_line(code: int | None, block: str | None, line: str) -> None:
     with pytest.raises(UserError) as raised:
-        explain([BAOSKY], code, block)
+        explain([TCP], code, block)
     assert raised.value.lines() == [line]
 
 
 def test_an_unknown_dialect_is_answered_with_the_names_that_exist() -> None:
     with pytest.raises(UserError) as raised:
-        chosen_dialects([BAOSKY], "siemnes")
+        chosen_dialects([TCP], "siemnes")
     assert raised.value.lines() == ["--dialect: found 'siemnes', expected one of baosky"]

@@ -11,24 +11,29 @@ from tests.rig.scenarios import BAOSKY, play
 from trcvtui.dialects import DIALECTS
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.scenario import load_scenario
-from trcvtui.rig.scenario_shelf import codes_of, scenarios_of
+from trcvtui.rig.scenario_shelf import scenarios_of, shown_by
 
 
-def expected_codes(steps: Iterable[words.Step]) -> set[int]:
-    """Return the codes of a scenario as the bench itself reads its lines."""
-    found: set[int] = set()
+def expected(steps: Iterable[words.Step], blocks: dict[str, str]) -> set[tuple[int, str]]:
+    """Return what a scenario shows as the bench itself reads its lines."""
+    found: set[tuple[int, str]] = set()
     for step in steps:
         match step.command:
-            case words.ExpectTrace(_, pattern):
-                found |= {atom.scan[0] for atom in pattern.atoms if atom.scan is not None and atom.least}
-            case words.Wait(words.PinsAre(_, pins), _) | words.Expect(words.PinsAre(_, pins), _):
-                found |= {int(value) for pin, value in pins if pin == "STATUS"}
+            case words.ExpectTrace(name, pattern):
+                scans = [atom.scan for atom in pattern.atoms if atom.scan is not None and atom.least]
+                found |= {(status, blocks[name]) for status, _ in scans}
+            case words.Wait(words.PinsAre(name, pins), _) | words.Expect(words.PinsAre(name, pins), _):
+                found |= {(int(value), blocks[name]) for pin, value in pins if pin == "STATUS"}
+            case words.Create(decl):
+                blocks[decl.name] = decl.block
     return found
 
 
 @pytest.mark.parametrize("path", BAOSKY, ids=lambda path: path.stem)
 def test_the_shelf_reads_a_scenario_as_the_bench_does(path: Path) -> None:
-    assert codes_of(path) == expected_codes(load_scenario(path).steps)
+    scenario = load_scenario(path)
+    blocks = {decl.name: decl.block for decl in scenario.project.instances}
+    assert shown_by(path) == expected(scenario.steps, blocks)
 
 
 @pytest.mark.parametrize("path", BAOSKY, ids=lambda path: path.stem)
@@ -39,9 +44,9 @@ def test_every_code_that_an_instance_shows_is_listed_for_its_block(path: Path) -
     ] == []
 
 
-def test_the_shelf_names_the_files_by_code_as_seen_from_the_source() -> None:
+def test_the_shelf_names_the_files_by_code_and_block_as_seen_from_the_source() -> None:
     shelf = scenarios_of("baosky")
-    assert "configs/scenarios/baosky/80c5-partner-closes.toml" in shelf[0x80C5]
+    assert "configs/scenarios/baosky/80c5-partner-closes.toml" in shelf[0x80C5, "TRCV_C"]
     assert list(shelf) == sorted(shelf)
     assert {file for files in shelf.values() for file in files} <= {
         f"configs/scenarios/baosky/{path.name}" for path in BAOSKY
@@ -52,6 +57,8 @@ def test_the_shelf_names_the_files_by_code_as_seen_from_the_source() -> None:
     ("steps", "codes"),
     [
         ("wait X STATUS=7004 within T#2s", {0x7004}),
+        ("create TRCV_C Y connect=C1\nwait Y STATUS=7002", {0x7002}),
+        ("wait Z STATUS=7002", set()),
         ("expect X DONE=1 STATUS=16#7008 RCVD_LEN=4", {0x7008}),
         ("  expect X trace 0001 7002* 80A1!+ ... 7004{3}  # 80C5", {0x0001, 0x80A1, 0x7004}),
         ("# wait X STATUS=7004\nset X LEN=7004\nrun 7006\npeer P1 send text STATUS=7005", set()),
@@ -59,19 +66,33 @@ def test_the_shelf_names_the_files_by_code_as_seen_from_the_source() -> None:
     ],
 )
 def test_codes_stand_in_wait_and_expect_lines_alone(steps: str, codes: set[int], tmp_path: Path) -> None:
+    instance = '[[instance]]\nname = "X"\nblock = "TRCV_C"\n'
+    scenario = f"[scenario]\nsteps = '''\n{steps}\n'''\n"
+    (tmp_path / "bench.toml").write_text(instance, encoding="utf-8")
     file = tmp_path / "x.toml"
-    file.write_text(f"[scenario]\nsteps = '''\n{steps}\n'''\n", encoding="utf-8")
-    assert codes_of(file) == codes
+    for project in (instance, 'project = "bench.toml"\n'):
+        file.write_text(project + scenario, encoding="utf-8")
+        assert shown_by(file) == {(code, "TRCV_C") for code in codes}
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "[scenario", "scenario = 1", "[scenario]\nsteps = 5", "[scenario]\nsteps = 'wait X STATUS=x'"],
+    [
+        "",
+        "[scenario",
+        "scenario = 1",
+        "[scenario]\nsteps = 5",
+        "[scenario]\nsteps = 'wait X STATUS=7004'",
+        "project = 'nix.toml'\n[scenario]\nsteps = 'wait X STATUS=7004'",
+        "instance = 5\n[scenario]\nsteps = 'wait X STATUS=7004'",
+        "instance = [5, {}]\n[scenario]\nsteps = 'wait X STATUS=7004'",
+        "[[instance]]\nname = 'X'\n[scenario]\nsteps = 'wait X STATUS=x'",
+    ],
 )
 def test_a_file_that_is_wrong_shows_nothing(text: str, tmp_path: Path) -> None:
     file = tmp_path / "x.toml"
     file.write_text(text, encoding="utf-8")
-    assert codes_of(file) == frozenset()
+    assert shown_by(file) == frozenset()
 
 
 def test_without_configs_the_shelf_is_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ It reads well on GitHub and as plain text: short lines, no HTML, a blank line ar
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from trcvtui.dialects.status_report import REACH_TEXT, Explained
@@ -12,7 +13,10 @@ from trcvtui.dialects.status_report import REACH_TEXT, Explained
 
 def as_page(title: str, found: Sequence[Explained], up: str) -> str:
     """Return the page of these rows; `up` leads from the page to where file names start, such as `../`."""
-    parts = [f"# STATUS atlas: {title}", _INTRODUCTION, _contents(found), *(_card(one, up) for one in found)]
+    rows = sorted(
+        found, key=lambda one: one.row.code
+    )  # a code may have a row for some blocks, one for others
+    parts = [f"# STATUS atlas: {title}", _INTRODUCTION, _contents(rows), *(_card(one, up) for one in rows)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -25,12 +29,13 @@ This page is made by `make atlas` out of the tables in `trcvtui/dialects`: chang
 
 def _contents(found: Iterable[Explained]) -> str:
     lines = ["| code | | meaning | blocks |", "| --- | --- | --- | --- |"]
+    headings: Counter[str] = Counter()
     for one in found:
         row = one.row
+        link = f"[{row.word}](#{_anchor(row.word, headings[row.word])})"
+        headings[row.word] += 1
         mark = "!" if row.error else " "
-        lines.append(
-            f"| [{row.word}](#{_anchor(row.word)}) | {mark} | {_plain(row.title)} | {', '.join(row.blocks)} |"
-        )
+        lines.append(f"| {link} | {mark} | {_plain(row.title)} | {', '.join(row.blocks)} |")
     return "\n".join(lines)
 
 
@@ -64,9 +69,10 @@ def _name(file: str) -> str:
     return file.rpartition("/")[2].removesuffix(".toml")
 
 
-def _anchor(heading: str) -> str:
-    """Return the anchor that GitHub gives a heading of one word."""
-    return "".join(c for c in heading.lower() if c.isalnum())
+def _anchor(heading: str, before: int) -> str:
+    """Return the anchor that GitHub gives a heading of one word; `before`: how many like it came before."""
+    anchor = "".join(c for c in heading.lower() if c.isalnum())
+    return f"{anchor}-{before}" if before else anchor
 
 
 def _plain(text: str) -> str:

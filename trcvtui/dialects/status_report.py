@@ -20,7 +20,7 @@ REACH_TEXT: Final = {
 }
 MOST_TELLING: Final = 3
 
-Shelf = Mapping[int, Sequence[str]]
+Shelf = Mapping[tuple[int, str], Sequence[str]]  # a code and a block: the scenario files that show it
 NO_SCENARIOS: Final[Shelf] = {}
 
 
@@ -76,11 +76,14 @@ def explain(dialects: Sequence[Dialect], code: int | None, block: str | None) ->
 
 
 def with_scenarios(found: Iterable[Explained], shelves: Mapping[str, Shelf]) -> list[Explained]:
-    """Return the rows with the scenarios that show them; `shelves` maps a dialect to its files by code."""
+    """Return the rows with the scenarios that show them; `shelves` are those of the dialects by name."""
     return [
-        replace(one, scenarios=tuple(shelves.get(one.dialect, NO_SCENARIOS).get(one.row.code, ())))
-        for one in found
+        replace(one, scenarios=_showing(one.row, shelves.get(one.dialect, NO_SCENARIOS))) for one in found
     ]
+
+
+def _showing(row: StatusRow, shelf: Shelf) -> tuple[str, ...]:
+    return tuple(sorted({file for block in row.blocks for file in shelf.get((row.code, block), ())}))
 
 
 def _known_block(dialects: Sequence[Dialect], block: str) -> str:

@@ -1,4 +1,4 @@
-"""The scenarios that come with the source, and which STATUS codes each of them shows.
+"""The scenarios that come with the source, and which STATUS codes of which blocks each of them shows.
 
 What a scenario shows is read from its own `wait` and `expect` lines. They are only split into words here,
 with the parser of trace patterns behind: loading the projects of all files would cost a command line a
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from trcvtui.dialects.status_report import parse_code
 from trcvtui.errors import UserError
@@ -18,32 +18,59 @@ from trcvtui.rig.trace_pattern import parse_pattern
 
 ROOT: Final = Path(__file__).parents[2]
 
+Shown = tuple[int, str]  # a code, the block that shows it
 
-def scenarios_of(dialect: str) -> Mapping[int, tuple[str, ...]]:
-    """Return the scenario files that show a code, by code; paths start at the source's root."""
-    showing: dict[int, list[str]] = {}
+
+def scenarios_of(dialect: str) -> Mapping[Shown, tuple[str, ...]]:
+    """Return the scenario files that show a code at a block; paths start at the source's root."""
+    showing: dict[Shown, list[str]] = {}
     for path in sorted((ROOT / "configs" / "scenarios" / dialect).glob("*.toml")):
-        for code in codes_of(path):
-            showing.setdefault(code, []).append(path.relative_to(ROOT).as_posix())
-    return {code: tuple(files) for code, files in sorted(showing.items())}
+        for shown in shown_by(path):
+            showing.setdefault(shown, []).append(path.relative_to(ROOT).as_posix())
+    return {shown: tuple(files) for shown, files in sorted(showing.items())}
 
 
-def codes_of(path: Path) -> frozenset[int]:
-    """Return the codes that a scenario file waits for or expects; none when the file is wrong."""
+def shown_by(path: Path) -> frozenset[Shown]:
+    """Return what a scenario file waits for or expects; nothing when the file is wrong."""
     try:
-        scenario = read_toml(path).get("scenario")
-        steps = scenario.get("steps") if isinstance(scenario, Mapping) else None
-        lines = steps.splitlines() if isinstance(steps, str) else []
-        return frozenset(code for line in lines for code in _codes_in(line.partition(" #")[0].split()))
+        document = read_toml(path)
+        lines = [line.partition(" #")[0].split() for line in _steps(document)]
+        blocks = _blocks(document, path) | _created(lines)
+        return frozenset((code, blocks[words[1]]) for words in lines for code in _codes(words, blocks))
     except UserError:
         return frozenset()
 
 
-def _codes_in(words: list[str]) -> Iterator[int]:
-    """Return the codes of a line such as `expect TRCV_C_1 trace 7004 80C5! 7002*`, here 7004 and 80C5."""
-    if words[:1] not in (["wait"], ["expect"]):
+def _steps(document: Mapping[str, Any]) -> list[str]:
+    scenario = document.get("scenario")
+    steps = scenario.get("steps") if isinstance(scenario, Mapping) else None
+    return steps.splitlines() if isinstance(steps, str) else []
+
+
+# -- which instance is of which block ----------------------------------------------------------------------
+
+
+def _blocks(document: Mapping[str, Any], path: Path) -> dict[str, str]:
+    """Return the block of each instance, of this file or of the project that it names."""
+    other = document.get("project")
+    instances = (read_toml(path.parent / other) if isinstance(other, str) else document).get("instance")
+    tables = instances if isinstance(instances, list) else []
+    return {str(table.get("name")): str(table.get("block")) for table in tables if isinstance(table, Mapping)}
+
+
+def _created(lines: list[list[str]]) -> dict[str, str]:
+    """Return the block of each instance that a step such as `create TRCV_C X connect=C1` makes."""
+    return {words[2]: words[1] for words in lines if words[:1] == ["create"] and len(words) > 2}
+
+
+# -- which codes a line speaks of --------------------------------------------------------------------------
+
+
+def _codes(words: list[str], blocks: Mapping[str, str]) -> Iterator[int]:
+    """Return the codes of a line such as `expect X trace 7004 80C5! 7002*`, here 7004 and 80C5."""
+    if words[:1] not in (["wait"], ["expect"]) or len(words) < 3 or words[1] not in blocks:
         return
-    if words[2:3] == ["trace"]:
+    if words[2] == "trace":
         yield from _codes_of_pattern(" ".join(words[3:]))
     for word in words[2:]:
         pin, _, value = word.partition("=")

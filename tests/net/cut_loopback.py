@@ -6,32 +6,13 @@ connection, `idle recv ETIMEDOUT`, or `refused` where the system allows no names
 
 from __future__ import annotations
 
-import ctypes
-import fcntl
 import os
 import select
 import socket
-import struct
 
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, SocketOptions
 from trcvtui.net.os_kernel import OsKernel
-
-CLONE_NEWUSER = 0x10000000
-CLONE_NEWNET = 0x40000000
-SIOCSIFFLAGS = 0x8914
-IFF_UP = 1
-
-
-def own_network() -> bool:
-    """Move this process into a network of its own; return whether the system allows it."""
-    refused: int = ctypes.CDLL(None, use_errno=True).unshare(CLONE_NEWUSER | CLONE_NEWNET)
-    return refused == 0
-
-
-def set_loopback(up: bool) -> None:
-    """Set the loopback interface up or down."""
-    with socket.socket() as door:
-        fcntl.ioctl(door, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP if up else 0))
+from trcvtui.net.os_namespace import enter, set_loopback
 
 
 def connection(kernel: OsKernel, options: SocketOptions) -> tuple[Handle, Handle]:
@@ -68,8 +49,7 @@ def wait_for_the_end(kernel: OsKernel, ours: dict[str, Handle]) -> None:
 
 
 quiet, _other = socket.socketpair()
-if own_network():
-    set_loopback(up=True)
+if not enter():
     kernel = OsKernel()
     idle, _ = connection(kernel, SocketOptions(keep_alive_s=1))
     busy, _ = connection(kernel, SocketOptions(keep_alive_s=1, user_timeout_ms=2000))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from tests.net.facts_data import fill
-from tests.net.net_bench import Bench, Pair
+from tests.net.net_bench import ANY_PORT, Bench, Pair
 from tests.net.net_facts import on_the_wire
-from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Handle, Loss, PathInfo, SocketOptions
+from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Fault, Handle, Loss, PathInfo, SocketOptions
 
 TIMED_OUT = Fault("recv", "ETIMEDOUT")
 
@@ -59,7 +59,7 @@ def other_owners_do_not_feel_a_cut(b: Bench) -> None:
 
 @on_the_wire
 def a_wire_between_two_cut_owners_speaks_when_both_are_mended(b: Bench) -> None:
-    listener = b.socket(owner="C2", end=Endpoint("127.0.0.1", 0), polled=True)
+    listener = b.socket(owner="C2", end=ANY_PORT, polled=True)
     assert b.kernel.listen(listener, 1) is None
     one = b.pair(listener, client=b.socket(owner="C1"))
     cut(b, "C1")
@@ -75,7 +75,7 @@ def a_wire_between_two_cut_owners_speaks_when_both_are_mended(b: Bench) -> None:
 @on_the_wire
 def an_attempt_begun_on_a_cut_wire_gets_no_answer_not_even_a_refusal(b: Bench) -> None:
     listener = b.listener()
-    refusing = b.end(b.socket(end=Endpoint("127.0.0.1", 0)))
+    refusing = b.end(b.socket(end=ANY_PORT))
     cut(b)
     attempts = [b.socket(owner="C1"), b.socket(owner="C1")]
     for attempt, end in zip(attempts, (b.end(listener), refusing), strict=True):
@@ -87,7 +87,7 @@ def an_attempt_begun_on_a_cut_wire_gets_no_answer_not_even_a_refusal(b: Bench) -
 
 @on_the_wire
 def a_listener_on_a_cut_wire_hears_no_newcomer(b: Bench) -> None:
-    listener = b.socket(owner="C1", end=Endpoint("127.0.0.1", 0), polled=True)
+    listener = b.socket(owner="C1", end=ANY_PORT, polled=True)
     assert b.kernel.listen(listener, 1) is None
     cut(b)
     client = b.socket()
@@ -99,7 +99,7 @@ def a_listener_on_a_cut_wire_hears_no_newcomer(b: Bench) -> None:
 
 @on_the_wire
 def a_client_accepted_on_a_cut_wire_is_silent_too(b: Bench) -> None:
-    listener = b.socket(owner="C1", end=Endpoint("127.0.0.1", 0), polled=True)
+    listener = b.socket(owner="C1", end=ANY_PORT, polled=True)
     assert b.kernel.listen(listener, 1) is None
     client = b.connect(b.end(listener))
     cut(b)
@@ -132,6 +132,27 @@ def a_handle_freed_on_a_cut_wire_leaves_nothing_behind_for_the_next(b: Bench) ->
     b.send(again.client, b"fresh")
     assert b.receive(again.server, 5) == b"fresh"
     mend(b)
+
+
+@on_the_wire
+def a_datagram_on_a_cut_wire_goes_nowhere_and_never_comes_later(b: Bench) -> None:
+    ours, theirs = b.kernel.datagram_socket("C1"), b.kernel.datagram_socket("X")
+    assert not isinstance(ours, Fault)
+    assert not isinstance(theirs, Fault)
+    ends = (ours, theirs), (theirs, ours)
+    for handle in (ours, theirs):
+        assert b.kernel.bind(handle, ANY_PORT) is None
+    cut(b)
+    for sender, receiver in ends:
+        assert b.kernel.send_to(sender, memoryview(b"lost"), b.end(receiver)) == 4
+    b.settle()
+    mend(b)
+    for sender, receiver in ends:
+        assert b.kernel.send_to(sender, memoryview(b"x"), b.end(receiver)) == 1
+        b.settle()
+        got = b.kernel.recv_from(receiver, memoryview(bytearray(10)))
+        assert isinstance(got, Datagram)
+        assert (got.size, got.source) == (1, b.end(sender))
 
 
 # -- what the stack knows of a path ------------------------------------------------------------------------

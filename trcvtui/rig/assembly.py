@@ -42,7 +42,13 @@ class Bench:
         )
         self.plan.fired = self._fault_fired
         self.peers = {
-            decl.name: new_peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write)
+            decl.name: new_peer(
+                decl,
+                self._kernel,
+                self._listening_end,
+                self.runtime.ledger.write,
+                project.rules.policy.small_buffers,
+            )
             for decl in project.peers
         }
         self._self_acting = [

@@ -7,6 +7,7 @@ one line.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, Kernel
@@ -16,7 +17,7 @@ from trcvtui.rig.bench_words import PeerSend
 from trcvtui.rig.inbox import Inbox
 from trcvtui.rig.outbox import Outbox
 from trcvtui.rig.payload import chunks
-from trcvtui.rig.peer import LAST_SHOWN, Peer
+from trcvtui.rig.peer import LAST_SHOWN, PEER_OPTIONS, Peer
 from trcvtui.rig.picture import PeerSnapshot
 
 READ_BYTES: Final = 65536  # no datagram is larger
@@ -234,6 +235,9 @@ def new_peer(
     kernel: Kernel,
     resolve: Callable[[str], Endpoint | None],
     journal: Callable[[Event], None],
+    small_buffers: bool = False,
 ) -> AnyPeer:
-    """Return the peer of a declaration."""
-    return (UdpPeer if decl.udp else Peer)(decl, kernel, resolve, journal)
+    """Return the peer of a declaration; `small_buffers`: as small as those of the PLC's CONNECTs."""
+    if decl.udp:
+        return UdpPeer(decl, kernel, resolve, journal)
+    return Peer(decl, kernel, resolve, journal, replace(PEER_OPTIONS, small_buffers=small_buffers))

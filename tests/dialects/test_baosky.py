@@ -36,6 +36,7 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
         "reset_is": "80AA",
         "com_rst_autoclear": "true",
         "max_len": "65535",
+        "large_datagram": "error",
         "buffers": "64",
         "queue": "64",
         "lock_across_tasks": "false",

@@ -34,7 +34,7 @@ def walk(records: list[dict[str, object]]) -> dict[object, list[tuple[object, ..
     walks: dict[object, list[tuple[object, ...]]] = {}
     for record in records:
         status = int(str(record["STATUS"]), 16)
-        shown = (record["STATUS"], record["BUSY"], record["DONE"], record["ERROR"], record["RCVD_LEN"])
+        shown = (record["STATUS"], record["BUSY"], record["DONE"], record["ERROR"], record.get("RCVD_LEN"))
         steps = walks.setdefault(record["instance"], [])
         if status not in RUNS or not steps or steps[-1] != shown:
             steps.append(shown)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.blocks.parameters import MOVES_BYTES, PINS
+from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP
 from trcvtui.cli import main
 from trcvtui.errors import UserError
 from trcvtui.plc.project import Project
@@ -30,6 +30,16 @@ RemoteAddress = "10.0.0.7"
 RemotePort = 2001
 SendDelayOpt = true
 KeepAliveTimeInterval = 3
+
+[[udp_config]]
+name = "U1"
+LocalAddress = "10.0.0.1"
+LocalPort = 2005
+
+[[addr]]
+name = "A1"
+RemoteAddress = "10.0.0.7"
+RemotePort = 2006
 """
 
 
@@ -41,7 +51,8 @@ def project(folder: Path, *instances: str, head: str = HEAD) -> Project:
 
 def instance(name: str, block: str, *lines: str) -> str:
     bound = ['data = "tx"'] if block in MOVES_BYTES else []
-    return "\n".join([f'name = "{name}"', f'block = "{block}"', 'connect = "C1"', *bound, *lines])
+    link = ['config = "U1"', 'addr = "A1"'] if block in SPEAKS_UDP else ['connect = "C1"']
+    return "\n".join([f'name = "{name}"', f'block = "{block}"', *link, *bound, *lines])
 
 
 def test_a_call_binds_every_pin_in_the_order_of_the_manual(tmp_path: Path) -> None:
@@ -77,7 +88,8 @@ def test_the_present_inputs_stand_as_literals(tmp_path: Path) -> None:
 def test_each_block_has_its_own_pins_and_data_only_where_it_moves_bytes(block: str, tmp_path: Path) -> None:
     call = st_call(project(tmp_path, instance("X", block)), "X")
     bound = re.findall(r"^    (\w+)(:=|=>)", call, re.MULTILINE)
-    names = {pin.name for pin in PINS[block]} | {"CONNECT"} | ({"DATA"} if block in MOVES_BYTES else set())
+    link = {"CONFIG", "ADDR"} if block in SPEAKS_UDP else {"CONNECT"}
+    names = {pin.name for pin in PINS[block]} | link | ({"DATA"} if block in MOVES_BYTES else set())
     assert {name for name, _ in bound} == names and len(bound) == len(names)
     assert [mark for _, mark in bound] == sorted(mark for _, mark in bound)
     assert call.count(",\n") == len(bound) - 1
@@ -136,6 +148,21 @@ def test_every_variable_of_a_call_is_declared(tmp_path: Path) -> None:
         if word not in ("TRUE", "FALSE")
     }
     assert used <= declared
+
+
+def test_a_udp_block_is_given_its_two_records(tmp_path: Path) -> None:
+    bench = project(tmp_path, instance("S", "USEND_C"))
+    assert st_variables(bench, ["S"]).splitlines()[1:10] == [
+        "    S : USEND_C;",
+        "    U1 : UDP_CONFIG := (",
+        "        LocalAddress := [10, 0, 0, 1],",
+        "        LocalPort := 2005",
+        "    );",
+        "    A1 : ADDR_PARAM := (",
+        "        RemoteAddress := [10, 0, 0, 7],",
+        "        RemotePort := 2006",
+        "    );",
+    ]
 
 
 def test_a_remote_port_that_names_a_peer_is_left_out(tmp_path: Path) -> None:

@@ -11,13 +11,23 @@ from trcvtui.net.ownership import Claim, Direction
 
 
 def refuse(
-    env: Environment, data: DataArea | None, length: int, direction: Direction, claim: Claim, connect: str
+    env: Environment,
+    data: DataArea | None,
+    length: int,
+    direction: Direction,
+    claim: Claim,
+    connect: str,
+    most: int | None = None,
 ) -> Outcome | None:
-    """Return why no job can start: 80A4, 80A5, 80C3, then a buffer; None: claim and buffer are taken."""
+    """Return why no job can start: 80A4, 80A5, 80C3, then a buffer; None: claim and buffer are taken.
+
+    `most` bytes fit into one job, None: as many as the rules say for a connection.
+    """
+    limit = env.rules.max_len if most is None else most
     if data is None or data.size == 0:
         return _EMPTY
-    if length > data.size or (length or data.size) > env.rules.max_len:
-        return _wrong_length(env, data, length)
+    if length > data.size or (length or data.size) > limit:
+        return _wrong_length(limit, data, length)
     other = direction.take(claim)
     if other is not None:
         return Outcome(Condition.CONNECT_IN_USE, _in_use(other))
@@ -25,8 +35,8 @@ def refuse(
     return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
 
 
-def _wrong_length(env: Environment, data: DataArea, length: int) -> Outcome:
-    limit = min(data.size, env.rules.max_len)
+def _wrong_length(most: int, data: DataArea, length: int) -> Outcome:
+    limit = min(data.size, most)
     name = "LEN is larger than DATA" if length > data.size else "longer than one job can be"
     cause = Cause(Why.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
     return Outcome(Condition.LENGTH_WRONG, cause)

@@ -31,7 +31,7 @@ class Pin:
         return self.iec_type == "BOOL"
 
 
-# CONNECT and DATA are InOut too; they are named by the project file. Sections: baosky.md 2, 3, 5.
+# CONNECT and DATA are InOut too; they are named by the project file. Sections: baosky.md 2, 3, 5, 6.
 _EN_R: Final = Pin("EN_R", Direction.IN, "BOOL", "TRUE keeps receiving, job after job")
 _REQ: Final = Pin("REQ", Direction.IN, "BOOL", "rising edge sends DATA once", edge=True)
 _CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 builds and holds the connection, 0 closes it")
@@ -43,6 +43,8 @@ _RCV_LEN: Final = Pin(
     "LEN", Direction.IN, "UDINT", "bytes wanted (static) or limit (ad-hoc); 0 = size of DATA"
 )
 _SEND_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "bytes to send; 0 = size of DATA")
+_UDP_CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 creates and holds the UDP socket, 0 releases it")
+_UDP_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "longest datagram that is taken; 0 = size of DATA")
 _RCVD_LEN: Final = Pin("RCVD_LEN", Direction.OUT, "UDINT", "bytes received; valid in the DONE scan only")
 _LAMPS: Final = (
     Pin("DONE", Direction.OUT, "BOOL", "a job ended well; TRUE for one scan"),
@@ -64,9 +66,12 @@ PINS: Final[dict[str, tuple[Pin, ...]]] = {
     "T_RESET": _req("rising edge resets an established connection"),
     "TSEND": (_REQ, _SEND_LEN, *_LAMPS),
     "TRCV": (_EN_R, _RCV_LEN, _ADHOC, *_LAMPS, _RCVD_LEN),
+    "USEND_C": (_REQ, _UDP_CONT, _SEND_LEN, *_LAMPS),
+    "URECV_C": (_EN_R, _UDP_CONT, _UDP_LEN, *_LAMPS, _RCVD_LEN),
 }
+SPEAKS_UDP: Final = frozenset({"USEND_C", "URECV_C"})  # CONFIG and ADDR in the place of CONNECT
 SENDS: Final = frozenset({"TSEND_C", "TSEND"})
-MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"})  # these have a DATA pin
+MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP  # these have a DATA pin
 
 
 def inputs_of(block: str) -> tuple[Pin, ...]:

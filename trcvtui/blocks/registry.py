@@ -13,6 +13,9 @@ from trcvtui.blocks.trcv import Trcv
 from trcvtui.blocks.trcv_c import TrcvC
 from trcvtui.blocks.tsend import Tsend
 from trcvtui.blocks.tsend_c import TsendC
+from trcvtui.blocks.udp_binding import UdpBinding
+from trcvtui.blocks.urecv_c import UrecvC
+from trcvtui.blocks.usend_c import UsendC
 
 BLOCKS: Final[Mapping[str, Callable[[Binding], Block]]] = {
     "TRCV_C": TrcvC,
@@ -23,3 +26,12 @@ BLOCKS: Final[Mapping[str, Callable[[Binding], Block]]] = {
     "TSEND": Tsend,
     "TRCV": Trcv,
 }
+UDP_BLOCKS: Final[Mapping[str, Callable[[UdpBinding], Block]]] = {
+    "USEND_C": UsendC,
+    "URECV_C": UrecvC,
+}
+
+
+def new_block(name: str, bound: Binding | UdpBinding) -> Block:
+    """Return the inside of a new instance."""
+    return UDP_BLOCKS[name](bound) if isinstance(bound, UdpBinding) else BLOCKS[name](bound)

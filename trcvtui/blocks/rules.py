@@ -28,6 +28,8 @@ class Rules:
     reset_counts_as_close: bool = False
     com_rst_autoclear: bool = True
     max_len: int = 65535
+    max_datagram: int = 2048
+    large_datagram_cut: bool = False
     lock_across_tasks: bool = False
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64

@@ -1,4 +1,4 @@
-"""Baosky (Tianxing) PLC: the answered questionnaire of manual 7.15.1, 7.15.2 and 7.15.4.
+"""Baosky (Tianxing) PLC: the answered questionnaire of manual 7.15.1, 7.15.2, 7.15.4, 7.15.14 and 7.15.15.
 
 Each point that the manual leaves open is a switch; names and defaults are those of design.md section 6.
 """
@@ -10,10 +10,12 @@ from typing import Final
 
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects.baosky_status import STATUS
+from trcvtui.dialects.baosky_udp import UDP_STATUS
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
 from trcvtui.net.set_up import Policy
 
 SECOND: Final = 1_000_000_000  # ns
+MAX_DATAGRAM: Final = 2048  # bytes, manual 7.15.14 and 7.15.15
 
 SWITCHES: Final = (
     Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
@@ -42,6 +44,14 @@ SWITCHES: Final = (
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
     # The pin tables say 65535, the text of 80A5 says 65536 (baosky.md section 15, 1).
     Switch("max_len", "choice", "65535", "longest job in bytes", ("65535", "65536")),
+    # The UDP code tables could not be read; another vendor's block refuses such a datagram (80C9).
+    Switch(
+        "large_datagram",
+        "choice",
+        "error",
+        "a datagram larger than LEN or DATA: 80AA and it is lost, or its first bytes as a frame",
+        ("error", "cut"),
+    ),
     Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80A7"),
     Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80AC"),
     # 7.15.1 and 7.15.2, notes: in tasks of different priority DATA gets into disorder.
@@ -81,6 +91,8 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
         reset_counts_as_close=chosen["reset_is"] == "80C5",
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
         max_len=int(chosen["max_len"]),
+        max_datagram=MAX_DATAGRAM,
+        large_datagram_cut=chosen["large_datagram"] == "cut",
         lock_across_tasks=bool(chosen["lock_across_tasks"]),
         policy=_policy(chosen),
         buffers=int(chosen["buffers"]),
@@ -103,9 +115,9 @@ def _policy(chosen: Mapping[str, SwitchValue]) -> Policy:
 
 BAOSKY: Final = Dialect(
     name="baosky",
-    title="Baosky (Tianxing) PLC, TCP blocks 7.15",
-    blocks=("TRCV_C", "TSEND_C", "TCON", "TDISCON", "T_RESET", "TSEND", "TRCV"),
-    status=STATUS,
+    title="Baosky (Tianxing) PLC, TCP and UDP blocks 7.15",
+    blocks=("TRCV_C", "TSEND_C", "TCON", "TDISCON", "T_RESET", "TSEND", "TRCV", "USEND_C", "URECV_C"),
+    status=STATUS + UDP_STATUS,
     switches=SWITCHES,
     models={"T3": 8, "T4": 32},  # TCP connections, manual 7.15.4
     default_model="T4",

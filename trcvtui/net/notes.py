@@ -27,6 +27,7 @@ class What(StrEnum):
     SECOND_CLIENT = "second client reset"
     REPLACED = "replaced by a second client"
     OPTION_REFUSED = "option refused"
+    RELEASED = "released"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,23 +44,28 @@ class ConnectionNote:
 
 
 class BytesReceived(NamedTuple):
-    """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream."""
+    """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
+
+    `instance` has them: jobs of tasks of different priority can read in turns (net/ownership.py, rule 3).
+    """
 
     connection: str
     incarnation: int
     recv: int
     offset: int
     size: int
+    instance: str = ""
 
 
 class BytesSent(NamedTuple):
-    """One send call gave `size` bytes to the local stack; `offset` is in the incarnation's sent stream."""
+    """One send call gave `size` bytes of `instance` to the local stack; `offset` is in the sent stream."""
 
     connection: str
     incarnation: int
     send: int
     offset: int
     size: int
+    instance: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ from trcvtui.blocks import parameters
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
-from trcvtui.blocks.registry import BLOCKS
+from trcvtui.blocks.registry import new_block
+from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.plc.project import InstanceDecl
 from trcvtui.plc.snapshot import InstanceSnapshot
@@ -43,11 +44,12 @@ class Shown(NamedTuple):
 class Instance:
     """One instance; `scan` calls its block once, `outputs` is what the program reads afterwards."""
 
-    def __init__(self, decl: InstanceDecl, bound: Binding, note: Callable[[InputEdge], None]) -> None:
+    def __init__(
+        self, decl: InstanceDecl, bound: Binding | UdpBinding, note: Callable[[InputEdge], None]
+    ) -> None:
         self.name = decl.name
         self.block_name = decl.block
         self.decl = decl
-        self.connection = bound.connection
         self.data = bound.data
         self.inputs: dict[str, PinValue] = {
             pin.name: False if pin.is_bool else 0 for pin in parameters.inputs_of(decl.block)
@@ -65,7 +67,7 @@ class Instance:
 
     def fresh(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
-        self._block = BLOCKS[self.block_name](self._bound)
+        self._block = new_block(self.block_name, self._bound)
         self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
         self.outputs, self.edge = self._show(NOT_CALLED)
@@ -189,7 +191,7 @@ class Instance:
         return InstanceSnapshot(
             name=self.name,
             block=self.block_name,
-            connect=self.connection.config.name,
+            connect=self.decl.connect,
             data=self.data.name if self.data else None,
             inputs=tuple(self.inputs.items()),
             outputs=self._output_pins(),
@@ -212,6 +214,7 @@ class Instance:
             last_error_scan=error[0],
             last_error_status=error[1],
             task=self.decl.task,
+            addr=self.decl.addr,
         )
 
     def _output_pins(self) -> tuple[tuple[str, PinValue], ...]:

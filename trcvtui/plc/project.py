@@ -15,6 +15,7 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.udt.layout import Layout
 from trcvtui.udt.rules import LayoutRules
 from trcvtui.udt.type_set import TypeSet
@@ -46,7 +47,10 @@ class DataDecl:
 
 @dataclass(frozen=True, slots=True)
 class InstanceDecl:
-    """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name."""
+    """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
+
+    A UDP block has a UDP_CONFIG in the place of the CONNECT, and `addr`.
+    """
 
     name: str
     block: str
@@ -54,6 +58,7 @@ class InstanceDecl:
     data: str | None
     task: str
     inputs: tuple[tuple[str, bool | int], ...]
+    addr: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +113,8 @@ class Project:
     peers: tuple[PeerDecl, ...] = ()
     start: str = ""
     sim: SimDecl = SimDecl()
+    udp_configs: tuple[UdpConfig, ...] = ()
+    addrs: tuple[AddrParam, ...] = ()
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""
@@ -124,6 +131,14 @@ class Project:
     def connect(self, name: str) -> ConnectConfig | None:
         """Return the CONNECT of that name."""
         return next((c for c in self.connects if c.name == name), None)
+
+    def udp_config(self, name: str) -> UdpConfig | None:
+        """Return the UDP_CONFIG of that name."""
+        return next((u for u in self.udp_configs if u.name == name), None)
+
+    def links(self) -> tuple[str, ...]:
+        """Return whose wires can be cut and whose calls can be made to fail: CONNECTs and UDP_CONFIGs."""
+        return tuple([c.name for c in self.connects] + [u.name for u in self.udp_configs])
 
     def peer(self, name: str) -> PeerDecl | None:
         """Return the peer of that name."""

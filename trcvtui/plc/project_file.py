@@ -14,7 +14,8 @@ from trcvtui.plc.tables import TEXT, Table, shown
 from trcvtui.plc.toml_file import read_toml
 
 KEYS: Final = (
-    "dialect", "model", "options", "task", "udt", "data", "connect", "instance", "peer", "start", "sim",
+    "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
+    "start", "sim",
 )  # fmt: skip
 
 
@@ -104,4 +105,6 @@ def _checked(reader: Reader, top: Table) -> Project:
         peers=body.peers,
         start=start,
         sim=sim,
+        udp_configs=body.udp_configs,
+        addrs=body.addrs,
     )

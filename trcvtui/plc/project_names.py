@@ -1,7 +1,8 @@
 """The names in a project: each is declared once, and each that is used is declared.
 
-Rule: instances and DATA share their names, because `expect NAME` means either; so do CONNECTs and peers,
-because `@NAME` means either. `peer` is a word of the bench commands and no name for an instance or DATA.
+Rule: instances and DATA share their names, because `expect NAME` means either; so do CONNECTs, UDP_CONFIGs
+and peers, because `@NAME` means any of them. `peer` is a word of the bench commands and no name for an
+instance or DATA.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ class Names:
     data: tuple[str, ...]
     connects: tuple[str, ...]
     peers: tuple[str, ...]
+    udp_configs: tuple[str, ...] = ()
+    addrs: tuple[str, ...] = ()
 
     def check_connect(self, table: Table) -> None:
         """Record a RemotePort that names nothing."""
@@ -45,16 +48,28 @@ class Names:
         if name is not None:
             _check(table, "RemotePort", name, (*self.peers, *self.connects), "peer or CONNECT")
 
-    def check_peer(self, table: Table) -> None:
-        """Record a remote that names no CONNECT."""
-        name = parse_reference(table.text("remote"))
+    def check_addr(self, table: Table) -> None:
+        """Record a RemotePort that names nothing that speaks UDP."""
+        name = parse_reference(table.text("RemotePort"))
         if name is not None:
+            _check(table, "RemotePort", name, (*self.peers, *self.udp_configs), "peer or UDP_CONFIG")
+
+    def check_peer(self, table: Table) -> None:
+        """Record a remote that names no CONNECT; with `udp`, no UDP_CONFIG."""
+        name = parse_reference(table.text("remote"))
+        if name is None:
+            return
+        if table.peek("udp") is True:
+            _check(table, "remote", name, self.udp_configs, "UDP_CONFIG")
+        else:
             _check(table, "remote", name, self.connects, "CONNECT")
 
     def check_instance(self, table: Table) -> None:
         """Record a CONNECT, DATA or task that does not exist."""
         uses = (
             ("connect", self.connects, "CONNECT"),
+            ("config", self.udp_configs, "UDP_CONFIG"),
+            ("addr", self.addrs, "ADDR"),
             ("data", self.data, "DATA"),
             ("task", self.tasks or ("MAIN",), "task"),
         )

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import MOVES_BYTES, PINS, Direction, Pin
+from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP, Direction, Pin
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, parse_reference
 from trcvtui.plc.project import DEFAULT_EVERY_NS, DEFAULT_INTERVAL_NS, InstanceDecl, PeerDecl, SimDecl, Task
 from trcvtui.plc.tables import (
@@ -49,8 +50,15 @@ PORT_OR_NAME: Final[Kind[int | str]] = Kind(
     lambda value: _reference(value) if isinstance(value, str) else PORT.read(value),
     lambda text: _reference(text) or PORT.from_text(text),
 )
+UDP_PORT_OR_NAME: Final[Kind[int | str]] = Kind(
+    "a port from 0 to 65535, or @NAME of a peer or UDP_CONFIG", PORT_OR_NAME.read, PORT_OR_NAME.from_text
+)
 END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a CONNECT",
+    lambda text: _reference(text) or parse_endpoint(text),
+)
+UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
+    "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a UDP_CONFIG",
     lambda text: _reference(text) or parse_endpoint(text),
 )
 
@@ -97,11 +105,31 @@ def read_connect(table: Table) -> ConnectConfig | None:
     return ConnectConfig(name, active, local, remote_address, remote_port, send_delay, keep_alive)
 
 
+def read_udp_config(table: Table) -> UdpConfig | None:
+    """Return one UDP_CONFIG; what the file leaves out is 0, as in the record."""
+    name = table.must("name", NAME)
+    address = table.get("LocalAddress", ADDRESS, ANY_ADDRESS)
+    port = table.get("LocalPort", PORT, 0)
+    table.finish()
+    return UdpConfig(name, Endpoint(address, port)) if name is not None else None
+
+
+def read_addr(table: Table) -> AddrParam | None:
+    """Return one ADDR_PARAM; what the file leaves out is 0, as in the record."""
+    name = table.must("name", NAME)
+    address = table.get("RemoteAddress", ADDRESS, ANY_ADDRESS)
+    port = table.get("RemotePort", UDP_PORT_OR_NAME, 0)
+    table.finish()
+    return AddrParam(name, address, port) if name is not None else None
+
+
 def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> InstanceDecl | None:
     """Return one instance; every key that is not its own is an input pin of its block."""
     name = table.must("name", NAME)
     block = table.must("block", TEXT)
-    connect = table.must("connect", TEXT)
+    speaks_udp = block in SPEAKS_UDP
+    connect = table.must("config" if speaks_udp else "connect", TEXT)
+    addr = table.must("addr", TEXT) if speaks_udp else None
     data = table.read("data", TEXT)
     task = table.get("task", TEXT, first_task)
     if data is not None and block in blocks and block not in MOVES_BYTES:
@@ -110,9 +138,9 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
         table.wrong("block", shown(block), expected_name(block, blocks, "block"))
     # Without its block nobody knows which pins it has: the other names are checked all the same.
     inputs = _read_inputs(table, PINS[block]) if block in blocks else ()
-    if name is None or block is None or connect is None:
+    if name is None or block is None or connect is None or (speaks_udp and addr is None):
         return None
-    return InstanceDecl(name, block, connect, data, task, inputs)
+    return InstanceDecl(name, block, connect, data, task, inputs, addr)
 
 
 def _read_inputs(table: Table, pins: tuple[Pin, ...]) -> tuple[tuple[str, bool | int], ...]:
@@ -159,7 +187,7 @@ def read_peer(table: Table) -> PeerDecl | None:
 
 def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     end = table.get("local", ENDPOINT, FREE_PORT)
-    remote = table.read("remote", END_OR_NAME)
+    remote = table.read("remote", UDP_END_OR_NAME)
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     for key in ("active", "reconnect"):

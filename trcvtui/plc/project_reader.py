@@ -16,8 +16,10 @@ from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.dialects.switches import read_switches
 from trcvtui.errors import Problem, UserError
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
 from trcvtui.plc.names import expected_name
+from trcvtui.plc.overrides import ENTRIES
 from trcvtui.plc.project import DataDecl, InstanceDecl, PeerDecl, SimDecl, Task
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
 from trcvtui.plc.tables import TEXT, Given, Table, shown
@@ -49,6 +51,8 @@ class Body:
     tasks: tuple[Task, ...]
     data: tuple[DataDecl, ...]
     connects: tuple[ConnectConfig, ...]
+    udp_configs: tuple[UdpConfig, ...]
+    addrs: tuple[AddrParam, ...]
     instances: tuple[InstanceDecl, ...]
     peers: tuple[PeerDecl, ...]
 
@@ -92,7 +96,7 @@ class Reader:
     # -- body ----------------------------------------------------------------------------------------
 
     def body(self, head: Head) -> Body:
-        tables = {key: self.entries(key) for key in ("task", "data", "connect", "instance", "peer")}
+        tables = {key: self.entries(key) for key in ENTRIES}
         self.check_names(tables)
         types = self.types()
         tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
@@ -101,6 +105,8 @@ class Reader:
             tasks=tasks,
             data=_present([self.data(table, types, head.layout) for table in tables["data"]]),
             connects=_present([parts.read_connect(table) for table in tables["connect"]]),
+            udp_configs=_present([parts.read_udp_config(table) for table in tables["udp_config"]]),
+            addrs=_present([parts.read_addr(table) for table in tables["addr"]]),
             instances=self.instances(tables["instance"], head.dialect, tasks[0].name),
             peers=_present([parts.read_peer(table) for table in tables["peer"]]),
         )
@@ -108,10 +114,14 @@ class Reader:
     def check_names(self, tables: Mapping[str, list[Table]]) -> None:
         find_duplicates([("task", tables["task"])])
         find_duplicates([("data", tables["data"]), ("instance", tables["instance"])], reserved=WORDS)
-        find_duplicates([("connect", tables["connect"]), ("peer", tables["peer"])])
-        names = Names(*(_declared(tables[key]) for key in ("task", "data", "connect", "peer")))
+        find_duplicates([(key, tables[key]) for key in ("connect", "udp_config", "peer")])
+        find_duplicates([("addr", tables["addr"])])
+        kinds = ("task", "data", "connect", "peer", "udp_config", "addr")
+        names = Names(*(_declared(tables[key]) for key in kinds))
         for table in tables["connect"]:
             names.check_connect(table)
+        for table in tables["addr"]:
+            names.check_addr(table)
         for table in tables["instance"]:
             names.check_instance(table)
         for table in tables["peer"]:

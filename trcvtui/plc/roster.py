@@ -20,9 +20,7 @@ class Roster:
     """The instances in call order, each with the interval of its task; times in ns."""
 
     def __init__(self, entries: Sequence[tuple[Instance, int]], scan_interval: int) -> None:
-        self._entries = tuple(
-            (instance, interval, instance.connection.config.name) for instance, interval in entries
-        )
+        self._entries = tuple((instance, interval, instance.decl.connect) for instance, interval in entries)
         self._scan_interval = scan_interval
         self._intervals = frozenset(interval for _, interval in entries)
         self._one_task = self._intervals == {scan_interval}  # due in every scan

@@ -14,10 +14,13 @@ from collections.abc import Callable, Mapping, Sequence
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.faults import FaultyKernel
 from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
+from trcvtui.net.udp_config import RemoteAddress
+from trcvtui.net.udp_port import UdpPort
 from trcvtui.plc.commands import (
     BlinkInput,
     Command,
@@ -36,6 +39,7 @@ from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.roster import Roster
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, SentBytes, Snapshot
+from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
 
 
 class Runtime:
@@ -74,22 +78,29 @@ class Runtime:
             )
             for config in project.connects
         }
+        self._ports = {
+            config.name: UdpPort(
+                config, kernel, project.rules.policy, self._resolver(resolve_peer), self.ledger.write
+            )
+            for config in project.udp_configs
+        }
+        self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._roster = self._new_roster()
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
-        self._connection_snapshots = {n: self._connection_snapshot(c) for n, c in self._connections.items()}
+        self._connection_snapshots = {n: self._link_snapshot(n) for n in (*self._connections, *self._ports)}
         self._data_snapshots = {name: _data_snapshot(data) for name, data in self._data.items()}
 
     def _instance(self, decl: InstanceDecl) -> Instance:
+        return Instance(decl, self._binding(decl), self.ledger.write)
+
+    def _binding(self, decl: InstanceDecl) -> Binding | UdpBinding:
         task = self._project.task(decl.task)
-        bound = Binding(
-            self._env,
-            self._connections[decl.connect],
-            self._data[decl.data] if decl.data is not None else None,
-            decl.name,
-            task.priority if task else 1,
-        )
-        return Instance(decl, bound, self.ledger.write)
+        data = self._data[decl.data] if decl.data is not None else None
+        called = decl.name, task.priority if task else 1
+        if decl.addr is None:
+            return Binding(self._env, self._connections[decl.connect], data, *called)
+        return UdpBinding(self._env, self._ports[decl.connect], self._addrs[decl.addr], data, *called)
 
     def _new_roster(self) -> Roster:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
@@ -100,7 +111,8 @@ class Runtime:
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:
             name = reference.removeprefix("@")
-            return self.listening_port(name) if name in self._connections else resolve_peer(name)
+            is_own = name in self._connections or name in self._ports
+            return self.listening_port(name) if is_own else resolve_peer(name)
 
         return resolve
 
@@ -116,7 +128,10 @@ class Runtime:
         return self._env.scan
 
     def listening_port(self, connect: str) -> int | None:
-        """Return the port that a CONNECT listens on, None while it does not."""
+        """Return the port that a CONNECT or a UDP_CONFIG listens on, None while it does not."""
+        if connect in self._ports:
+            local = self._ports[connect].local
+            return local.port if local else None
         set_up = self._connections[connect].set_up
         return set_up.local.port if set_up.listener is not None and set_up.local else None
 
@@ -201,7 +216,11 @@ class Runtime:
 
     def _stirred_listeners(self, stirred: Mapping[Handle, str]) -> list[str]:
         connections = self._connections
-        return [name for handle, name in stirred.items() if connections[name].handle != handle]
+        return [
+            name
+            for handle, name in stirred.items()
+            if name in connections and connections[name].handle != handle
+        ]
 
     # -- commands --------------------------------------------------------------------------------------------
 
@@ -253,8 +272,7 @@ class Runtime:
             return
         self.running = False
         self.ledger.write(BenchNote("PLC", "STOP"))
-        for connection in self._connections.values():
-            connection.stop()
+        self.close()
         for instance in self._instances.values():
             if instance.stop():
                 self.ledger.write(instance.edge)
@@ -272,6 +290,8 @@ class Runtime:
         """Free every socket; the run is over."""
         for connection in self._connections.values():
             connection.stop()
+        for port in self._ports.values():
+            port.stop()
 
     # -- the frozen picture ------------------------------------------------------------------------
 
@@ -292,19 +312,25 @@ class Runtime:
             connections_used=self._resources.budget.used,
             connections_limit=self._resources.budget.limit,
             faults=faults,
+            addrs=addr_snapshots(self._addrs.values()),
         )
 
     def _renew_snapshots(self) -> None:
         """Make the snapshots anew of what may have changed; the others stay the same objects."""
         stirring = self._roster.take_stirring() | set(self._resources.unsettled)
         for name, instance in self._instances.items():
-            if instance.connection.config.name in stirring:
+            if instance.decl.connect in stirring:
                 self._instance_snapshots[name] = instance.snapshot()
         for name in stirring:
-            self._connection_snapshots[name] = self._connection_snapshot(self._connections[name])
+            self._connection_snapshots[name] = self._link_snapshot(name)
         for name, data in self._data.items():
             if self._data_snapshots[name].generation != data.generation:
                 self._data_snapshots[name] = _data_snapshot(data)
+
+    def _link_snapshot(self, name: str) -> ConnectionSnapshot:
+        if name in self._ports:
+            return port_snapshot(self._ports[name], self._env.now)
+        return self._connection_snapshot(self._connections[name])
 
     def _connection_snapshot(self, connection: Connection) -> ConnectionSnapshot:
         loss = connection.last_loss

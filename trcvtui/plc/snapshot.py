@@ -67,6 +67,7 @@ class InstanceSnapshot:
     last_error_status: int | None
     last_error_scan: int | None
     task: str = ""
+    addr: str | None = None
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of an input or output by its manual's name, None where it has none."""
@@ -88,6 +89,15 @@ class DataSnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class AddrSnapshot:
+    """One ADDR_PARAM: `end` is `127.0.0.1:2000`, with `@P1` for the port as long as that stands there."""
+
+    name: str
+    end: str
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """The PLC after scan `scan` (0 = none yet) at `t_ns` from the start of the run."""
 
@@ -104,6 +114,7 @@ class Snapshot:
     connections_used: int = 0
     connections_limit: int = 0
     faults: tuple[str, ...] = field(default=())
+    addrs: tuple[AddrSnapshot, ...] = ()
 
     def instance(self, name: str) -> InstanceSnapshot | None:
         """Return the instance of that name."""

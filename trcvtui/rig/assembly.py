@@ -74,7 +74,7 @@ class Bench:
 
     def _listening_end(self, connect: str) -> Endpoint | None:
         port = self.runtime.listening_port(connect)
-        config = self.project.connect(connect)
+        config = self.project.connect(connect) or self.project.udp_config(connect)
         return Endpoint(config.local.address, port) if config and port is not None else None
 
     def _peer_port(self, name: str) -> int | None:

@@ -144,7 +144,7 @@ def _one_of(words: Words, *known: str) -> str:
 
 def _connect(words: Words, project: Project) -> str:
     name = words.next("the name of a CONNECT")
-    names = [config.name for config in project.connects]
+    names = project.links()
     if name not in names:
         raise words.wrong(shown(name), expected_name(name, names, "CONNECT"))
     return name

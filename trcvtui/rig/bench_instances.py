@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from trcvtui.blocks.parameters import MOVES_BYTES, PINS, Direction
+from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP, Direction
 from trcvtui.errors import UserError
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
@@ -30,15 +30,28 @@ def read_create(words: Words, project: Project) -> Create:
         raise words.wrong(shown(block), expected_name(block, blocks, "block"))
     name = _new_name(words, project)
     given = _read_pairs(words)
-    connect = _reference(given, "connect", [c.name for c in project.connects], "CONNECT", words)
-    if connect is None:
-        raise words.wrong("no connect=", "connect= and the name of a CONNECT")
+    connect, addr = _link(given, block, words, project)
     data = None
     if block in MOVES_BYTES:
         data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
     task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
     inputs = _inputs(given, block, words)
-    return Create(InstanceDecl(name, block, connect, data, task or project.tasks[0].name, inputs))
+    return Create(InstanceDecl(name, block, connect, data, task or project.tasks[0].name, inputs, addr))
+
+
+def _link(given: dict[str, str], block: str, words: Words, project: Project) -> tuple[str, str | None]:
+    """Return what the block works on: a CONNECT, or a UDP_CONFIG and an ADDR."""
+    if block not in SPEAKS_UDP:
+        return _must(given, "connect", [c.name for c in project.connects], "CONNECT", words), None
+    config = _must(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
+    return config, _must(given, "addr", [a.name for a in project.addrs], "ADDR", words)
+
+
+def _must(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str:
+    name = _reference(given, key, names, what, words)
+    if name is None:
+        raise words.wrong(f"no {key}=", f"{key}= and the name of a {what}")
+    return name
 
 
 def _new_name(words: Words, project: Project) -> str:
@@ -132,4 +145,5 @@ def follow(snapshot: Snapshot, project: Project) -> Project:
 
 
 def _decl_of(instance: InstanceSnapshot) -> InstanceDecl:
-    return InstanceDecl(instance.name, instance.block, instance.connect, instance.data, instance.task, ())
+    i = instance
+    return InstanceDecl(i.name, i.block, i.connect, i.data, i.task, (), i.addr)

@@ -12,6 +12,7 @@ from typing import Final
 from trcvtui.blocks.parameters import MOVES_BYTES, Direction, Pin
 from trcvtui.errors import mistake
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.udp_config import AddrParam
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import InstanceDecl, Project
 
@@ -66,9 +67,11 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
     pins = project.pins(decl.block)
     for pin in _of(pins, Direction.IN):
         yield f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}"
-    yield f"CONNECT:={decl.connect}"
+    yield f"{'CONNECT' if decl.addr is None else 'CONFIG'}:={decl.connect}"
     if decl.data is not None and decl.block in MOVES_BYTES:
         yield f"DATA:={decl.data}"
+    if decl.addr is not None:
+        yield f"ADDR:={decl.addr}"
     for pin in _of(pins, Direction.IN_OUT):
         yield f"{pin.name}:={_variable(decl, pin)}"
     for pin in _of(pins, Direction.OUT):
@@ -92,16 +95,34 @@ def _literal(pin: Pin, value: PinValue) -> str:
 
 def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
     yield f"{decl.name} : {decl.block};"
-    config = project.connect(decl.connect)
-    if config is not None:
-        fields = ",\n".join(f"{INDENT * 2}{field}" for field in _fields(config))
-        yield f"{config.name} : TCP_CONNECTCONFIG := (\n{fields}\n{INDENT});"
+    for name, record, written in _records(project, decl):
+        fields = ",\n".join(f"{INDENT * 2}{field}" for field in written)
+        yield f"{name} : {record} := (\n{fields}\n{INDENT});"
     data = project.data_decl(decl.data) if decl.data else None
     if data is not None and decl.block in MOVES_BYTES:
         yield f"{data.name} : {' '.join(data.type_name.split())};"
     for pin in project.pins(decl.block):
         if pin.direction is not Direction.IN:
             yield f"{_variable(decl, pin)} : {pin.iec_type};"
+
+
+def _records(project: Project, decl: InstanceDecl) -> Iterator[tuple[str, str, Iterator[str]]]:
+    """Return name, type and fields of each record that the call is given."""
+    config, port = project.connect(decl.connect), project.udp_config(decl.connect)
+    if config is not None:
+        yield config.name, "TCP_CONNECTCONFIG", _fields(config)
+    if port is not None:
+        fields = (f"LocalAddress := {_array(port.local.address)}", f"LocalPort := {port.local.port}")
+        yield port.name, "UDP_CONFIG", iter(fields)
+    for addr in project.addrs:
+        if addr.name == decl.addr:
+            yield addr.name, "ADDR_PARAM", _addr_fields(addr)
+
+
+def _addr_fields(addr: AddrParam) -> Iterator[str]:
+    yield f"RemoteAddress := {_array(addr.remote_address)}"
+    if isinstance(addr.remote_port, int):
+        yield f"RemotePort := {addr.remote_port}"
 
 
 def _fields(config: ConnectConfig) -> Iterator[str]:

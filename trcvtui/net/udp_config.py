@@ -1,0 +1,48 @@
+"""UDP_CONFIG and ADDR_PARAM: where a PLC receives datagrams, whom it sends them to (baosky.md section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trcvtui.net.answers import Endpoint
+from trcvtui.net.connect_config import ANY_ADDRESS, ANY_END
+
+
+@dataclass(frozen=True, slots=True)
+class UdpConfig:
+    """One UDP_CONFIG. LocalPort 0 takes a free port and keeps it until STOP."""
+
+    name: str
+    local: Endpoint = ANY_END
+
+
+@dataclass(frozen=True, slots=True)
+class AddrParam:
+    """One ADDR_PARAM as it stands in the file; `@NAME` for RemotePort, resolved at each send."""
+
+    name: str
+    remote_address: str = ANY_ADDRESS
+    remote_port: int | str = 0
+
+
+class RemoteAddress:
+    """One ADDR_PARAM at work: USEND_C reads it, URECV_C writes the source of a datagram into it.
+
+    `generation` counts the writes.
+    """
+
+    def __init__(self, param: AddrParam) -> None:
+        self.name = param.name
+        self.address = param.remote_address
+        self.port = param.remote_port
+        self.generation = 0
+
+    def take(self, source: Endpoint) -> None:
+        """Become the source of a datagram."""
+        if (self.address, self.port) != (source.address, source.port):
+            self.address, self.port = source.address, source.port
+            self.generation += 1
+
+    def __str__(self) -> str:
+        """Return `127.0.0.1:2000`, or `127.0.0.1:@P1` as long as the file's name stands there."""
+        return f"{self.address}:{self.port}"

@@ -23,7 +23,10 @@ class JobStarted(NamedTuple):
 
 
 class JobEnded(NamedTuple):
-    """A receive job ended; bytes `offset` .. `offset + size` of the stream went to DATA when `done`."""
+    """A receive job ended; `size` bytes of the stream, from `offset` on, went to DATA when `done`.
+
+    They follow each other, unless a job of another priority has read in between: BytesReceived says whose.
+    """
 
     instance: str
     job: int

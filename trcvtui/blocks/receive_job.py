@@ -52,7 +52,8 @@ class ReceiveJob:
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
         self._incarnation = 0  # of the connection that the running job receives on
-        self._first_offset = 0
+        self._first_offset = self._span_offset = self._next_offset = 0  # in the received stream
+        self._spans: list[tuple[int, int]] = []  # before the present span: offset and size
 
     # -- one scan with EN_R = 1, connected ----------------------------------------------------------
 
@@ -84,7 +85,8 @@ class ReceiveJob:
             self._buffer = bytearray(need)
         self._view = memoryview(self._buffer)
         incarnation = self._incarnation = self._connection.incarnation
-        offset = self._first_offset = self._connection.bytes_received
+        offset = self._first_offset = self._span_offset = self._next_offset = self._connection.bytes_received
+        self._spans.clear()
         self._env.write(
             JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
         )
@@ -92,13 +94,25 @@ class ReceiveJob:
     def _collect(self) -> ConnectionLoss | None:
         """Read what is there into the job's own buffer; return the loss that stands behind the last byte."""
         have = self.have
-        got = self._connection.receive(self._view[have:] if have else self._view)
+        got = self._connection.receive(self._view[have:] if have else self._view, self._instance)
         if isinstance(got, int):
+            offset = self._connection.bytes_received - got
+            if offset != self._next_offset:
+                self._begin_span(offset)
+            self._next_offset = offset + got
             have = self.have = have + got
             self.complete = self.adhoc or have == self.need
             self.last_bytes = self._env.now
             return None
         return None if got is WOULD_BLOCK else got
+
+    def _begin_span(self, offset: int) -> None:
+        """Go on behind bytes that a job of another priority has read in between."""
+        if self.have:
+            self._spans.append((self._span_offset, self._next_offset - self._span_offset))
+        else:
+            self._first_offset = offset
+        self._span_offset = offset
 
     def check_loss(self) -> ConnectionLoss | None:
         """Look for a loss while no job runs."""
@@ -125,15 +139,23 @@ class ReceiveJob:
         else:
             data.write(0, memoryview(self._buffer)[:size].toreadonly())
         kept = min(size, data.size)
-        self._connection.drop(self._first_offset + kept, size - kept, "DATA resized", self._incarnation)
+        if kept < size:
+            self._drop(kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
         return _received(size, self.need)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what it had collected is dropped and noted."""
         if self.running:
-            self._connection.drop(self._first_offset, self.have, reason, self._incarnation)
+            self._drop(0, reason)
             self._end(done=False, reason=reason, size=self.have)
+
+    def _drop(self, kept: int, reason: str) -> None:
+        """Note all collected bytes but the first `kept` as dropped."""
+        for offset, size in (*self._spans, (self._span_offset, self._next_offset - self._span_offset)):
+            skipped = min(kept, size)
+            kept -= skipped
+            self._connection.drop(offset + skipped, size - skipped, reason, self._incarnation)
 
     def let_go(self) -> None:
         """Give the CONNECT's receive side back (EN_R fell)."""

@@ -90,7 +90,7 @@ class SendJob:
         )
 
     def _push(self) -> ConnectionLoss | None:
-        got = self._connection.send(self._unsent)
+        got = self._connection.send(self._unsent, self._instance)
         if isinstance(got, int):
             self.have += got
             self._unsent = self._unsent[got:]

@@ -188,7 +188,7 @@ class Connection:
 
     # -- data: TRCV -----------------------------------------------------------------------------
 
-    def receive(self, into: memoryview) -> int | WouldBlock | ConnectionLoss:
+    def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
         """Read at most len(into) bytes; a loss is answered behind the last queued byte, and releases."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
@@ -200,7 +200,7 @@ class Connection:
             self.recvs += 1
             offset = self.bytes_received
             self.bytes_received = offset + got
-            self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got))
+            self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got, instance))
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._lose(self.doom or self._loss_of(got))
@@ -275,7 +275,7 @@ class Connection:
         assert self.handle is not None
         return self._look_for_loss(self.handle)
 
-    def send(self, data: memoryview) -> int | WouldBlock | ConnectionLoss:
+    def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
         """Give bytes to the local stack and return how many it took."""
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
@@ -284,7 +284,7 @@ class Connection:
             offset = self.bytes_sent
             self.bytes_sent = offset + got
             self._resources.unsettled[self._name] = None
-            self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got))
+            self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got, instance))
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._found(self._loss_of(got))

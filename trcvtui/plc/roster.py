@@ -17,16 +17,22 @@ from trcvtui.plc.instance import Instance
 
 
 class Roster:
-    """The instances in call order, each with the interval of its task; times in ns."""
+    """The instances in call order, each with the interval of its task; times in ns.
 
-    def __init__(self, entries: Sequence[tuple[Instance, int]], scan_interval: int) -> None:
+    A CONNECT on which no instance is left can change too (PLC STOP): `connects` names them all.
+    """
+
+    def __init__(
+        self, entries: Sequence[tuple[Instance, int]], scan_interval: int, connects: Iterable[str]
+    ) -> None:
         self._entries = tuple((instance, interval, instance.decl.connect) for instance, interval in entries)
         self._scan_interval = scan_interval
         self._intervals = frozenset(interval for _, interval in entries)
         self._one_task = self._intervals == {scan_interval}  # due in every scan
-        self._places: dict[str, list[int]] = {}  # CONNECT -> the places of its instances in the call order
+        # CONNECT -> the places of its instances in the call order
+        self._places: dict[str, list[int]] = {connect: [] for connect in connects}
         for place, (_, _, connect) in enumerate(self._entries):
-            self._places.setdefault(connect, []).append(place)
+            self._places[connect].append(place)
         self._awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()

@@ -106,7 +106,8 @@ class Runtime:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
         tasks = {task.name: task for task in self._project.tasks}
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
-        return Roster([(i, tasks[i.decl.task].interval_ns) for i in order], self.interval_ns)
+        entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
+        return Roster(entries, self.interval_ns, (*self._connections, *self._ports))
 
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:

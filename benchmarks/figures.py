@@ -8,16 +8,17 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How long to measure: pairs of slices, rounds of windows and their seconds, program starts."""
+    """How long to measure: pairs of slices, rounds of windows and their seconds, program starts, a minute."""
 
     pairs: int
     rounds: int
     window_s: int
     starts: int
+    minute_s: int
 
 
-FULL: Final = Effort(pairs=25, rounds=5, window_s=3, starts=11)
-QUICK: Final = Effort(pairs=7, rounds=1, window_s=3, starts=3)
+FULL: Final = Effort(pairs=25, rounds=5, window_s=3, starts=11, minute_s=60)
+QUICK: Final = Effort(pairs=7, rounds=1, window_s=3, starts=3, minute_s=5)
 
 
 @dataclass(frozen=True, slots=True)

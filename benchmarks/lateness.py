@@ -6,19 +6,18 @@ windows of cyclictest, while everything goes on.
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from benchmarks.figures import Effort, Figure
 from benchmarks.paired import Spread, percentile, ratios, spread
+from benchmarks.scans import Scans
 from benchmarks.terminal import Terminal
 from benchmarks.traffic import traffic
 from trcvtui.rig.clock import now_ns
@@ -32,22 +31,6 @@ LATEST_US: Final = 200_000  # the width of cyclictest's histogram
 FIRST_PICTURE: Final = ("16#70",)
 CYCLES: Final = ((10_000_000, "T#10ms", 0.0), (1_000_000, "T#1ms", 0.001))
 AIM: Final = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Scans:
-    """What the engine wrote about its scans: when each began and how late; ns on the monotonic clock."""
-
-    mode: str
-    overruns: int
-    began: tuple[int, ...]
-    late: tuple[int, ...]
-
-    def late_us(self, begin: int, end: int) -> list[float]:
-        """Return the lateness, in us, of the scans that began between two moments."""
-        return [
-            late / 1000 for began, late in zip(self.began, self.late, strict=True) if begin <= began < end
-        ]
 
 
 def measure(effort: Effort) -> Iterator[Figure]:
@@ -78,19 +61,13 @@ def _cycle(interval_ns: int, literal: str, most_overruns: float, effort: Effort)
                 if latest is not None:
                     references.append(_cyclictest(terminal, latest))
             terminal.end("q")
-        scans = _read(timing)
+        scans = Scans.read(timing, interval_ns)
     yield _lateness(literal, scans, windows, references, latest)
     yield _overruns(literal, scans, most_overruns)
 
 
 def _screen(project: Path) -> list[str]:
     return [str(Path(sys.executable).with_name("trcvtui")), "run", str(project)]
-
-
-def _read(timing: Path) -> Scans:
-    record = json.loads(timing.read_text())
-    scans = record["scans"]
-    return Scans(record["mode"], record["overruns"], tuple(s[0] for s in scans), tuple(s[1] for s in scans))
 
 
 def _lateness(
@@ -100,8 +77,8 @@ def _lateness(
     references: list[float],
     command: list[str] | None,
 ) -> Figure:
-    p99 = [percentile(scans.late_us(*window), 0.99) for window in windows]
-    p50 = [percentile(scans.late_us(*window), 0.50) for window in windows]
+    p99 = [scans.between(*window).late_us(0.99) for window in windows]
+    p50 = [scans.between(*window).late_us(0.50) for window in windows]
     own = f"p99 {_us(spread(p99))}, p50 {_us(spread(p50))}, scheduling {scans.mode}"
     if command is None:
         return Figure(f"start lateness, {literal}", f"p99 {_us(spread(p99))}", note=f"{own}; {ABSENT}")
@@ -112,10 +89,10 @@ def _lateness(
 
 
 def _overruns(literal: str, scans: Scans, most: float) -> Figure:
-    share = scans.overruns / max(1, len(scans.began))
+    count = len(scans.scans)
+    share = scans.overruns / max(1, count)
     aim = f"<= {most:.1%}" if most else "0"
-    worst = max(scans.late, default=0) / 1000
-    note = f"{len(scans.began)} scans from start to end; latest start {worst:.0f} us"
+    note = f"{scans.blame()}; {count} scans from start to end; latest start {scans.latest_us:.0f} us"
     return Figure(f"overruns, {literal}", f"{scans.overruns} ({share:.2%})", aim, share <= most, note)
 
 

@@ -19,6 +19,10 @@ Written by `make bench`. Every ratio is taken in short alternating slices of one
 reference: the median of the pairs [10th .. 90th percentile]. Only such ratios mean something on another
 machine; absolute figures stand in the notes and are no promise. Targets (design section 7) are aims, not
 gates: what is reached is reported as it is.
+
+An overrun is the engine's when more processor time than an interval was used from the end of the scan before
+to the end of this one, work between the scans included; with less the scan would have ended in time, had it
+not waited for the processor: that overrun is the machine's.
 """
 
 

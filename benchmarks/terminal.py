@@ -9,12 +9,15 @@ import re
 import select
 import struct
 import subprocess
+import sys
 import termios
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+TRCVTUI: Final = Path(sys.executable).with_name("trcvtui")
 ROWS: Final = 50
 COLUMNS: Final = 200
 # CSI with its parameters, OSC up to its end, and the short sequences
@@ -63,11 +66,11 @@ class Terminal:
         """Return after how many seconds from the start all texts had been written; TimeoutError if not."""
         wanted = [text.encode() for text in texts]
         while time.perf_counter() - self._began < limit_s and self._read(0.5):
-            seen = ESCAPE.sub(b"", self._written)
+            seen = self.written()
             wanted = [text for text in wanted if text not in seen]
             if not wanted:
                 return time.perf_counter() - self._began
-        raise TimeoutError(f"not seen: {wanted}; last words: {ESCAPE.sub(b'', self._written)[-400:]!r}")
+        raise TimeoutError(f"not seen: {wanted}; last words: {self.written()[-400:]!r}")
 
     def _read(self, most_s: float) -> bool:
         """Read once; False when the program has closed its end."""
@@ -79,6 +82,10 @@ class Terminal:
             return False
         self._written = (self._written + news)[-LAST_BYTES:]
         return bool(news)
+
+    def written(self) -> bytes:
+        """Return the newest of what the program has written, without its escape sequences."""
+        return ESCAPE.sub(b"", self._written)
 
     def type(self, keys: str) -> None:
         """Send keys as a person would type them."""

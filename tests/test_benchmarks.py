@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import selectors
+import socket
+from pathlib import Path
+
 import pytest
 
 from benchmarks.figures import Figure
 from benchmarks.lateness import p99_of_histogram
 from benchmarks.paired import alternate, percentile, ratios, spread
+from benchmarks.partners import FRAME, Conversation
 from benchmarks.report import LATER, lines, markdown
-from benchmarks.targets import TARGETS
+from benchmarks.scans import Scan, Scans, overruns
+from benchmarks.targets import TARGETS, Target
+from trcvtui.rig import clock
+from trcvtui.rig.timing import Punctuality
 
 
 def test_a_ratio_is_taken_pair_by_pair_and_not_of_the_sums() -> None:
@@ -70,4 +78,61 @@ def test_the_page_lists_every_target_of_the_design() -> None:
 def test_a_missed_aim_is_said_and_is_no_failure() -> None:
     missed = Figure("1 x 64 KiB", "0.60 [0.50 .. 0.70]", ">= 0.95", False)
     assert "aim >= 0.95: not reached" in "\n".join(lines(TARGETS[0], [missed]))
-    assert lines(TARGETS[1], []) == [f"M2   {TARGETS[1].promise}: {LATER}"]
+    assert lines(Target("M0", "a later one"), []) == [f"M0   a later one: {LATER}"]
+
+
+# -- who overran (M2) ----------------------------------------------------------------------------------------
+
+MS = 1_000_000
+
+
+def test_an_overrun_is_the_engines_when_it_used_more_processor_time_than_an_interval() -> None:
+    in_time = Scan(began=0, late=2 * MS, length=8 * MS, used=12 * MS)
+    computed = Scan(began=1, late=0, length=11 * MS, used=11 * MS)
+    preempted = Scan(began=2, late=0, length=15 * MS, used=3 * MS)
+    woken_late = Scan(began=3, late=9 * MS, length=2 * MS, used=2 * MS)
+    scans = Scans("", 10 * MS, (in_time, computed, preempted, woken_late))
+    assert (scans.overruns, scans.own_overruns) == (3, 1)
+    assert scans.blame() == "1 by the engine, 2 by the machine"
+    assert overruns("a load", scans).held is False
+    assert overruns("a load", scans.between(2, 4)).held is True
+
+
+def test_the_engine_writes_what_each_scan_cost_and_waiting_costs_nothing(tmp_path: Path) -> None:
+    timing = Punctuality("slice")
+    timing.keep_every()
+    timing.scanned(due=0, began=5, ended=20 * MS, interval=10 * MS)
+    used = clock.used_ns()
+    while clock.used_ns() < used + 11 * MS:
+        pass
+    timing.scanned(due=30 * MS, began=30 * MS, ended=50 * MS, interval=10 * MS)
+    timing.write_to(tmp_path / "timing.json")
+    scans = Scans.read(tmp_path / "timing.json", 10 * MS)
+    waited, computed = scans.scans
+    assert scans.mode == "slice"
+    assert (waited.began, waited.late, waited.length) == (5, 5, 20 * MS - 5)
+    assert waited.used < 10 * MS < 11 * MS <= computed.used
+    assert scans.blame() == "1 by the engine, 1 by the machine"
+
+
+def test_a_partner_learns_from_the_echo_how_far_the_plc_is_and_sees_a_torn_frame() -> None:
+    ours, plc = socket.socketpair()
+    talk = Conversation(ours)
+    for _ in range(3):
+        talk.go_on(selectors.EVENT_WRITE)
+    frames = [plc.recv(FRAME, socket.MSG_WAITALL) for _ in range(3)]
+    assert len({*frames}) == 3
+
+    def comes_back(frame: bytes) -> tuple[int, int, int]:
+        plc.sendall(frame)
+        talk.go_on(selectors.EVENT_READ)
+        return talk.progress()
+
+    assert comes_back(frames[0]) == (1, 1, 0)
+    assert comes_back(frames[2]) == (3, 2, 0), (
+        "the PLC sends its newest: the second was received all the same"
+    )
+    assert comes_back(frames[2][:8] + frames[1][8:]) == (3, 3, 1), "of two frames"
+    assert comes_back(frames[1]) == (3, 4, 2), "older than one that has been here"
+    ours.close()
+    plc.close()

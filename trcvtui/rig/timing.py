@@ -7,6 +7,7 @@ from collections import deque
 from pathlib import Path
 from typing import Final
 
+from trcvtui.rig import clock
 from trcvtui.rig.picture import EngineTiming
 
 KEPT: Final = 1000
@@ -23,14 +24,18 @@ class Punctuality:
         self._overruns = 0
         self._sorted_at = 0
         self._percentiles = (0, 0, 0)
-        self._every: list[tuple[int, int, int]] | None = None
+        self._every: list[tuple[int, int, int, int]] | None = None
+        self._used = 0  # processor time when the last scan ended
 
     def keep_every(self) -> None:
         """Keep every scan from now on, for `write_to`."""
-        self._every = []
+        self._every, self._used = [], clock.used_ns()
 
     def write_to(self, path: Path) -> None:
-        """Write every kept scan as JSON: [began on the monotonic clock, late, length], all in ns."""
+        """Write every kept scan as JSON: [began on the monotonic clock, late, length, used], all in ns.
+
+        `used` is the processor time from the end of the scan before to the end of this one.
+        """
         path.write_text(json.dumps({"mode": self._mode, "overruns": self._overruns, "scans": self._every}))
 
     def scanned(self, due: int, began: int, ended: int, interval: int) -> None:
@@ -41,7 +46,8 @@ class Punctuality:
         if ended > due + interval:
             self._overruns += 1
         if self._every is not None:
-            self._every.append((began, began - due, ended - began))
+            before, self._used = self._used, clock.used_ns()
+            self._every.append((began, began - due, ended - began, self._used - before))
 
     def summary(self) -> EngineTiming:
         """Return the percentiles of what is kept; they are found anew when enough of it is new."""

@@ -1,0 +1,102 @@
+"""The live engine at its own pace in its own process, without a screen, with as many connections as asked."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection as Channel
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from trcvtui.plc.project_file import load_project
+from trcvtui.plc.snapshot import Snapshot
+from trcvtui.rig.clock import now_ns
+from trcvtui.rig.console import fresh_bench
+from trcvtui.rig.engine import TIMING_FILE, Engine
+from trcvtui.rig.picture import Picture, PictureRequest
+
+LOOK_S: Final = 0.05
+MOST_LOOKS: Final = 400
+END_S: Final = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """What the instances had done together after so many scans, and when that was asked."""
+
+    at_ns: int
+    scans: int
+    done: int
+
+
+class PacedEngine:
+    """One engine; `timing` is written when it ends."""
+
+    def __init__(self, folder: Path, project: str, connections: int) -> None:
+        self.timing = folder / "timing.json"
+        file = folder / "bench.toml"
+        file.write_text(project)
+        context = multiprocessing.get_context("spawn")
+        self._channel, theirs = context.Pipe()
+        self._process = context.Process(
+            target=_run, args=(theirs, file, self.timing, connections), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        self._channel.close()
+        self._process.join(END_S)
+        self._process.kill()
+
+    def ports(self, count: int) -> list[int]:
+        """Return the ports that the CONNECTs listen on, as soon as all of them do."""
+        for _ in range(MOST_LOOKS):
+            ends = [connection.local for connection in self._snapshot().connections]
+            ports = [int(end.rpartition(":")[2]) for end in ends if end]
+            if len(ports) == count:
+                return ports
+            time.sleep(LOOK_S)
+        raise TimeoutError(f"{len(ports)} of {count} CONNECTs listen")
+
+    def say(self, *lines: str) -> None:
+        """Let the engine carry out bench command lines; return when it has."""
+        for line in lines:
+            self._channel.send((0, line))
+        self._snapshot()
+
+    def let_pass(self, scans: int) -> None:
+        """Let so many scans pass while holding."""
+        last = self._snapshot().scan + scans
+        self.say(f"run {scans}")
+        while self._snapshot().scan < last:
+            time.sleep(LOOK_S)
+
+    def count_after(self, seconds: float) -> Count:
+        """Let so much time pass, then count."""
+        time.sleep(seconds)
+        seen = self._snapshot()
+        return Count(now_ns(), seen.scan, sum(instance.jobs_done for instance in seen.instances))
+
+    def _snapshot(self) -> Snapshot:
+        self._channel.send(PictureRequest(most_lines=0))
+        picture = self._channel.recv()
+        assert isinstance(picture, Picture)
+        return picture.snapshot
+
+
+def _run(channel: Channel, file: Path, timing: Path, connections: int) -> None:
+    """Run until the channel is closed."""
+    os.environ[TIMING_FILE] = str(timing)
+    project = replace(load_project(file, ()), connection_limit=connections)  # no model has that many
+    with suppress(EOFError, OSError):
+        Engine(channel, fresh_bench(project, "live")).run()

@@ -9,7 +9,10 @@ from trcvtui.blocks.cause import Cause
 
 @dataclass(frozen=True, slots=True)
 class ConnectionSnapshot:
-    """One CONNECT. `state` is closed, queued, created, establishing or connected; times in ns of the run."""
+    """One CONNECT. `state` is closed, queued, created, establishing or connected; times in ns of the run.
+
+    With `udp` it is a UDP_CONFIG, and created is its ready state.
+    """
 
     name: str
     active: bool
@@ -26,6 +29,7 @@ class ConnectionSnapshot:
     unacknowledged: int | None = None  # bytes of ours that the partner's stack has not acknowledged
     receivers: tuple[str, ...] = ()
     senders: tuple[str, ...] = ()
+    udp: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +123,10 @@ class Snapshot:
     def instance(self, name: str) -> InstanceSnapshot | None:
         """Return the instance of that name."""
         return next((i for i in self.instances if i.name == name), None)
+
+    def addr(self, name: str | None) -> AddrSnapshot | None:
+        """Return the ADDR_PARAM of that name."""
+        return next((a for a in self.addrs if a.name == name), None)
 
     def connection(self, name: str) -> ConnectionSnapshot | None:
         """Return the CONNECT of that name."""

@@ -27,6 +27,7 @@ def port_snapshot(port: UdpPort, now: int) -> ConnectionSnapshot:
         bytes_sent=port.bytes_sent,
         receivers=port.receiving.owners(),
         senders=port.sending.owners(),
+        udp=True,
     )
 
 

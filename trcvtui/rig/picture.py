@@ -46,6 +46,7 @@ class PeerSnapshot:
     pending: int
     last_received: bytes
     received_here: int = 0  # on the current or last connection
+    udp: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,6 +88,8 @@ class UdpPeer:
             bytes_received=self.inbox.total,
             pending=self._outbox.unsent,
             last_received=self.inbox.last[-LAST_SHOWN:],
+            received_here=self.inbox.count,
+            udp=True,
         )
 
     # -- commands ------------------------------------------------------------------------------------

@@ -73,12 +73,12 @@ def _after_fault(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return CALLS
     if words[-1] == "on":
-        return (config.name for config in project.connects)
+        return project.links()
     return (*ERRORS, *FAULT_OPTIONS) if len(words) == 2 else FAULT_OPTIONS
 
 
 def _after_link(words: list[str], project: Project) -> Iterable[str]:
-    return (config.name for config in project.connects) if len(words) == 1 else ("down", "up")
+    return project.links() if len(words) == 1 else ("down", "up")
 
 
 def _after_write(words: list[str], project: Project) -> Iterable[str]:

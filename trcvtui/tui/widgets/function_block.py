@@ -134,7 +134,8 @@ class FunctionBlock(LineView):
         if instance is None:
             return EMPTY
         if y == 0:
-            return row((" CONNECT ", "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
+            link = "CONNECT" if instance.addr is None else "CONFIG"
+            return row((f" {link:<8}", "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
         if y == 1:
             return row((" DATA    ", "dim"), *self._data_parts())
         if y == 2:
@@ -149,7 +150,17 @@ class FunctionBlock(LineView):
         connection = self._scene.connection
         if connection is None:
             return ""
+        if connection.udp:
+            return self._address()
         return f"  {'active' if connection.active else 'passive'}, {connection.state}"
+
+    def _address(self) -> str:
+        """Return ADDR and what stands in it: `SOURCE 127.0.0.1:51322`."""
+        instance, picture = self._scene.instance, self._scene.picture
+        if instance is None or picture is None:
+            return ""
+        addr = picture.snapshot.addr(instance.addr)
+        return f"  {plain(addr.name)} {plain(addr.end)}" if addr is not None else ""
 
     def _data_parts(self) -> list[Part]:
         declared = self._scene.declaration

@@ -159,6 +159,9 @@ def _partner(connection: ConnectionSnapshot | None, roomy: bool) -> str:
     """Return who talks to whom: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, narrow `← 127.0.0.1:51322`."""
     if connection is None:
         return ""
+    if connection.udp:
+        remote = connection.remote or "nobody yet"
+        return f"UDP     {connection.local} ↔ {remote}" if roomy else f"↔ {remote}"
     connected = connection.state == "connected"
     if connection.active:
         return f"active  → {connection.remote}" if roomy else f"→ {connection.remote}"

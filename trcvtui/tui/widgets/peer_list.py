@@ -42,7 +42,7 @@ class PeerList(LineView):
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
             (clip(plain(peer.name), 12).ljust(self._name_width()) + " ", "strong"),
-            (f"{'active' if peer.active else 'passive':<8}", "dim"),
+            (f"{'UDP' if peer.udp else 'active' if peer.active else 'passive':<8}", "dim"),
             (f"{peer.state:<10} ", STYLES.get(peer.state, "")),
             (self._ends(peer), "dim"),
             *self._counters(peer),

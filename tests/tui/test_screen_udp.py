@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import connections, peers, picture, receiving
 from tests.tui.looking import BOTH, looking
 from trcvtui.plc.project_file import load_project
@@ -58,7 +59,7 @@ async def test_a_udp_peer_is_called_one(size: tuple[int, int]) -> None:
 
 
 def test_links_and_faults_complete_to_udp_configs_and_a_new_socket_has_nobody_yet() -> None:
-    project = load_project("configs/udp.toml")
+    project = load_project(CONFIGS / "udp.toml")
     assert complete("link U", project) == "link U1"
     assert complete("fault send on U", project) == "fault send on U1"
     bench = Bench(project, "sim")

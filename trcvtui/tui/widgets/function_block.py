@@ -134,8 +134,8 @@ class FunctionBlock(LineView):
         if instance is None:
             return EMPTY
         if y == 0:
-            link = "CONNECT" if instance.addr is None else "CONFIG"
-            return row((f" {link:<8}", "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
+            link = " CONNECT " if instance.addr is None else " CONFIG  "
+            return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
         if y == 1:
             return row((" DATA    ", "dim"), *self._data_parts())
         if y == 2:

@@ -119,8 +119,7 @@ class ConnectionPart:
     def _set_up_failed(self, failed: StepFault) -> Outcome:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
-        peer = self._connection.set_up.remote if failed.stage is Stage.CONNECT else None
-        return Outcome(STAGE_CONDITIONS[failed.stage], cause_of(failed.fault, str(peer or "")))
+        return set_up_failed(self._connection, failed)
 
     def _go_on_connecting(self) -> Outcome:
         failed = self._connection.step(self._env.scan, self._env.now)
@@ -210,6 +209,12 @@ class ConnectionPart:
         shown, *more = closing.reset(self._connection, cause)
         self._script = deque(more)
         return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
+
+
+def set_up_failed(connection: Connection, failed: StepFault) -> Outcome:
+    """Return what a failed step of the set-up shows."""
+    peer = connection.set_up.remote if failed.stage is Stage.CONNECT else None
+    return Outcome(STAGE_CONDITIONS[failed.stage], cause_of(failed.fault, str(peer or "")))
 
 
 _NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)

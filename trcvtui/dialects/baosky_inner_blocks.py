@@ -2,8 +2,8 @@
 
 The lists are those of the manual as far as they could be read (baosky.md sections 4 and 5), and what a block
 cannot help showing: 0000 while the PLC is in STOP, 8087 when a lost connection is released, 80AB when its
-link is dead, 80AC when the queue is full, and TCON the words of every set-up. 7000 is the idle word of
-blocks that have no connection.
+link is dead, 80AC when the queue is full; TCON, and T_RESET after a reset, the words of every set-up. 7000 is
+the idle word of blocks that have no connection.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ INNER_BLOCKS: Final[dict[str, tuple[int, ...]]] = {
     "TDISCON": (0x0000, 0x7003, 0x7007, 0x8087, 0x80A2, 0x80AC),
     "T_RESET": (
         0x0000, 0x7002, 0x7003, 0x7004, 0x7007, 0x8000,
-        0x8080, 0x8081, 0x8082, 0x8083, 0x8087, 0x80A3, 0x80AC,
+        0x8080, 0x8081, 0x8082, 0x8083, 0x8084, 0x8086, 0x8087, 0x80A0, 0x80A3, 0x80AC,
     ),
     "TSEND": (
         0x0000, 0x7000, 0x7004, 0x7005, 0x7009,

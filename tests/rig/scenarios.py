@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.live_pace import LivePace
 from trcvtui.rig.report import JsonLines
@@ -25,8 +26,18 @@ class Played:
 
     verdict: Verdict
     text: str
-    injected: frozenset[int]
-    real: frozenset[int]
+    edges: tuple[StatusEdge, ...]
+
+    def reached(self) -> frozenset[tuple[str, int, bool]]:
+        """Return (block, STATUS, whether a planned fault answered) for everything that showed."""
+        return frozenset((edge.block, edge.status, edge.cause.injected) for edge in self.edges)
+
+    def causes(self) -> dict[str, list[tuple[str, str]]]:
+        """Return what each instance showed, in order, and the name of the cause of each edge."""
+        seen: dict[str, list[tuple[str, str]]] = {}
+        for edge in self.edges:
+            seen.setdefault(edge.instance, []).append((f"{edge.status:04X}", edge.cause.name))
+        return seen
 
     def records(self) -> list[dict[str, Any]]:
         """Return the jsonl records without the scenario's own line."""
@@ -35,8 +46,6 @@ class Played:
 
 def play(path: Path, kernel: str) -> Played:
     """Run one scenario; every handle must be free afterwards."""
-    from trcvtui.plc.ledger import StatusEdge
-
     scenario = load_scenario(path)
     bench = Bench(scenario.project, kernel)
     out = io.StringIO()
@@ -44,11 +53,10 @@ def play(path: Path, kernel: str) -> Played:
     pace = LivePace() if kernel == "live" else VirtualPace()
     verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
     report.verdict(verdict)
-    edges = [line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+    edges = tuple(line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge))
     bench.close()
     assert bench.leaks() == ()
-    injected = frozenset(edge.status for edge in edges if edge.cause.injected)
-    return Played(verdict, out.getvalue(), injected, frozenset(e.status for e in edges) - injected)
+    return Played(verdict, out.getvalue(), edges)
 
 
 def failures(verdict: Verdict) -> str:

@@ -9,6 +9,7 @@ import pytest
 from tests.rig.scenarios import BAOSKY, SIM_ONLY, failures, play
 from trcvtui.dialects import DIALECTS
 
+TCP_BLOCKS = ("TRCV_C", "TSEND_C", "TCON", "TDISCON", "T_RESET", "TSEND", "TRCV")
 RUNS = (0x7002, 0x7004, 0x7005, 0x7006)  # how long these last is the link's business (design section 3.4)
 
 
@@ -23,10 +24,11 @@ def test_a_scenario_holds_on_the_simulated_kernel(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", BAOSKY, ids=name_of)
-def test_a_scenario_holds_on_real_sockets_and_shows_the_same_status_walk(path: Path) -> None:
-    live = play(path, "live")
+def test_a_scenario_holds_on_real_sockets_with_the_same_status_walk_for_the_same_causes(path: Path) -> None:
+    live, sim = play(path, "live"), play(path, "sim")
     assert live.verdict.passed, failures(live.verdict)
-    assert walk(live.records()) == walk(play(path, "sim").records())
+    assert walk(live.records()) == walk(sim.records())
+    assert live.causes() == sim.causes()
 
 
 def walk(records: list[dict[str, object]]) -> dict[object, list[tuple[object, ...]]]:
@@ -46,18 +48,38 @@ def test_the_same_scenario_gives_the_same_bytes_twice() -> None:
         assert play(path, "sim").text == play(path, "sim").text, path.name
 
 
-def test_every_status_of_trcv_c_is_reached_and_is_labelled_for_what_it_is() -> None:
-    reached: dict[int, set[str]] = {}
-    for path in BAOSKY + SIM_ONLY:
-        played = play(path, "sim")
-        for code in played.real:
-            reached.setdefault(code, set()).add("real")
-        for code in played.injected:
-            reached.setdefault(code, set()).add("injected")
-    rows = [row for row in DIALECTS["baosky"].status if "TRCV_C" in row.blocks]
-    missing = [row.word for row in rows if row.code not in reached]
-    assert missing == []
-    only_injected = [row.word for row in rows if reached[row.code] == {"injected"}]
-    # What no ordinary socket does (status-reproduction, section 1), and 8086 (it would take
-    # the process's last descriptor): everything else is brought about by its own condition.
-    assert only_injected == ["16#8082", "16#8084", "16#8086", "16#8087"]
+# What no ordinary socket does (status-reproduction, section 1), and 8086 (it would take the process's last
+# descriptor): everything else that a _C block shows is brought about by its own condition.
+ONLY_INJECTED = ["16#8082", "16#8084", "16#8086", "16#8087"]
+
+
+@pytest.fixture(scope="module")
+def reached() -> frozenset[tuple[str, int, bool]]:
+    return frozenset().union(*(play(path, "sim").reached() for path in BAOSKY + SIM_ONLY))
+
+
+@pytest.mark.parametrize("block", TCP_BLOCKS)
+def test_every_status_in_the_table_of_a_block_is_reached(
+    block: str, reached: frozenset[tuple[str, int, bool]]
+) -> None:
+    shown = {status for of, status, _ in reached if of == block}
+    assert [
+        row.word for row in DIALECTS["baosky"].status if block in row.blocks and row.code not in shown
+    ] == []
+
+
+@pytest.mark.parametrize("block", TCP_BLOCKS)
+def test_no_block_shows_a_status_that_its_table_does_not_list(
+    block: str, reached: frozenset[tuple[str, int, bool]]
+) -> None:
+    listed = {row.code for row in DIALECTS["baosky"].status if block in row.blocks}
+    assert {f"{status:04X}" for of, status, _ in reached if of == block and status not in listed} == set()
+
+
+@pytest.mark.parametrize("block", ["TRCV_C", "TSEND_C"])
+def test_only_what_no_ordinary_socket_does_is_injected(
+    block: str, reached: frozenset[tuple[str, int, bool]]
+) -> None:
+    real = {status for of, status, injected in reached if of == block and not injected}
+    rows = [row for row in DIALECTS["baosky"].status if block in row.blocks]
+    assert [row.word for row in rows if row.code not in real] == ONLY_INJECTED

@@ -26,9 +26,10 @@ END_S: Final = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """What the instances had done together after so many scans, and when that was asked."""
+    """What the instances had done together after so many scans; when that was asked, the time of the scan."""
 
     at_ns: int
+    t_ns: int
     scans: int
     done: int
 
@@ -85,7 +86,7 @@ class PacedEngine:
         """Let so much time pass, then count."""
         time.sleep(seconds)
         seen = self._snapshot()
-        return Count(now_ns(), seen.scan, sum(instance.jobs_done for instance in seen.instances))
+        return Count(now_ns(), seen.t_ns, seen.scan, sum(instance.jobs_done for instance in seen.instances))
 
     def _snapshot(self) -> Snapshot:
         self._channel.send(PictureRequest(most_lines=0))

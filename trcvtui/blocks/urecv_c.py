@@ -13,8 +13,7 @@ from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.rules import NotConnected
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.udp_part import UdpPart
-from trcvtui.net.answers import Endpoint, Fault
-from trcvtui.net.kernel import Datagram
+from trcvtui.net.answers import Datagram, Endpoint, Fault
 
 
 class UrecvC:

@@ -1,4 +1,4 @@
-"""The values that cross the seam and rise through the floors: WOULD_BLOCK, Fault, Endpoint."""
+"""The values that cross the seam and rise through the floors: WOULD_BLOCK, Fault, Endpoint, Datagram."""
 
 from __future__ import annotations
 
@@ -39,3 +39,17 @@ class Endpoint:
     def __str__(self) -> str:
         """Return `127.0.0.1:2000`."""
         return f"{self.address}:{self.port}"
+
+
+@dataclass(frozen=True, slots=True)
+class Datagram:
+    """One datagram that was taken: `size` bytes of it are in the view, `whole` is how many it had."""
+
+    size: int
+    source: Endpoint
+    whole: int
+
+    @property
+    def is_cut(self) -> bool:
+        """Return whether the view was too small for it: the rest is gone."""
+        return self.size < self.whole

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Final, NewType, Protocol
 
 from trcvtui.net.answers import WOULD_BLOCK as WOULD_BLOCK
+from trcvtui.net.answers import Datagram as Datagram
 from trcvtui.net.answers import Endpoint as Endpoint
 from trcvtui.net.answers import Fault as Fault
 from trcvtui.net.answers import WouldBlock as WouldBlock
@@ -41,20 +42,6 @@ class Accepted:
 
     handle: Handle
     peer: Endpoint
-
-
-@dataclass(frozen=True, slots=True)
-class Datagram:
-    """One datagram that was taken: `size` bytes of it are in the view, `whole` is how many it had."""
-
-    size: int
-    source: Endpoint
-    whole: int
-
-    @property
-    def is_cut(self) -> bool:
-        """Return whether the view was too small for it: the rest is gone."""
-        return self.size < self.whole
 
 
 @dataclass(frozen=True, slots=True)

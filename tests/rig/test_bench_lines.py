@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.rig.bench_project import bench_project
 from trcvtui.net.faults import KNOWN_ERRORS
 from trcvtui.net.kernel import CALLS
-from trcvtui.plc.project import Project
+from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_lines import LINES, to_line
@@ -80,11 +80,26 @@ FAULTS = st.builds(
     st.integers(1, 10**9),
     st.integers(1, 10**9) | st.just(words.FOREVER),
 )
+CREATES = st.builds(
+    words.Create,
+    st.builds(
+        InstanceDecl,
+        st.just("NEW_1"),
+        st.sampled_from(["TRCV_C", "TRCV"]),
+        st.just("C1"),
+        st.sampled_from([None, "rx", "raw"]),
+        st.just("MAIN"),
+        st.dictionaries(st.sampled_from(["EN_R", "ADHOC"]), TRUTH).map(lambda pins: tuple(pins.items())),
+    ),
+)
 OF_A_PEER = (words.PeerClose, words.PeerRst, words.PeerShutdown, words.PeerStall, words.PeerResume)
 COMMANDS = st.one_of(
     st.builds(words.Set, st.just("X"), some_of(INPUTS)),
     st.builds(words.Pulse, st.just("X"), st.sampled_from(["EN_R", "COM_RST"])),
     st.builds(words.Write, st.just("rx"), st.integers(0, 44), BYTES),
+    st.builds(words.Delete, st.just("X")),
+    st.builds(words.Download, st.just("Y")),
+    CREATES,
     st.just(words.PlcStop()),
     st.just(words.PlcRun()),
     st.just(words.PeerConnect("P1")),
@@ -133,6 +148,8 @@ def test_every_command_has_a_line() -> None:
         'expect peer P1 received text "ok" within T#1s',
         "wait rx hex 01 02 within T#3s",
         "set X CONT=1 EN_R=blink",
+        "resize rx ARRAY[0..9] OF BYTE",
+        "create TSEND_C S connect=C1 data=raw task=MAIN CONT=1",
         "expect X STATUS=0001 DONE=0",
         "fault bind EADDRINUSE on C1 nth=2 times=forever",
     ],

@@ -28,9 +28,12 @@ def said(line: str, project: Project) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
+VERBS = "set, pulse, write, resize, create, delete, download, plc, peer, link, fault, run, wait, expect"
+A_TYPE = "an IEC type or a UDT"
+
 MISTAKES = [
     # the verb
-    ("frob", "w: found 'frob', expected one of set, pulse, write, plc, peer, link, fault, run, wait, expect"),
+    ("frob", f"w: found 'frob', expected one of {VERBS}"),
     ("sett X CONT=1", "w: found 'sett', expected set"),
     ("SET X CONT=1", "w: found 'SET', expected set"),
     # inputs
@@ -51,6 +54,31 @@ MISTAKES = [
     ("pulse X LEN", "w: found 'LEN', a UDINT, expected a BOOL input"),
     ("pulse X ERROR", f"w: found 'ERROR', an output, expected one of {INPUTS}"),
     ("pulse X EN_R CONT", "w: found 'CONT', expected the end of the command"),
+    # the program changes
+    ("create", "w: found nothing more, expected a block such as TRCV_C"),
+    ("create TRCW_C R2 connect=C1", "w: found 'TRCW_C', expected TRCV_C"),
+    ("create TRCV_C", "w: found nothing more, expected a name for the new instance"),
+    ("create TRCV_C X connect=C1", "w: found 'X', which is there already, expected a name of its own"),
+    ("create TRCV_C rx connect=C1", "w: found 'rx', which is there already, expected a name of its own"),
+    (
+        "create TRCV_C 2R connect=C1",
+        "w: found '2R', expected a name of letters, digits and _ that begins with no digit",
+    ),
+    ("create TRCV_C R2", "w: found no connect=, expected connect= and the name of a CONNECT"),
+    ("create TRCV_C R2 connect=C9", "w: found connect=C9, expected C1"),
+    ("create TRCV_C R2 connect=C1 data=q", "w: found data=q, expected one of rx, raw, n"),
+    ("create TRCV_C R2 connect=C1 task=FAST", "w: found task=FAST, expected MAIN"),
+    ("create TRCV_C R2 connect=C1 LEN=-1", f"w: found LEN='-1', expected {UDINT}"),
+    ("create TCON T1 connect=C1 data=rx", "w: found 'data', expected nothing: TCON has no DATA"),
+    ("create TCON T1 connect=C1 LEN=1", "w: found 'LEN', expected one of connect, task, REQ"),
+    ("delete", "w: found nothing more, expected the name of an instance"),
+    ("delete Z", "w: found 'Z', expected one of X, Y"),
+    ("delete X now", "w: found 'now', expected the end of the command"),
+    ("download Z", "w: found 'Z', expected one of X, Y"),
+    ("resize Z INT", "w: found 'Z', expected one of rx, raw, n"),
+    ("resize rx", f"w: found nothing more, expected {A_TYPE}"),
+    ("resize rx Telegra", "w:1:1: found 'Telegra', expected a known type"),
+    ("resize rx ARRAY[0..9999999] OF BYTE", "w: rx: found 10000000 bytes, expected at most 4194304 bytes"),
     # the PLC and its wires
     ("plc", "w: found nothing more, expected stop or run"),
     ("plc halt", "w: found 'halt', expected stop or run"),
@@ -203,10 +231,23 @@ def test_a_mistake_is_one_line(project: Project, line: str, expected: str) -> No
     assert said(line, project) == [expected]
 
 
-@pytest.mark.parametrize("verb", ["resize", "delete", "create", "download"])
-def test_what_is_not_available_yet_says_so(project: Project, verb: str) -> None:
-    (line,) = said(f"{verb} X", project)
-    assert line.startswith(f"w: found '{verb}', which is not available yet, expected one of set, ")
+def test_later_lines_are_read_as_the_changed_program_will_be(project: Project) -> None:
+    script = """
+        delete X
+        set X CONT=1
+        create TSEND_C X connect=C1
+        set X REQ=1
+        resize raw Telegram
+        expect raw.speed 1.5
+        expect raw[1] 3
+    """
+    with pytest.raises(UserError) as caught:
+        parse_script(script, project, "s")
+    assert [str(problem) for problem in caught.value.problems] == [
+        "s: step 2 (set X CONT=1): found 'X', expected Y",
+        "s: step 7 (expect raw[1] 3): found '[1]' in 'raw[1]', "
+        "expected a member of Telegram, or an index within bounds",
+    ]
 
 
 def test_all_wrong_members_of_a_udt_are_told(project: Project) -> None:

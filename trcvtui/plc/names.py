@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Final
 
 IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that begins with no digit"
-MOST_LISTED: Final = 12
+MOST_LISTED: Final = 16
 ALIKE: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 

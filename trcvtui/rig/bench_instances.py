@@ -12,7 +12,6 @@ from trcvtui.errors import UserError
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.project_names import WORDS
-from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 from trcvtui.plc.tables import shown
 from trcvtui.rig.bench_conditions import read_instance
 from trcvtui.rig.bench_tokens import Words
@@ -82,11 +81,13 @@ def _reference(given: dict[str, str], key: str, names: list[str], what: str, wor
 
 def _inputs(given: dict[str, str], block: str, words: Words) -> tuple[tuple[str, bool | int], ...]:
     pins = {pin.name: pin for pin in PINS[block] if pin.direction is not Direction.OUT}
+    keys = (*(("config", "addr") if block in SPEAKS_UDP else ("connect",)), "task", *pins)
     for key in given:
+        if key == "data":
+            raise words.wrong("'data'", f"nothing: {block} has no DATA")
         if key not in pins:
-            raise words.wrong(
-                shown(key), expected_name(key, ("connect", "data", "task", *pins), "key or input")
-            )
+            with_data = ("data", *keys) if block in MOVES_BYTES else keys
+            raise words.wrong(shown(key), expected_name(key, with_data, "key or input"))
     return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
 
 
@@ -106,7 +107,14 @@ def read_resize(words: Words, project: Project) -> Resize:
     if project.data_decl(name) is None:
         raise words.wrong(shown(name), expected_name(name, [d.name for d in project.data], "DATA"))
     type_name = words.rest_text("an IEC type or a UDT")
-    return Resize(name, type_name, declare(name, type_name, project, words.where))
+    try:
+        return Resize(name, type_name, declare(name, type_name, project, words.where))
+    except UserError as refused:
+        if all(wrong.where.startswith(words.where) for wrong in refused.problems):
+            raise
+        raise UserError(
+            replace(wrong, where=f"{words.where}: {wrong.where}") for wrong in refused.problems
+        ) from None
 
 
 def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl:
@@ -127,23 +135,3 @@ def after(command: BenchCommand, project: Project) -> Project:
             return project.with_data(decl)
         case _:
             return project
-
-
-def follow(snapshot: Snapshot, project: Project) -> Project:
-    """Return the project as a running PLC has it now: a reader of pictures knows no commands."""
-    decls = tuple(project.instance(i.name) or _decl_of(i) for i in snapshot.instances)
-    if decls != project.instances:
-        project = replace(project, instances=decls)
-    for data in snapshot.data:
-        known = project.data_decl(data.name)
-        if known is not None and known.type_name != data.type_name:
-            try:
-                project = project.with_data(declare(data.name, data.type_name, project, data.name))
-            except UserError:  # a type that the engine knows and this side does not: keep the old view
-                continue
-    return project
-
-
-def _decl_of(instance: InstanceSnapshot) -> InstanceDecl:
-    i = instance
-    return InstanceDecl(i.name, i.block, i.connect, i.data, i.task, (), i.addr)

@@ -88,7 +88,7 @@ class Looker:
 
 def typed(text: str) -> list[events.Key]:
     """Return the keys that give a text; carriage return, tab and escape are keys too."""
-    names = {"\r": "enter", "\t": "tab", "\x1b": "escape", " ": "space", ":": "colon"}
+    names = {"\r": "enter", "\t": "tab", "\x1b": "escape", " ": "space", ":": "colon", "/": "slash"}
     return [events.Key(names.get(character, character), character) for character in text]
 
 
@@ -111,12 +111,17 @@ async def looking(size: tuple[int, int] = WIDE, *pictures: Picture) -> AsyncIter
 
 def same_as_snapshot(looker: Looker, name: str, kept: Path) -> None:
     """Compare the screen with its picture in words; a difference keeps the screen as SVG in `kept`."""
-    path, found = SNAPSHOTS / f"{name}.txt", looker.text
+    same_screen(looker.app, name, kept)
+
+
+def same_screen(app: App[None], name: str, kept: Path) -> None:
+    """Compare an app's screen with its picture in words."""
+    path, found = SNAPSHOTS / f"{name}.txt", screen_text(app)
     if os.environ.get(UPDATE):
         path.parent.mkdir(exist_ok=True)
         path.write_text(found, encoding="utf-8")
     expected = path.read_text(encoding="utf-8") if path.exists() else ""
     if found != expected:
         svg = kept / f"{name}.svg"
-        svg.write_text(looker.app.export_screenshot(), encoding="utf-8")
+        svg.write_text(app.export_screenshot(), encoding="utf-8")
         assert found == expected, f"the screen changed; it is kept in {svg}; {UPDATE}=1 accepts it"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
@@ -12,7 +12,6 @@ if TYPE_CHECKING:  # the screen's process starts the engine before it knows what
     from trcvtui.plc.project import Project
 
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
-STEP_STATES: Final = (TO_COME, NOW, DONE, HELD, FAILED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +83,8 @@ class StepSnapshot:
 class PlayerSnapshot:
     """How far a scenario has been played.
 
-    `current` is the place in `steps` of the one that runs or comes next; `scans_of_step` have passed in the running step. `traces` are the newest STATUS runs of each instance.
+    `current` is the place in `steps` of the one that runs or comes next; `scans_of_step` count in that one.
+    `traces` are the newest STATUS runs of each instance.
     """
 
     path: str

@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.app import App, SystemCommand
@@ -15,10 +15,14 @@ from textual.screen import Screen
 
 from trcvtui.plc.project import Project
 from trcvtui.rig.driver import Driver, EngineStopped
+from trcvtui.rig.picture import Picture
 from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.scene import Scene
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.screens.main import SCENARIOS, MainScreen
 from trcvtui.tui.theme import DARK, LIGHT
+
+if TYPE_CHECKING:
+    from trcvtui.tui.screens.scenarios import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
 HANG_UP_S: Final = 1.0
@@ -36,8 +40,11 @@ class BenchApp(App[None]):
     def __init__(self, driver: Driver, project: Project) -> None:
         super().__init__()
         self._engine = driver
+        self._home = project.path
         self.scene = Scene(project)
         self.main = MainScreen(self.scene, self.submit)
+        self.scenarios: ScenariosScreen | None = None  # while it is open
+        self._scenario: Path | None = None  # the one that was chosen last
         self.last_words = ""
         self._early_keys: list[events.Key] | None = []
         self.register_theme(DARK)
@@ -64,7 +71,7 @@ class BenchApp(App[None]):
             if self._early_keys is not None:
                 self._early_keys.append(event)
                 return
-            if self.screen is self.main and await obey(self, event):
+            if self._obeys_at_once() and await obey(self, event):
                 return
         await super().on_event(event)
 
@@ -76,8 +83,11 @@ class BenchApp(App[None]):
         _quiet_collector()
 
     async def _obey_early(self, event: events.Key) -> None:
-        if self.screen is not self.main or not await obey(self, event):
+        if not self._obeys_at_once() or not await obey(self, event):
             await super().on_event(event)
+
+    def _obeys_at_once(self) -> bool:
+        return self.screen in (self.main, self.scenarios)
 
     # -- pictures and lines -------------------------------------------------------------------------
 
@@ -87,12 +97,21 @@ class BenchApp(App[None]):
         try:
             picture = self._engine.picture()
             if picture is not None:
-                self.scene.take(picture)
-                if self.main.is_mounted:
-                    self.main.show()
+                self._show(picture)
             self._engine.request(self.scene.request())
         except EngineStopped as stopped:
             self._end(str(stopped))
+
+    def _show(self, picture: Picture) -> None:
+        before = self.scene.bench
+        self.scene.take(picture)
+        if self.scenarios is not None:
+            if self.scenarios.is_mounted:
+                self.scenarios.show()
+        elif self.main.is_mounted:
+            if self.scene.bench != before:
+                self.main.begin_anew()
+            self.main.show()
 
     def _leave_a_dead_terminal(self) -> None:
         """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
@@ -101,23 +120,56 @@ class BenchApp(App[None]):
             os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
 
     def submit(self, line: str) -> None:
-        """Send one bench command line to the engine, while there is one."""
-        if self.last_words:
+        """Send one bench command line to the engine, while there is one; `scenarios` is for this screen."""
+        if line == SCENARIOS:
+            self._open_scenarios()
             return
-        try:
-            self.main.prompt.sent(line, self._engine.submit(line))
-        except EngineStopped as stopped:
-            self._end(str(stopped))
+        number = self._say(line)
+        if number is not None:
+            self.main.prompt.sent(line, number)
+
+    def _say(self, line: str) -> int | None:
+        if not self.last_words:
+            try:
+                return self._engine.submit(line)
+            except EngineStopped as stopped:
+                self._end(str(stopped))
+        return None
 
     def _end(self, words: str) -> None:
         self.last_words = words
+        if self.scenarios is not None:
+            self.scenarios.dismiss(None)
         self.main.end(words.strip().splitlines()[-1] if words.strip() else "the engine has ended")
+
+    # -- scenarios ----------------------------------------------------------------------------------
+
+    def _open_scenarios(self) -> None:
+        from trcvtui.rig.scenario_files import find_files  # read when first asked for
+        from trcvtui.tui.library import Library
+        from trcvtui.tui.screens.scenarios import ScenariosScreen
+
+        if self.scenarios is None and not self.last_words:
+            library = Library(find_files(self._home), self._scenario)
+            self.scenarios = ScenariosScreen(self.scene, self._say, library)
+            self.push_screen(self.scenarios, self._scenarios_left)
+
+    def _scenarios_left(self, chosen: Path | None) -> None:
+        self.scenarios = None
+        self._scenario = chosen or self._scenario
+        if self.scene.picture is not None and self.scene.picture.player is not None:
+            self.scene.leave()
+            self.main.begin_anew()
+        self.main.show()
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield everything that can be done, by name."""
         from trcvtui.tui.palette import Reach, commands  # read when first asked for
 
-        yield from commands(Reach(self.scene, self.main, self.submit))
+        if self.scenarios is not None:
+            yield from self.scenarios.commands()
+        else:
+            yield from commands(Reach(self.scene, self.main, self.submit))
         yield SystemCommand("Theme", "another look", self.action_change_theme)
         yield SystemCommand("Screenshot", "save the screen as an SVG file", self.deliver_screenshot)
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)

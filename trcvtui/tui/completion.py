@@ -10,7 +10,7 @@ from textual.suggester import Suggester
 from trcvtui.plc.project import Project
 
 VERBS: Final = (
-    "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "expect",
+    "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "expect", "scenarios",
 )  # fmt: skip
 PEER_VERBS: Final = ("send", "connect", "listen", "close", "rst", "shutdown", "stall", "resume")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -116,10 +116,10 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
 class BenchSuggester(Suggester):
     """Offers the completed line to an input field."""
 
-    def __init__(self, project: Project) -> None:
+    def __init__(self, project: Callable[[], Project]) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
         self._project = project
 
     async def get_suggestion(self, value: str) -> str | None:
         """Return the completed line."""
-        return complete(value, self._project)
+        return complete(value, self._project())

@@ -15,6 +15,7 @@ EVERYWHERE: Final = (
     ("M or \\", "the pane alone on the screen, and back"),
     ("space", "hold the scans, let them go on (the network goes on)"),
     (".", "one single scan while holding"),
+    ("S or F2", "scenarios: read them, play them step by step"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
     ("? or F1", "this help"),
@@ -36,11 +37,20 @@ PEER: Final = (
     ("enter", "in the payload: send it"),
     ("← → enter", "walk the buttons, press one"),
 )
+SCENARIOS: Final = (
+    ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
+    ("k", "simulated network or real sockets, for the next one that is loaded"),
+    ("enter", "load it: a fresh bench stands in for the present one"),
+    ("n or space", "the next step; during a run: stop behind the running one"),
+    ("r", "all steps that are left; simulated ones as fast as they go"),
+    ("esc or q", "leave: the project that was opened begins afresh"),
+)
 SECTIONS: Final = (
     ("Everywhere", EVERYWHERE),
     ("Block", PINS),
     ("Bytes and past", BYTES),
     ("Peer", PEER),
+    ("Scenarios", SCENARIOS),
 )
 
 

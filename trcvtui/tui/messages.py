@@ -56,3 +56,11 @@ class PaneWanted(Message):
     def __init__(self, digit: int) -> None:
         super().__init__()
         self.digit = digit
+
+
+class ScenarioChosen(Message):
+    """Another scenario file was chosen in the library: its text shall be shown."""
+
+
+class ScenarioWanted(Message):
+    """The chosen scenario shall be loaded."""

@@ -88,6 +88,7 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     )
     yield SystemCommand("Zoom the pane", "alone on the screen, and back · key M", bench.main.action_zoom)
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
+    yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
 
 

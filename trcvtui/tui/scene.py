@@ -22,20 +22,30 @@ class Scene:
     """The bench as the screen knows it. Sizes in bytes, times in ns of the run."""
 
     def __init__(self, project: Project) -> None:
-        self.project = project
+        self._home = project
         self.picture: Picture | None = None
         self.history = History()
         self.afterglow = Afterglow()
         self.provenance = Provenance()
-        self.selected = project.instances[0].name if project.instances else ""
-        self.peer = project.peers[0].name if project.peers else ""
+        self.selected = self.peer = ""
+        self._take_project(project)
         self.answers: dict[int, Answer] = {}
+        self.bench = 0  # the number of the bench that all of this is about
+        self._left: int | None = None
+        self._project_number = 0
         self._seq = 0
 
     # -- what comes in ------------------------------------------------------------------------------
 
     def take(self, picture: Picture) -> None:
-        """Make this the newest picture."""
+        """Make this the newest picture; one of a fresh bench makes all that was known of the old one void."""
+        if picture.bench == self._left:
+            return
+        if picture.bench != self.bench:
+            self._begin_anew(picture.bench)
+        if picture.project is not None:
+            self._take_project(picture.project)
+        self._project_number = picture.project_number
         self.picture = picture
         for line in picture.lines:
             self.provenance.note(line)
@@ -50,12 +60,26 @@ class Scene:
                 self.afterglow.catch_up(instance, picture.snapshot.t_ns)
         self.answers = {answer.number: answer for answer in picture.answers}
 
+    def _begin_anew(self, bench: int) -> None:
+        self.bench, self._seq = bench, 0
+        self.history, self.afterglow, self.provenance = History(), Afterglow(), Provenance()
+
+    def _take_project(self, project: Project) -> None:
+        self.project = project
+        self.selected = _one_of(self.selected, [instance.name for instance in project.instances])
+        self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
+
+    def leave(self) -> None:
+        """Go back to the project that was opened; pictures of this bench that still come are too late."""
+        self._left, self.picture = self.bench, None
+        self._take_project(self._home)
+
     def request(self) -> PictureRequest:
         """Return what to ask for next: the ledger's news, and the bytes of the selected instance."""
         instance = self.instance
         data = (instance.data,) if instance and instance.data else ()
         partial = (instance.name,) if instance else ()
-        return PictureRequest(self._seq, data, partial, MOST_LINES)
+        return PictureRequest(self._seq, data, partial, MOST_LINES, self.bench, self._project_number)
 
     # -- what is shown ------------------------------------------------------------------------------
 
@@ -119,3 +143,8 @@ class Scene:
     @staticmethod
     def _bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:
         return next((payload for key, payload in pairs if key == name), b"")
+
+
+def _one_of(name: str, names: list[str]) -> str:
+    """Return the name, the first one where it is not there, "" where there is none."""
+    return name if name in names else next(iter(names), "")

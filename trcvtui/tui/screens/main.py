@@ -32,6 +32,7 @@ from trcvtui.tui.widgets.udt_table import UdtTable
 
 LEAST_WIDTH, LEAST_HEIGHT, TALL = 128, 38, 54
 TABS, ZOOM = "-tabs", "-zoom"
+SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
 
@@ -46,6 +47,7 @@ class MainScreen(Screen[None]):
         Binding("full_stop", "single_scan", show=False),
         Binding("colon", "prompt", show=False),
         Binding("v", "members", show=False),
+        Binding("S,f2", "scenarios", show=False),
         Binding("question_mark,f1", "help", show=False),
         Binding("escape", "calm", show=False),
         Binding("q", "app.quit", show=False),
@@ -129,6 +131,12 @@ class MainScreen(Screen[None]):
         picture, focused = self._scene.picture, self.focused
         local = focused.keys() if isinstance(focused, LineView) else ()
         self.key_line.show_keys(local, bool(picture and picture.holding))
+
+    def begin_anew(self) -> None:
+        """Another bench stands here now: nothing that was pointed at is there any more."""
+        self.block.forget()
+        self.on_instance_selected()
+        self.on_peer_selected()
 
     def end(self, last_words: str) -> None:
         """The engine has ended: say so, and leave the last picture standing."""
@@ -253,6 +261,10 @@ class MainScreen(Screen[None]):
         if self.has_class(ZOOM):
             self.action_zoom()
         self.history.action_now()
+
+    def action_scenarios(self) -> None:
+        """Open the scenarios."""
+        self._submit(SCENARIOS)
 
     def action_help(self) -> None:
         """Open the help."""

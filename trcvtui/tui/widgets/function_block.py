@@ -39,6 +39,11 @@ class FunctionBlock(LineView):
         numbers = tuple((pin.letter, pin.name) for pin in inputs if not pin.is_bool and pin.letter)
         return (("enter", "toggle"), (levels, "pins"), *numbers)
 
+    def forget(self) -> None:
+        """Draw for another project: its dialect may name the pins of a block otherwise."""
+        self._drawings.clear()
+        self._pending.clear()
+
     # -- what is drawn ------------------------------------------------------------------------------
 
     def drawing(self) -> Drawing:

@@ -33,8 +33,9 @@ class InstanceList(LineView):
     DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
     KEYS: ClassVar = (("↑↓", "instance"),)
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, digit: int = 1) -> None:
         super().__init__(id="instances")
+        self._digit = digit
         self._scene = scene
         self._columns = self._measure()
 
@@ -44,7 +45,7 @@ class InstanceList(LineView):
 
     def show(self) -> None:
         """Repaint what changed; the title names the CONNECT budget when it gets tight."""
-        self.set_title(1, "Instances")
+        self.set_title(self._digit, "Instances")
         self._columns = self._measure()
         super().show()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from textual import events
@@ -9,13 +10,14 @@ from textual import events
 from trcvtui.tui.messages import KeyClicked
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
+Keys = tuple[tuple[str, str], ...]
 GLOBAL: Final = (
-    (":", "command"), ("space", "hold"), (".", "one scan"), ("1-7", "pane"), ("M", "zoom"),
-    ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
+    (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("1-7", "pane"),
+    ("M", "zoom"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
 ACTIONS: Final = {
-    ":": "prompt", "space": "hold", ".": "single_scan", "M": "zoom", "ctrl+p": "app.command_palette",
-    "?": "help", "q": "app.quit", "esc": "calm", "l": "pin('l')",
+    ":": "prompt", "space": "hold", ".": "single_scan", "S": "scenarios", "M": "zoom",
+    "ctrl+p": "app.command_palette", "?": "help", "q": "app.quit", "esc": "calm", "l": "pin('l')",
 }  # fmt: skip
 
 
@@ -24,12 +26,14 @@ class KeyLine(LineView, can_focus=False):
 
     DEFAULT_CSS = "KeyLine { height: 1; background: $panel; padding: 0 1; }"
 
-    def __init__(self) -> None:
+    def __init__(self, everywhere: Keys = GLOBAL, actions: Mapping[str, str] = ACTIONS) -> None:
         super().__init__(id="keys")
-        self._local: tuple[tuple[str, str], ...] = ()
+        self._everywhere = everywhere
+        self._actions = actions
+        self._local: Keys = ()
         self._holding = False
 
-    def show_keys(self, local: tuple[tuple[str, str], ...], holding: bool) -> None:
+    def show_keys(self, local: Keys, holding: bool) -> None:
         """Name these keys."""
         self._local, self._holding = local, holding
         self.show()
@@ -40,7 +44,7 @@ class KeyLine(LineView, can_focus=False):
 
     def _keys(self) -> list[tuple[str, str]]:
         keys = list(self._local)
-        for key, label in GLOBAL:
+        for key, label in self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
         # The last ones, help and quit, stay; what does not fit goes from the middle.
         while len(keys) > 3 and sum(len(k) + len(label) + 3 for k, label in keys) - 2 > self.line_width:
@@ -61,6 +65,6 @@ class KeyLine(LineView, can_focus=False):
         place, left = self.place_of(event), 0
         for key, label in self._keys():
             width = len(key) + len(label) + 3
-            if place is not None and left <= place[0] < left + width - 2 and key in ACTIONS:
-                self.post_message(KeyClicked(ACTIONS[key]))
+            if place is not None and left <= place[0] < left + width - 2 and key in self._actions:
+                self.post_message(KeyClicked(self._actions[key]))
             left += width

@@ -127,7 +127,7 @@ class Prompt(Vertical):
         """Make the input, so that it is there before the first key is obeyed."""
         from trcvtui.tui.completion import BenchSuggester
 
-        self._input = PromptInput(self, BenchSuggester(self._scene.project))
+        self._input = PromptInput(self, BenchSuggester(lambda: self._scene.project))
         await self._open_line.mount(Static(":", markup=False), self._input)
 
     @property

@@ -15,9 +15,10 @@ class TabLine(LineView, can_focus=False):
 
     DEFAULT_CSS = "TabLine { height: 1; background: $background; padding: 0 1; }"
 
-    def __init__(self) -> None:
+    def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 2) -> None:
         super().__init__(id="tabs")
-        self._open = 2
+        self._tabs = tabs
+        self._open = opened
 
     def mark(self, digit: int) -> None:
         """Mark the tab that is open."""
@@ -33,7 +34,7 @@ class TabLine(LineView, can_focus=False):
         if y:
             return EMPTY
         parts: list[Part] = []
-        for digit, name in TABS:
+        for digit, name in self._tabs:
             style = "cursor strong" if digit == self._open else "dim"
             parts += [
                 (f" {digit} ", f"key {style}" if digit == self._open else "key"),
@@ -45,7 +46,7 @@ class TabLine(LineView, can_focus=False):
     def on_click(self, event: events.Click) -> None:
         """Open the tab under the mouse."""
         place, left = self.place_of(event), 0
-        for digit, name in TABS:
+        for digit, name in self._tabs:
             width = len(name) + 5
             if place is not None and left <= place[0] < left + width - 1:
                 self.post_message(PaneWanted(digit))

@@ -1,0 +1,393 @@
+"""The scenarios on the screen: which there are, what they say, and one of them played step by step."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from tests.tui.fakes import FakeDriver, picture
+from tests.tui.looking import BOTH, SMALL, WIDE, looking, same_screen, screen_text, typed
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig import scenario_files
+from trcvtui.rig.console import fresh_bench
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.picture import Answer
+from trcvtui.tui.app import BenchApp
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(autouse=True)
+def _only_our_own_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Open the project beside tests/tui/scenarios, away from ./configs; nothing has come with the program."""
+    monkeypatch.chdir(HERE)
+    monkeypatch.setattr(scenario_files, "configs_path", lambda: Path("nowhere"))
+
+
+class Stage:
+    """The screen on a simulated bench; nothing moves but by `scan`."""
+
+    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
+        self.driver, self.app, self.pilot = driver, app, pilot
+
+    async def press(self, *keys: str) -> None:
+        """Press keys and let the screen follow."""
+        await self.pilot.press(*keys)
+        await self.pilot.pause(0.12)
+
+    async def scan(self, scans: int = 1) -> None:
+        """Let scans pass, as far as they may, and let the screen see them."""
+        self.driver.scan(scans)
+        await self.pilot.pause(0.12)
+
+    async def choose(self, name: str) -> None:
+        """Filter for a scenario."""
+        await self.press("slash", *name, "enter")
+
+    @property
+    def text(self) -> str:
+        """Return what stands on the screen."""
+        return screen_text(self.app)
+
+    @property
+    def words(self) -> str:
+        """Return it as words, without frames."""
+        return " ".join(self.text.replace("│", " ").split())
+
+    def line(self, needle: str) -> str:
+        """Return the first line that holds `needle`."""
+        found = [line for line in self.text.splitlines() if needle in line]
+        assert found, f"{needle!r} is not there:\n{self.text}"
+        return found[0]
+
+
+@asynccontextmanager
+async def scenarios(size: tuple[int, int] = WIDE) -> AsyncIterator[Stage]:
+    """Open the scenarios on a simulated bench that has scanned a little."""
+    project = load_project(Path("eight.toml"))
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    app = BenchApp(driver, project)
+    try:
+        async with app.run_test(size=size) as pilot:
+            stage = Stage(driver, app, pilot)
+            await stage.press("t")
+            await stage.scan(20)
+            await stage.press("S")
+            yield stage
+    finally:
+        driver.close()
+
+
+# -- the list and the text -----------------------------------------------------------------------------
+
+
+@BOTH
+async def test_the_files_stand_there_by_name_and_a_broken_one_too(size: tuple[int, int]) -> None:
+    async with scenarios(size) as stage:
+        assert "1 Scenarios · 3" in stage.text
+        assert "A frame in two parts" in stage.text
+        assert "Two wrong hopes" in stage.text
+        assert "! broken.toml is wrong" in stage.text
+        assert "eight.toml" not in stage.text.split("Scenarios", 1)[1], "a project is no scenario"
+
+
+async def test_the_text_keeps_its_comments_and_the_numbers_of_its_lines() -> None:
+    async with scenarios() as stage:
+        await stage.choose("frame")
+        assert "7   # CONT first: the block builds its side of the connection." in stage.text
+        assert "13   # A partner may cut a frame wherever it likes." in stage.text
+        assert "EN_R is still 1, so the next job begins at once." in stage.words
+
+
+@BOTH
+async def test_a_broken_file_says_its_first_problem_and_is_not_loaded(size: tuple[int, int]) -> None:
+    async with scenarios(size) as stage:
+        await stage.choose("broken")
+        await stage.press("enter")
+        words = stage.words
+        assert "✗ scenarios/broken.toml: step 1 (set NOBODY CONT=1): found 'NOBODY'" in words
+        assert stage.driver.console.player is None
+        await stage.press("escape")
+        assert stage.driver.console.bench.runtime.scans == 20, "the bench is the one that it was"
+
+
+async def test_a_filter_acts_while_it_is_typed_and_escape_drops_it() -> None:
+    async with scenarios() as stage:
+        await stage.press("slash", *"hopes")
+        assert "A frame in two parts" not in stage.text
+        assert "Two wrong hopes" in stage.text
+        await stage.press("escape")
+        assert "A frame in two parts" in stage.text
+        await stage.press("slash", *"nonsense", "enter")
+        assert "no scenario has these words" in stage.text
+        await stage.press("enter", "n", "r", "down")
+        assert stage.driver.console.player is None
+
+
+async def test_text_of_a_file_is_neither_markup_nor_an_escape(tmp_path: Path) -> None:
+    (tmp_path / "eight.toml").write_text((HERE / "eight.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    told = 'project = "eight.toml"\n[scenario]\nname = "[red]\\u001b[31m"\nabout = "[b]\\u0007"\n'
+    (tmp_path / "[x].toml").write_text(
+        told + 'steps = """\n# [red]\\u001b[1m[/]\nrun 1\n"""\n', encoding="utf-8"
+    )
+    app = BenchApp(FakeDriver(picture()), load_project(tmp_path / "eight.toml"))
+    async with app.run_test(size=WIDE) as pilot:
+        await pilot.pause(0.1)
+        await pilot.press("S", "slash", *"[x]", "enter")
+        await pilot.pause(0.2)
+        text = screen_text(app)
+    for words in (r"[red]\x1b[31m", r"[b]\x07", r"# [red]\x1b[1m[/]", "2 [x].toml"):
+        assert words in text
+    assert "\x1b" not in text and "\x07" not in text
+
+
+# -- playing -------------------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_a_scenario_is_played_step_by_step(size: tuple[int, int]) -> None:
+    async with scenarios(size) as stage:
+        await stage.choose("frame")
+        await stage.press("enter")
+        assert "frame.toml · sim · step 1 of 11" in stage.text
+        assert "‖ HOLD" in stage.text
+        assert "▸ set TRCV_C_1 CONT=1 EN_R=1" in stage.text
+        await stage.press("n")
+        assert "• set TRCV_C_1 CONT=1 EN_R=1" in stage.text
+        assert "▸ wait TRCV_C_1 STATUS=7002" in stage.text
+        await stage.press("space")
+        await stage.scan(2)
+        assert "▶ wait TRCV_C_1 STATUS=7002" in stage.text
+        assert "▶ wait TRCV_C_1 STATUS=7002: 2 scans so far" in stage.text
+        await stage.scan(5)
+        assert "✓ wait TRCV_C_1 STATUS=7002" in stage.text
+        assert "scan 3 " in stage.line("‖ HOLD"), "the scans of a step, and no more"
+        assert "7002 connecting" in stage.line("▸ TRCV_C_1")
+        assert "EN_R ■  CONT ■" in stage.text
+        assert "  0001 7001 7002 " in stage.text
+
+
+@BOTH
+async def test_a_run_to_the_end_says_that_all_has_held(size: tuple[int, int]) -> None:
+    async with scenarios(size) as stage:
+        await stage.choose("frame")
+        await stage.press("r")
+        await stage.scan(20)
+        assert "✓ held: all 11 steps" in stage.text
+        assert "7006{4} 7008" in stage.text
+        await stage.press("1")
+        assert "▸ ✓ A frame in two parts" in stage.text
+
+
+@BOTH
+async def test_what_was_found_stands_below_the_line_that_failed(size: tuple[int, int]) -> None:
+    async with scenarios(size) as stage:
+        await stage.choose("hopes")
+        await stage.press("enter", "r")
+        await stage.scan(30)
+        lines = stage.text.splitlines()
+        for line in ("✗ expect TRCV_C_1 STATUS=7004", "✗ wait TRCV_C_1 STATUS=7004 within T#50ms"):
+            below = next(number for number, text in enumerate(lines) if line in text) + 1
+            assert "found STATUS=7002" in lines[below]
+        assert "✗ FAILED: 2 of 5 steps; a wait that fails ends it" in stage.text
+        assert "wrong-hope.toml · sim · over" in stage.text
+        await stage.press("1")
+        assert "▸ ✗ Two wrong hopes" in stage.text
+
+
+async def test_enter_begins_anew() -> None:
+    async with scenarios() as stage:
+        await stage.choose("frame")
+        await stage.press("r")
+        await stage.scan(20)
+        await stage.press("n")
+        assert "✗ the scenario is over; loading it again begins anew" in stage.text
+        await stage.press("enter")
+        assert "step 1 of 11" in stage.text
+        assert "scan 0 " in stage.line("‖ HOLD")
+
+
+async def test_a_file_is_played_as_it_is_on_the_disk_now(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("eight.toml", "scenarios/frame.toml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((HERE / name).read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    async with scenarios() as stage:
+        file = tmp_path / "scenarios" / "frame.toml"
+        file.write_text(file.read_text(encoding="utf-8").replace("run 3", "run 4"), encoding="utf-8")
+        await stage.press("enter")
+        assert "run 4" in stage.text
+
+
+async def test_another_scenario_has_instances_of_its_own() -> None:
+    async with scenarios() as stage:
+        await stage.choose("frame")
+        await stage.press("r")
+        await stage.scan(20)
+        await stage.press("1", "slash", *["backspace"] * 5, *"hopes", "enter", "n")
+        assert "wrong-hope.toml · sim · step 1 of 5" in stage.text
+        assert "no scan yet" in stage.text
+        assert "D◆" not in stage.text, "no pulse of the one before"
+
+
+# -- real sockets, and what the engine says --------------------------------------------------------------
+
+
+async def test_k_chooses_real_sockets_for_the_next_one() -> None:
+    async with looking_at_scenarios() as (_, driver, pilot):
+        await pilot.press("k", "enter")
+        await pilot.pause(0.1)
+        assert driver.lines == [], "the first one is broken"
+        await pilot.press("slash", *"frame", "enter", "enter", "n", "k", "enter")
+        await pilot.pause(0.1)
+        assert driver.lines == [
+            "scenario load scenarios/frame.toml live",
+            "scenario step",
+            "scenario load scenarios/frame.toml sim",
+        ]
+
+
+async def test_what_the_engine_refuses_is_said_whole() -> None:
+    error = "scenarios/frame.toml: peer P1: local: found Address already in use, expected an end that is free"
+    async with looking_at_scenarios(SMALL) as (app, driver, pilot):
+        await pilot.press("slash", *"frame", "enter", "enter")
+        driver.waiting.append(picture(answers=[Answer(1, driver.lines[-1], error)]))
+        await pilot.pause(0.2)
+        assert f"✗ {error}" in " ".join(screen_text(app).split())
+        await pilot.press("n")
+        await pilot.pause(0.1)
+        assert driver.lines[-1].startswith("scenario load"), "it is not loaded, so the next step loads it"
+
+
+async def test_an_engine_that_ends_is_told_on_the_bench() -> None:
+    async with looking_at_scenarios() as (app, driver, pilot):
+        driver.stopped = "Traceback\n  ...\nAssertionError: two receivers"
+        await pilot.pause(0.2)
+        assert "ENGINE ENDED" in screen_text(app)
+        assert "1 Instances" in screen_text(app)
+
+
+@asynccontextmanager
+async def looking_at_scenarios(
+    size: tuple[int, int] = WIDE,
+) -> AsyncIterator[tuple[BenchApp, FakeDriver, Pilot[None]]]:
+    """Open the scenarios over a driver that only remembers."""
+    driver = FakeDriver(picture())
+    app = BenchApp(driver, load_project(Path("eight.toml")))
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause(0.1)
+        await pilot.press("f2")
+        await pilot.pause(0.2)
+        yield app, driver, pilot
+
+
+# -- coming and going ----------------------------------------------------------------------------------
+
+
+@BOTH
+@pytest.mark.parametrize("key", ["escape", "q", "S"])
+async def test_leaving_brings_the_opened_project_back_fresh(size: tuple[int, int], key: str) -> None:
+    async with scenarios(size) as stage:
+        await stage.choose("frame")
+        await stage.press("r")
+        await stage.scan(20)
+        await stage.press(key)
+        await stage.scan(3)
+        assert "1 Instances" in stage.text
+        assert "▶ RUN" in stage.line("scan 3 "), "scans pass by themselves again"
+        assert "7000 no job" in stage.line("TRCV_C_1 "), "CONT is as the file has it"
+        await stage.press("t")
+        await stage.scan(3)
+        assert "7002 connecting" in stage.line("TRCV_C_1 ")
+
+
+async def test_looking_around_leaves_the_bench_alone() -> None:
+    async with scenarios() as stage:
+        await stage.press("down", "down", "k", "2", "down")
+        await stage.scan(5)
+        await stage.press("escape")
+        await stage.scan(1)
+        assert "scan 26 " in stage.line("▶ RUN")
+
+
+async def test_the_one_that_was_chosen_is_chosen_again() -> None:
+    async with scenarios() as stage:
+        await stage.choose("hopes")
+        await stage.press("escape", "S")
+        assert "▸   Two wrong hopes" in stage.text
+
+
+@pytest.mark.parametrize("keys", [":scenarios\r", "S", "7S", "4S"])
+async def test_it_is_opened_by_key_and_by_prompt_and_hears_keys_of_the_same_batch(keys: str) -> None:
+    async with looking(WIDE) as looker:
+        for key in typed(f"{keys}/frame\r\rn"):
+            looker.app.post_message(key)
+        await looker.settle()
+        load, step = looker.lines
+        assert load == f"scenario load {HERE / 'scenarios' / 'frame.toml'} sim"
+        assert step == "scenario step"
+
+
+async def test_the_palette_has_it_and_what_can_be_done_there() -> None:
+    async with scenarios() as stage:
+        there = {command.title for command in stage.app.get_system_commands(stage.app.screen)}
+        assert {"Next step", "Run to the end", "Load on real sockets", "Leave the scenarios"} <= there
+        await stage.press("escape")
+        back = {command.title for command in stage.app.get_system_commands(stage.app.screen)}
+        assert "Scenarios" in back and "Next step" not in back
+
+
+async def test_a_click_chooses_and_a_second_one_loads() -> None:
+    async with scenarios() as stage:
+        y = next(n for n, line in enumerate(stage.text.splitlines()) if "Two wrong hopes" in line)
+        await stage.pilot.click(offset=(10, y))
+        await stage.pilot.pause(0.1)
+        assert "2 wrong-hope.toml" in stage.text
+        await stage.pilot.click(offset=(10, y))
+        await stage.pilot.pause(0.2)
+        assert "wrong-hope.toml · sim · step 1 of 5" in stage.text
+
+
+@pytest.mark.parametrize("size", [(60, 20), (40, 12), (20, 6), (400, 100)])
+async def test_no_size_breaks_the_play(size: tuple[int, int]) -> None:
+    async with scenarios(size) as stage:
+        await stage.choose("hopes")
+        await stage.press("r")
+        await stage.scan(20)
+        for key in "1234":
+            await stage.press(key)
+        await stage.pilot.resize_terminal(*WIDE)
+        await stage.pilot.pause(0.2)
+        assert "✗ FAILED: 2 of 5 steps" in stage.text
+
+
+@pytest.mark.parametrize(("size", "name"), [(WIDE, "scenarios-140x45"), (SMALL, "scenarios-80x24")])
+async def test_a_play_stands_on_the_screen_as_drawn(size: tuple[int, int], name: str, tmp_path: Path) -> None:
+    async with scenarios(size) as stage:
+        await stage.choose("frame")
+        await stage.press("enter", "n", "n")
+        await stage.scan(20)
+        await stage.press("n", "n")
+        await stage.scan(20)
+        await stage.press("n", "n")
+        await stage.scan(20)
+        await stage.press("n")
+        same_screen(stage.app, name, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("size", "name"), [(WIDE, "scenario-failed-140x45"), (SMALL, "scenario-failed-80x24")]
+)
+async def test_a_failure_stands_on_the_screen_as_drawn(
+    size: tuple[int, int], name: str, tmp_path: Path
+) -> None:
+    async with scenarios(size) as stage:
+        await stage.press("end", "r")
+        await stage.scan(30)
+        same_screen(stage.app, name, tmp_path)

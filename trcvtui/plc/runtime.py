@@ -353,6 +353,7 @@ class Runtime:
             unacknowledged=connection.unacknowledged() if connection.bytes_sent else 0,
             receivers=connection.receiving.owners(),
             senders=connection.sending.owners(),
+            keep_alive_s=connection.config.keep_alive_s,
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.parameters import SENDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,7 @@ class ConnectionSnapshot:
     receivers: tuple[str, ...] = ()
     senders: tuple[str, ...] = ()
     udp: bool = False
+    keep_alive_s: int = 0  # the interval in force; 0: none (UDP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +74,11 @@ class InstanceSnapshot:
     last_error_scan: int | None
     task: str = ""
     addr: str | None = None
+
+    @property
+    def sends(self) -> bool:
+        """Return whether this block sends DATA."""
+        return self.block in SENDS or self.block == "USEND_C"
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of an input or output by its manual's name, None where it has none."""

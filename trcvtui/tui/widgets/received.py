@@ -1,4 +1,7 @@
-"""Pane 5: the bytes of DATA, and below them what the running job has collected but not delivered yet."""
+"""Pane 5: the bytes of DATA, and below them how far the job is.
+
+A receive job: what it has collected but not delivered yet. A send job: how far its bytes have come.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.formatting import bar, clip, plain
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, pane_title, ruled
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, ruled
 
 MOST_JOB_ROWS: Final = 4
 BAR: Final = 12
@@ -37,6 +40,8 @@ class JobLine(LineView, can_focus=False):
         instance = self._scene.instance
         if y or instance is None:
             return EMPTY
+        if instance.sends:
+            return ruled(self.line_width, *self._sent(instance))
         if not instance.need:
             return ruled(self.line_width, ("── no job running ", "dim"))
         full, empty = bar(instance.have, instance.need, BAR)
@@ -46,6 +51,25 @@ class JobLine(LineView, can_focus=False):
             self.line_width, ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
             ("not in DATA yet ", "dim"),
         )  # fmt: skip
+
+    def _sent(self, instance: InstanceSnapshot) -> list[Part]:
+        """Return how far the bytes of this connection have come: DONE tells of the local stack only."""
+        parts: list[Part] = [("── ", "dim")]
+        if instance.need:
+            full, empty = bar(instance.have, instance.need, BAR)
+            numbers = f" {instance.have} of {instance.need} B in the stack  "
+            parts += [("job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong")]
+        connection = self._scene.connection
+        if connection is None or connection.state != "connected" or connection.udp:
+            return parts if instance.need else [*parts, ("no job running ", "dim")]
+        parts.append((f"{connection.bytes_sent} B accepted", "strong"))
+        if connection.unacknowledged is not None:
+            style = "warn" if connection.unacknowledged else "dim"
+            parts.append((f" · {connection.unacknowledged} unacknowledged", style))
+        for peer in self._scene.peers:
+            if (peer.local, peer.remote) == (connection.remote, connection.local):
+                parts.append((f" · {peer.received_here} read by {plain(peer.name)}", "dim"))
+        return [*parts, (" ", "dim")]
 
 
 class Received(Vertical):
@@ -123,7 +147,8 @@ class Received(Vertical):
         # Between two jobs there is a scan without one: the room stays, or the screen would jump at each DONE.
         if not instance.need and instance.pin("EN_R") and self._connected():
             return
-        rows = min(MOST_JOB_ROWS, -(-instance.need // self.job.per_row))
+        need = 0 if instance.sends else instance.need
+        rows = min(MOST_JOB_ROWS, -(-need // self.job.per_row))
         if rows != self._job_rows:
             self._job_rows = rows
             self.job.styles.height = max(1, rows)
@@ -147,6 +172,7 @@ class Received(Vertical):
         detail = f"{plain(declared.name)}, {declared.size} B" if declared else "no DATA"
         if instance is None:
             detail = ""
-        if detail != self._title or not self.border_title:
-            self._title = detail
-            self.border_title = pane_title(5, "Received", clip(detail, 60))
+        name = "Sent" if instance is not None and instance.sends else "Received"
+        if f"{name} {detail}" != self._title or not self.border_title:
+            self._title = f"{name} {detail}"
+            self.border_title = pane_title(5, name, clip(detail, 60))

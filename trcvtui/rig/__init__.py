@@ -9,6 +9,6 @@ def demo_path() -> Path:
 
 
 def configs_path() -> Path:
-    """Return the folder of the examples that came with the program: beside the source, in a wheel inside it."""
+    """Return the folder of the examples that came with the program: beside the source, in a wheel inside."""
     inside = Path(__file__).parents[1] / "configs"
     return inside if inside.is_dir() else Path(__file__).parents[2] / "configs"

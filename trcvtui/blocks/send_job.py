@@ -55,6 +55,7 @@ class SendJob:
         sending = self._connection.sending
         refused = refuse(self._env, self._data, inputs.len, sending, self.claim, self._connect)
         if refused is not None:
+            sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused
         assert self._data is not None
         self._start(bytes(self._data.content[: inputs.len or self._data.size]))

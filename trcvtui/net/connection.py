@@ -213,17 +213,17 @@ class Connection:
         """
         if self.handle is None or self.receiving.is_anybodys_but(asking):
             return None
-        return self._look_for_loss(self.handle)
+        return self._look_for_loss(self.handle, asking)
 
-    def _look_for_loss(self, handle: Handle) -> ConnectionLoss | None:
+    def _look_for_loss(self, handle: Handle, asking: Claim | None = None) -> ConnectionLoss | None:
         if self.doom is not None:
-            return self._found(self.doom)
+            return self._found(self.doom, asking)
         seen = self._kernel.loss(handle)
-        return None if seen is None else self._found(self._loss_of(seen.fault))
+        return None if seen is None else self._found(self._loss_of(seen.fault), asking)
 
-    def _found(self, loss: ConnectionLoss) -> ConnectionLoss:
-        """Release the connection, or leave that to whoever still reads."""
-        if not self.receiving.is_anybodys_but(None):
+    def _found(self, loss: ConnectionLoss, asking: Claim | None = None) -> ConnectionLoss:
+        """Release the connection, or leave that to whoever else still reads."""
+        if not self.receiving.is_anybodys_but(asking):
             return self._lose(loss)
         self.doom = loss
         return loss
@@ -235,7 +235,9 @@ class Connection:
     def lost(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
         """Return how that incarnation ended, None while it stands; to its receiver it stands to the last."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
-            return None if self.doom is None or self.receiving.holds(asking) else self.doom
+            if self.doom is None or self.receiving.holds(asking):
+                return None
+            return self._found(self.doom)
         return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
 
     @property

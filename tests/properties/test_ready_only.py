@@ -6,67 +6,38 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
-from hypothesis import strategies as st
-from hypothesis.stateful import initialize, rule, run_state_machine_as_test
+from hypothesis.stateful import run_state_machine_as_test
 
-from tests.properties.bench_machine import DOCUMENT, INSTANCES, BenchMachine
-from trcvtui.plc.commands import BlinkInput
+from tests.properties.bench_machine import DOCUMENT, INSTANCES
+from tests.properties.drawn_projects import Document
+from tests.properties.shared_machine import SharedMachine
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
 
-EXAMPLES = 250
+EXAMPLES = 100
 LEAST_SCANS = 20_000
 
-TASKS = [
-    {"name": "MAIN", "interval": "T#10ms", "priority": 2},
-    {"name": "SLOW", "interval": "T#25ms", "priority": 1},
-]
-OTHERS = [
-    {"name": "D", "block": "TRCV_C", "connect": "C2", "data": "rx_b", "task": "SLOW"},
-    {"name": "E", "block": "TRCV_C", "connect": "C1", "data": "rx_a", "CONT": True},
-]
-SWITCHES = {
-    "not_connected": st.sampled_from(("pulse", "hold", "never")),
-    "second_client": st.sampled_from(("reject", "replace", "queue")),
-}
 
-
-class TwinMachine(BenchMachine):
+class TwinMachine(SharedMachine):
     """Two benches with the same history; one calls every instance in each scan, the other lets them sleep."""
 
-    @initialize(seed=st.integers(0, 3), fragment=st.booleans(), options=st.fixed_dictionaries(SWITCHES))
-    def start(self, seed: int, fragment: bool, options: dict[str, str] | None = None) -> None:
-        instances = DOCUMENT["instance"]
-        assert isinstance(instances, list)
-        document = DOCUMENT | {
-            "sim": {"seed": seed, "fragment": fragment},
-            "options": {"retry": "T#50ms", "attempt_limit": "T#200ms", "buffers": 2, **(options or {})},
-            "task": TASKS,
-            "instance": [*instances, *OTHERS],
-        }
-        self.bench, self.twin = (Bench(read_project(document, "twins", Path()), "sim") for _ in range(2))
+    def begin(self, document: Document) -> None:
+        super().begin(document)
+        self.twin = Bench(read_project(document, "twin", Path()), "sim")
         self.twin.runtime.calls_all = True
-        self.seq = self.number = 0
-        self.sent = {}
 
     def teardown(self) -> None:
+        super().teardown()
         if hasattr(self, "twin"):
             self.twin.close()
-        super().teardown()
+            assert self.twin.leaks() == ()
 
     def do(self, line: str) -> str:
         answer = super().do(line)
-        ours, self.bench = self.bench, self.twin
-        assert super().do(line) == answer
-        self.bench = ours
+        assert say(self.twin, line) == answer
         return answer
-
-    @rule(name=st.sampled_from(INSTANCES), pin=st.sampled_from(("EN_R", "CONT")))
-    def blink(self, name: str, pin: str) -> None:
-        for bench in (self.bench, self.twin):
-            bench.runtime.submit(BlinkInput(name, pin))
 
     def check_scan(self) -> None:
         self.twin.step()
@@ -74,12 +45,13 @@ class TwinMachine(BenchMachine):
         assert ours.called == theirs.called
         assert ours.changed == theirs.changed
         assert ours.ledger.since(self.seq) == theirs.ledger.since(self.seq)
-        assert ours.snapshot() == theirs.snapshot()
+        self.picture = ours.snapshot()
+        assert self.picture == theirs.snapshot()
         self.seq = ours.ledger.last_seq
 
 
 def test_letting_idle_instances_sleep_changes_no_scan() -> None:
-    BenchMachine.scans = 0
+    SharedMachine.scans = 0
     many = settings(
         max_examples=EXAMPLES,
         stateful_step_count=50,
@@ -89,7 +61,7 @@ def test_letting_idle_instances_sleep_changes_no_scan() -> None:
         suppress_health_check=list(HealthCheck),
     )
     run_state_machine_as_test(TwinMachine, settings=many)
-    assert BenchMachine.scans >= LEAST_SCANS
+    assert SharedMachine.scans >= LEAST_SCANS
 
 
 def test_an_idle_instance_is_not_called(monkeypatch: pytest.MonkeyPatch) -> None:

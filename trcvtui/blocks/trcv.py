@@ -21,6 +21,7 @@ class Trcv:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
         self._link = LinkView(bound.connection)
+        self._complaint: Outcome | None = None
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7004, 7006, 7008; EN_R without a connection is 80A1 in each scan (design 6)."""
@@ -39,7 +40,7 @@ class Trcv:
             return self._receive(inputs)
         if not inputs.en_r:
             return NO_LINK
-        return replace(not_connected("EN_R", "EN_R is 1 without a connection", self._connection), lasts=True)
+        return self._not_connected()
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""
@@ -48,6 +49,13 @@ class Trcv:
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
         self.job.leave(reason)
+
+    def _not_connected(self) -> Outcome:
+        """Return 80A1: the same object as long as the same partner is missing."""
+        now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
+        if self._complaint is None or self._complaint.cause != now.cause:
+            self._complaint = replace(now, lasts=True)
+        return self._complaint
 
     def _receive(self, inputs: Inputs) -> Outcome:
         got = self.job.call(inputs) if inputs.en_r else self.job.check_loss() or READY

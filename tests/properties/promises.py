@@ -1,0 +1,71 @@
+"""What may stand on the pins of a block after a call, and who may own a direction (design section 3)."""
+
+from __future__ import annotations
+
+from tests.properties.byte_model import ByteModel
+from trcvtui.blocks.parameters import MOVES_BYTES
+from trcvtui.dialects.baosky_status import STATUS
+from trcvtui.plc.instance import Outputs
+from trcvtui.plc.snapshot import Snapshot
+
+LISTED = {
+    block: {row.code for row in STATUS if block in row.blocks} for row in STATUS for block in row.blocks
+}
+CONNECTING = {0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7007, 0x8000}
+BUSY, DONE = {0x7005, 0x7006}, {0x7008, 0x7009}
+BEHIND = {0x7001: 0x0001, 0x7007: 0x7003, 0x7008: 0x7006, 0x7009: 0x7005}  # a code -> the scan before
+IN_USE = 0x80C3
+GONE = " (gone)"
+
+
+def check_outputs(out: Outputs, before: Outputs | None) -> None:
+    """Check the pins of one call against those of the call before."""
+    assert out.status in LISTED[out.block], f"{out.block} lists no {out.status:04X}"
+    assert out.busy + out.done + out.error <= 1
+    assert not out.rcvd_len or out.done
+    assert not (out.done and before and before.done), "DONE lasts one scan"
+    assert out.error == (out.status >= 0x8080)
+    if out.block in MOVES_BYTES:
+        assert out.busy == (out.status in BUSY)
+        assert out.done == (out.status in DONE)
+        assert out.status not in CONNECTING or not (out.busy or out.done)
+    if out.status in BEHIND:
+        assert before is not None and before.status == BEHIND[out.status]
+
+
+def check_owners(picture: Snapshot, model: ByteModel, levels: dict[str, int]) -> None:
+    """Check that each direction has one owner a level (a priority), and that whoever works owns."""
+    for connection in picture.connections:
+        link = model.links.get((connection.name, connection.incarnation))
+        for owners, jobs in (
+            (connection.receivers, model.receiving),
+            (connection.senders, model.sending),
+        ):
+            held = [levels[name.removesuffix(GONE)] for name in owners]
+            assert len(held) == len(set(held)), f"{owners} of {connection.name}"
+            for name, job in jobs.items():
+                assert job.link is not link or job.link.is_over or name in owners
+            assert not owners or (link is not None and not link.is_over)
+        for name in connection.senders:
+            assert name.endswith(GONE) or name in model.sending, f"{name} holds its lock without a job"
+
+
+def check_in_use(out: Outputs, before: Snapshot, after: Snapshot, began: list[str]) -> None:
+    """Check that 80C3 has a reason: somebody else, or an instance that is gone, holds the CONNECT.
+
+    `began`: whose jobs began in this scan; a lock may have come and gone within it.
+    """
+    if out.status != IN_USE:
+        return
+    sends = out.block.startswith("TSEND")
+    connect = next(i.connect for i in after.instances if i.name == out.instance)
+    holders = {
+        i.name
+        for i in after.instances
+        if i.name in began and i.connect == connect and i.block.startswith("TSEND") == sends
+    }
+    for picture in (before, after):
+        connection = picture.connection(connect)
+        assert connection is not None
+        holders.update(connection.senders if sends else connection.receivers)
+    assert holders - {out.instance}, f"{out.instance} is kept out by nobody"

@@ -93,6 +93,7 @@ def connections() -> tuple[ConnectionSnapshot, ...]:
         attempts=1,
         retry_in_ns=None,
         last_loss="",
+        keep_alive_s=10,
     )
     down = replace(
         up,

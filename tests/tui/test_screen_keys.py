@@ -170,7 +170,8 @@ async def test_the_palette_reaches_everything() -> None:
     for title in (
         "Hold the scans", "One single scan", "Toggle EN_R", "Pulse COM_RST", "Write LEN", "Peer P1: RST",
         "Peer P2", "Instance TRCV_C_2", "Pane Received", "Zoom the pane", "Command line", "Help", "Theme",
-        "PLC to STOP", "Clear all faults", "Screenshot", "Quit",
+        "PLC to STOP", "Clear all faults", "Screenshot", "Quit", "Delete TRCV_C_1", "Create an instance",
+        "Download TRCV_C_1: a new instance", "Resize rx", "Yank TRCV_C_1 as its ST call",
     ):  # fmt: skip
         assert title in titles
 

@@ -7,7 +7,7 @@ from typing import Final
 
 # Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
 PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "LEN": "l", "REQ": "r"}
-TAKEN: Final = frozenset("hjkqgbpv")
+TAKEN: Final = frozenset("hjkqgbpvy")
 
 EVERYWHERE: Final = (
     ("1 … 7", "go to a pane; on a small screen its tab opens"),
@@ -25,6 +25,7 @@ EVERYWHERE: Final = (
 PINS: Final = (
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
+    ("y", "yank the instance as its call in Structured Text"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
 )
 BYTES: Final = (

@@ -31,6 +31,7 @@ def commands(bench: Reach) -> Iterator[SystemCommand]:
     """Yield the commands that make sense now."""
     yield from _of_scans(bench)
     yield from _of_block(bench)
+    yield from _of_program(bench)
     yield from _of_peer(bench)
     yield from _of_instances(bench)
     yield from _of_screen(bench)
@@ -54,6 +55,26 @@ def _of_block(bench: Reach) -> Iterator[SystemCommand]:
         title = f"{'Pulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
         about = f"{name}: {pin.text}" + (f" · key {pin.letter}" if pin.letter else "")
         yield SystemCommand(title, about, partial(bench.main.block.press, pin.letter))
+
+
+def _of_program(bench: Reach) -> Iterator[SystemCommand]:
+    """Yield what changes the running program; each opens the prompt, so that the line is seen first."""
+    instance = bench.scene.instance
+    if instance is None:
+        return
+    name, link = plain(instance.name), "connect" if instance.addr is None else "config"
+    create = f"create {instance.block} {name}_2 {link}={plain(instance.connect)}"
+    create += f" data={plain(instance.data)}" if instance.data else ""
+    lines = [
+        (f"Delete {name}", f"delete {name}"),
+        (f"Download {name}: a new instance", f"download {name}"),
+        ("Create an instance", create),
+    ]
+    if instance.data:
+        lines.append((f"Resize {plain(instance.data)}", f"resize {plain(instance.data)} "))
+    for title, line in lines:
+        yield SystemCommand(title, line, partial(bench.main.action_prompt, line))
+    yield SystemCommand(f"Yank {name} as its ST call", "to the clipboard · key y", bench.main.action_yank)
 
 
 def _of_peer(bench: Reach) -> Iterator[SystemCommand]:

@@ -12,6 +12,7 @@ from textual.screen import Screen
 from textual.widget import Widget
 
 from trcvtui.tui import messages
+from trcvtui.tui.formatting import plain
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
@@ -47,6 +48,7 @@ class MainScreen(Screen[None]):
         Binding("full_stop", "single_scan", show=False),
         Binding("colon", "prompt", show=False),
         Binding("v", "members", show=False),
+        Binding("y", "yank", show=False),
         Binding("S,f2", "scenarios", show=False),
         Binding("question_mark,f1", "help", show=False),
         Binding("escape", "calm", show=False),
@@ -239,6 +241,19 @@ class MainScreen(Screen[None]):
         self.table.of_job = not self.table.of_job
         self._link_decoded(self.table.chosen_field())
         self.table.show()
+
+    def action_yank(self) -> None:
+        """Copy the selected instance as its call in Structured Text, with the inputs of now."""
+        instance = self._scene.instance
+        if instance is None:
+            return
+        from trcvtui.rig.st_call import st_text  # read when first asked for
+
+        text = st_text(self._scene.project, [instance.name], {instance.name: dict(instance.inputs)})
+        self.app.copy_to_clipboard(text)
+        self.prompt.tell(
+            f"yanked the call of {plain(instance.name)} as Structured Text, {len(text)} characters"
+        )
 
     def action_hold(self) -> None:
         """Hold the scans, or let them go on."""

@@ -149,7 +149,19 @@ class FunctionBlock(LineView):
         if y == 3:
             return row((" last    ", "dim"), (_last(instance), "dim"))
         pin = self._pin_under_cursor()
-        return row((f" {clip(pin.text, self.line_width - 1)}", "dim")) if pin and self.has_focus else EMPTY
+        if pin and self.has_focus:
+            return row((f" {clip(pin.text, self.line_width - 1)}", "dim"))
+        return row((" wire    ", "dim"), (self._dead_link(), "dim"))
+
+    def _dead_link(self) -> str:
+        """Return when a dead link would show: 2 to 3 intervals after its last word (7.15.4)."""
+        connection = self._scene.connection
+        if connection is None:
+            return ""
+        if connection.udp:
+            return "UDP: nobody notices a dead link"
+        interval = connection.keep_alive_s
+        return f"keep-alive {interval} s: dead link in {2 * interval}–{3 * interval} s"
 
     def _connection(self) -> str:
         connection = self._scene.connection

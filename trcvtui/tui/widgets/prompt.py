@@ -193,6 +193,10 @@ class Prompt(Vertical):
             if answer.error or number == self._last:
                 self._echo.say(answer.line, answer.error)
 
+    def tell(self, text: str) -> None:
+        """Show what the screen has done by itself."""
+        self._echo.say(text)
+
     def complain(self, text: str) -> None:
         """Show trouble that is no answer."""
         self._echo.say("", text)

@@ -19,12 +19,16 @@ from trcvtui.rig.conditions import found, holds
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario import load_scenario, start_steps
+from trcvtui.rig.session import Session
 
 MOST_ANSWERS: Final = 64
 MOST_DATA: Final = (
     65_536  # of one variable in a picture: as much as a job can write; more would block the pipe
 )
 SCAN_CONTROL: Final = ("hold", "go")
+MARK: Final = "mark"
+SAVE: Final = "save"
+SAVE_LINES: Final = "save scenario FILE"
 SCENARIO: Final = "scenario"
 SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
 
@@ -45,6 +49,9 @@ class Console:
         self.player: Player | None = None
         self.holding = False
         self.wanted = 0
+        self.session = Session(bench)
+        self._saved: set[str] = set()  # real paths of the files that were written from here
+        self._told = ""
         self._home = bench.project, bench.kernel_name
         self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
         self._bench_number = 0
@@ -55,7 +62,9 @@ class Console:
 
     def take(self, number: int, line: str) -> None:
         """Carry out one line; its answer is in the next picture."""
-        self._answers.append(Answer(number, line, self._carry_out(line.strip())))
+        self._told = ""
+        wrong = self._carry_out(line.strip())
+        self._answers.append(Answer(number, line, wrong, self._told))
 
     def _carry_out(self, line: str) -> str:
         if line in SCAN_CONTROL:
@@ -65,10 +74,19 @@ class Console:
             verb, _, rest = line.partition(" ")
             if verb == SCENARIO:
                 return self._scenario(rest.strip())
+            if line == MARK:
+                return self._mark()
+            if verb == SAVE:
+                return self._save(rest.strip())
             command = parse_line(line, self.bench.project, "prompt")
         except UserError as error:
             return error.lines()[0]
-        return self._act(command) if command is not None else ""
+        if command is None:
+            return ""
+        wrong = self._act(command)
+        if not wrong:
+            self.session.note(command, line)
+        return wrong
 
     def _act(self, command: words.BenchCommand) -> str:
         match command:
@@ -87,6 +105,32 @@ class Console:
         if not self.holding:
             return "scans are passing already; `hold` stops them"
         self.wanted += scans
+        return ""
+
+    # -- the session ------------------------------------------------------------------------------------
+
+    def _mark(self) -> str:
+        self.session.mark()
+        self._told = f"marked behind scan {self.session.marked_at}"
+        return ""
+
+    def _save(self, rest: str) -> str:
+        """Write what was done here as a scenario; only a file that was written from here is written over."""
+        from trcvtui.rig.session_file import scenario_text, target, write_new  # read when first asked for
+
+        what, _, name = rest.partition(" ")
+        if what != SCENARIO or not name.strip():
+            raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_LINES)
+        if self.player is not None:
+            raise mistake(
+                "prompt", "a scenario on the bench", "a session of your own: leave the scenario first"
+            )
+        path = target(name)
+        text = scenario_text(self.session, self.bench, path)
+        self._saved.add(write_new(path, text, self._saved, "prompt"))
+        self._told = (
+            f"{self.session.commands} commands, {self.bench.runtime.scans} scans in {path.absolute()}"
+        )
         return ""
 
     # -- a scenario ------------------------------------------------------------------------------------
@@ -129,7 +173,7 @@ class Console:
         self._enter(fresh_bench(*self._home))
 
     def _enter(self, bench: Bench) -> None:
-        self.bench, self.player = bench, None
+        self.bench, self.player, self.session = bench, None, Session(bench)
         self.holding, self.wanted = False, 0
         self._bench_number += 1
 
@@ -147,6 +191,7 @@ class Console:
         if not self._may_scan():
             return False
         self.bench.step(now)
+        self.session.scanned()
         if self.player is not None:
             self.player.scanned()
         return True
@@ -161,8 +206,8 @@ class Console:
         return True
 
     def rest(self) -> None:
-        """Let the peers go on while no scan passes; in a simulated scenario time stands between the steps."""
-        if self.player is None or self.bench.kernel_name == "live":
+        """Let the peers go on while no scan passes; on the simulated network time stands then."""
+        if self.bench.kernel_name == "live":
             self.bench.step_peers()
 
     # -- pictures --------------------------------------------------------------------------------------

@@ -50,11 +50,12 @@ class PeerSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What became of one submitted line: `error` is empty when it was taken."""
+    """What became of one submitted line: `error` is empty when it was taken; `told` is more than "done"."""
 
     number: int
     line: str
     error: str
+    told: str = ""
 
 
 @dataclass(frozen=True, slots=True)

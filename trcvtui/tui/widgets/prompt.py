@@ -28,30 +28,32 @@ class EchoLine(LineView, can_focus=False):
 
     def __init__(self) -> None:
         super().__init__(id="echo")
-        self._line, self._error, self._waits = "", "", False
+        self._line, self._error, self._waits, self._told = "", "", False, ""
         self._rows = 1
 
-    def say(self, line: str, error: str = "", waits: bool = False) -> None:
+    def say(self, line: str, error: str = "", waits: bool = False, told: str = "") -> None:
         """Show a command and its answer."""
-        self._line, self._error, self._waits = plain(line), plain(error), waits
-        rows = min(MOST_ROWS, len(self._texts()))
+        self._line, self._error, self._waits, self._told = plain(line), plain(error), waits, plain(told)
+        rows = min(MOST_ROWS, self.row_count())
         if rows != self._rows:
             self._rows = self.styles.height = rows
         self.show()
 
     def _texts(self) -> tuple[str, ...]:
         width = max(20, self.line_width - 2)
-        return wrapped(f"{self._line}  ✗ {self._error}" if self._error else self._line, width)
+        if self._error:
+            return wrapped(f"{self._line}  ✗ {self._error}", width)
+        return wrapped(f"{self._line}  ✓ {self._told}" if self._told else self._line, width)
 
     def row_count(self) -> int:
         """Return the lines of the answer."""
-        return len(self._texts()) if self._error else 1
+        return len(self._texts()) if self._error or self._told else 1
 
     def row_at(self, y: int) -> Row:
         """Return one line of the answer."""
-        if self._error:
-            texts = self._texts()
-            return row((": " if y == 0 else "  ", "dim"), (texts[y], "error")) if y < len(texts) else EMPTY
+        if self._error or self._told:
+            texts, style = self._texts(), "error" if self._error else ""
+            return row((": " if y == 0 else "  ", "dim"), (texts[y], style)) if y < len(texts) else EMPTY
         if not self._line:
             return row((": ", "key"), ("type a bench command: set, pulse, peer, fault, plc …", "faint"))
         mark = ("  … with the next scan", "dim") if self._waits else ("  ✓", "done")
@@ -191,7 +193,7 @@ class Prompt(Vertical):
         """Show what became of the last line, or of any that was refused."""
         for number, answer in answers.items():
             if answer.error or number == self._last:
-                self._echo.say(answer.line, answer.error)
+                self._echo.say(answer.line, answer.error, told=answer.told)
 
     def tell(self, text: str) -> None:
         """Show what the screen has done by itself."""

@@ -1,0 +1,163 @@
+"""What was done on a bench and what was seen of it, kept so that it can be written as a scenario.
+
+Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
+Rule 2: a mark begins the expectations anew; the commands before it stay, for they made what stands there.
+Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
+Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.rig import bench_words as words
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.bench_lines import to_line
+from trcvtui.rig.trace_pattern import ANY, Atom, Scan
+
+MOST_COMMANDS: Final = 5000
+MOST_CHARACTERS: Final = 4_000_000
+FIRST_RUNS: Final = 150
+NEWEST_RUNS: Final = 50
+# How many scans these go on is the wire's to say, not the block's: any number from one on is expected.
+OF_THE_WIRE: Final = frozenset((0x7002, 0x7004, 0x7005, 0x7006))
+ANYTHING: Final = str(ANY)
+
+
+class Seen:
+    """The STATUS of one instance, scan by scan, as a pattern: its first and its newest runs."""
+
+    def __init__(self) -> None:
+        self._first: list[Scan] = []
+        self._newest: deque[Scan] = deque(maxlen=NEWEST_RUNS)
+        self._is_cut = False
+        self._long: set[int] = set()  # the places of runs that are longer than one scan
+        self._scan: Scan | None = None
+        self._count = 0
+
+    def add(self, scan: Scan) -> None:
+        """Append one called scan."""
+        if scan == self._scan:
+            self._long.add(self._count)
+            return
+        self._scan = scan
+        self._count += 1
+        if len(self._first) < FIRST_RUNS:
+            self._first.append(scan)
+            return
+        if len(self._newest) == NEWEST_RUNS:
+            self._is_cut = True
+            self._long.discard(self._count - NEWEST_RUNS)
+        self._newest.append(scan)
+
+    def pattern(self) -> str:
+        """Return what was seen in the notation of a pattern, "" where nothing was."""
+        newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
+        return " ".join([*self._atoms(self._first, 1), *[ANYTHING] * self._is_cut, *newest])
+
+    def _atoms(self, scans: list[Scan] | deque[Scan], place: int) -> list[str]:
+        return [str(self._atom(scan, at)) for at, scan in enumerate(scans, place)]
+
+    def _atom(self, scan: Scan, at: int) -> Atom:
+        return Atom(scan, 1, at in self._long or scan[0] in OF_THE_WIRE)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance."""
+
+    scans: int
+    line: str
+    traced: str = ""
+
+
+class Session:
+    """One bench from its first scan on; `note` what was carried out, `scanned` after each scan."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._entries: list[Entry] = []
+        self._characters = 0
+        self._seen: dict[str, Seen] = {}
+        self.commands = 0
+        self.marked_at = 0
+
+    def note(self, command: words.BenchCommand, line: str) -> None:
+        """Keep a command that was carried out."""
+        if isinstance(command, words.RunScans | words.RunFor):
+            return
+        if isinstance(command, words.Delete):
+            self._expect(command.instance)  # afterwards nobody knows its name any more
+        self.commands += 1
+        text = _kept_text(command, line)
+        self._characters += len(text)
+        if not self.is_overfull:
+            self._add(text)
+
+    def _add(self, line: str, traced: str = "") -> None:
+        self._entries.append(Entry(self._bench.runtime.scans, line, traced))
+
+    def _expect(self, instance: str) -> None:
+        seen = self._seen.pop(instance, None)
+        if seen is not None:
+            self._add(f"expect {instance} trace {seen.pattern()}", instance)
+
+    @property
+    def is_overfull(self) -> bool:
+        """Return whether there were more commands than are kept."""
+        return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
+
+    def scanned(self) -> None:
+        """Keep what the scan that has just passed shows."""
+        for out in self._bench.runtime.called:
+            seen = self._seen.get(out.instance)
+            if seen is None:
+                seen = self._seen[out.instance] = Seen()
+            seen.add((out.status, out.error))
+
+    def mark(self) -> None:
+        """Begin the expectations anew from here."""
+        here = [instance.name for instance in self._bench.project.instances]
+        self._entries = [_without_judgement(e) for e in self._entries if e.traced not in here]
+        for instance in here:
+            self._add(f"expect {instance} trace {ANYTHING}", instance)
+        self._seen.clear()
+        self.marked_at = self._bench.runtime.scans
+
+    def steps(self) -> Iterator[str]:
+        """Yield the steps of a scenario that does it all again; raise UserError when not all is kept."""
+        if self.is_overfull:
+            found = f"{self.commands} commands of {self._characters} characters"
+            expected = f"at most {MOST_COMMANDS} of {MOST_CHARACTERS}; a session begins with a fresh bench"
+            raise mistake("save scenario", found, expected)
+        passed = 0
+        for entry in self._entries:
+            yield from _let_pass(entry.scans - passed)
+            passed = entry.scans
+            yield entry.line
+        yield from _let_pass(self._bench.runtime.scans - passed)
+        for instance, seen in self._seen.items():
+            yield f"expect {instance} trace {seen.pattern()}"
+
+
+def _let_pass(scans: int) -> Iterator[str]:
+    if scans:
+        yield f"run {scans}"
+
+
+def _without_judgement(entry: Entry) -> Entry:
+    return replace(entry, line=f"expect {entry.traced} trace {ANYTHING}") if entry.traced else entry
+
+
+def _kept_text(command: words.BenchCommand, line: str) -> str:
+    """Return the line as it was typed; bytes of a file as hex, for the file may be another one tomorrow."""
+    from_file = isinstance(command, words.PeerSend) and command.text.startswith("file")
+    if line.isprintable() and not from_file:
+        return line
+    return to_line(
+        replace(command, text="") if isinstance(command, words.PeerSend | words.Write) else command
+    )

@@ -1,0 +1,61 @@
+"""A session written as a scenario file that runs: the project by its name, the steps, what was seen."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.session import Session
+
+SUFFIX: Final = ".toml"
+FAR: Final = os.path.join(os.pardir, os.pardir, os.pardir)
+
+
+def scenario_text(session: Session, bench: Bench, path: Path) -> str:
+    """Return the text of a scenario file that shall stand at `path`."""
+    steps = "\n".join(session.steps()).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
+    about = f"A session of {bench.runtime.scans} scans on {bench.kernel_name}, saved with what was seen"
+    about += f" since scan {session.marked_at}." if session.marked_at else "."
+    head = {"name": path.stem, "about": about}
+    lines = [f"project = {_quoted(_way_to(bench.project.path, path.parent))}", "", "[scenario]"]
+    lines += [f"{key} = {_quoted(text)}" for key, text in head.items()]
+    return "\n".join([*lines, 'steps = """', steps, '"""', ""])
+
+
+def _way_to(project: Path, folder: Path) -> str:
+    """Return the project's path as seen from a folder; the whole of it where that would climb far."""
+    whole = os.path.realpath(project)
+    try:
+        way = os.path.relpath(whole, os.path.realpath(folder))
+    except ValueError:  # another drive
+        return whole
+    return whole if way.startswith(FAR) else way.replace(os.sep, "/")
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def target(name: str, suffix: str = SUFFIX) -> Path:
+    """Return the path of a file that is named in a command, with its suffix."""
+    path = Path(name.strip().strip("\"'")).expanduser()
+    return path if path.suffix else path.with_suffix(suffix)
+
+
+def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
+    """Write a file that is not there yet, or is one of `ours`; return its real path; raise UserError."""
+    whole = os.path.realpath(path)
+    if whole not in ours and os.path.lexists(path):
+        raise mistake(where, f"{path}, which is there already", "the name of a new file")
+    try:
+        with open(whole, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+    except (OSError, ValueError) as failed:
+        reason = failed.strerror if isinstance(failed, OSError) else str(failed)
+        raise mistake(where, f"{path}: {reason}", "a file that can be written") from None
+    return whole

@@ -1,0 +1,57 @@
+"""What the engine tells the screen of an instance's pins: every change, and what they were before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from trcvtui.plc.ledger import InputEdge, StatusEdge
+
+LAMPS: Final = ("STATUS", "BUSY", "DONE", "ERROR")
+
+PinValues = tuple[tuple[str, int | None], ...]
+NO_PINS: Final[PinValues] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PinsAre:
+    """What these pins are from now on, without an edge of their own; None: nobody can say."""
+
+    values: PinValues
+
+
+class Change(NamedTuple):
+    """What changed in one scan; `seq` is the ledger's, of several in one scan the later one stands."""
+
+    seq: int
+    scan: int
+    t_ns: int
+    event: StatusEdge | InputEdge | PinsAre
+
+
+@dataclass(frozen=True, slots=True)
+class WaveNews:
+    """The changes of one instance from its change number `first` on (1: its very first), in order.
+
+    `before` is what every pin was up to then, since `before_scan`; nothing else changed up to `until_scan`.
+    """
+
+    instance: str
+    first: int
+    before_scan: int
+    before_ns: int
+    before: PinValues
+    changes: tuple[Change, ...]
+    until_scan: int
+    until_ns: int
+
+
+def pins_of(event: StatusEdge | InputEdge | PinsAre) -> PinValues:
+    """Return the pins that an event tells, BOOLs as 0 and 1."""
+    if isinstance(event, InputEdge):
+        return ((event.pin, int(event.value)),)
+    if isinstance(event, PinsAre):
+        return event.values
+    lamps = event.busy, event.done, event.error
+    told = (("STATUS", event.status), *zip(LAMPS[1:], map(int, lamps), strict=True))
+    return told if event.rcvd_len is None else (*told, ("RCVD_LEN", event.rcvd_len))

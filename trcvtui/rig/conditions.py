@@ -12,7 +12,7 @@ def holds(bench: Bench, condition: words.Condition) -> bool:
     """Return whether a condition holds after the last finished scan."""
     match condition:
         case words.PinsAre(instance, pins):
-            return all(_pin(bench, instance, pin) == value for pin, value in pins)
+            return all(pin_now(bench, instance, pin) == value for pin, value in pins)
         case words.PeerIs(peer, state):
             return bench.peers[peer].is_in(state)
         case words.PeerReceived(peer, payload):
@@ -27,7 +27,7 @@ def found(bench: Bench, condition: words.Condition) -> str:
     """Return what stands there instead, in the words of the condition."""
     match condition:
         case words.PinsAre(instance, pins):
-            return " ".join(f"{pin}={_pin_text(pin, _pin(bench, instance, pin))}" for pin, _ in pins)
+            return " ".join(f"{pin}={_pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
         case words.PeerIs(peer, _):
             return bench.peers[peer].snapshot().state
         case words.PeerReceived(peer, _):
@@ -38,7 +38,8 @@ def found(bench: Bench, condition: words.Condition) -> str:
             return str(_member(bench, data, path))
 
 
-def _pin(bench: Bench, instance: str, pin: str) -> bool | int:
+def pin_now(bench: Bench, instance: str, pin: str) -> bool | int:
+    """Return the value of a pin, an input or an output, after the last finished scan."""
     out = bench.runtime.outputs(instance)
     outputs: dict[str, bool | int] = {
         "STATUS": out.status,

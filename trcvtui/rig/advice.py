@@ -1,0 +1,108 @@
+"""Evidence to sentences: why a block shows what it shows, and what to check next with the actual numbers.
+
+Rule: which rules are asked goes by the condition, never by a STATUS number; each answers one sentence or "".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.conditions import Condition
+from trcvtui.rig import advice_job as job
+from trcvtui.rig import advice_link as link
+from trcvtui.rig import advice_receive as receive
+from trcvtui.rig.evidence import Evidence
+from trcvtui.rig.wording import count
+
+Rule = Callable[[Evidence], str]
+INJECTED: Final = "injected fault: "
+
+# What says more about the present than the cause of the edge does.
+NOW: Final[dict[Condition, Rule]] = {
+    Condition.RECEIVING: receive.how_it_stands,
+    Condition.ESTABLISHING: link.who_is_waited_for,
+    Condition.SENDING: job.how_far,
+}
+_ATTEMPT: Final = dict.fromkeys(
+    (
+        Condition.NO_SOCKET,
+        Condition.WRONG_LOCAL_ADDRESS,
+        Condition.REUSE_FAILED,
+        Condition.BIND_FAILED,
+        Condition.POLL_ADD_FAILED,
+        Condition.ACCEPT_FAILED,
+        Condition.CONNECT_FAILED,
+    ),
+    link.FAILED_ATTEMPT,
+)
+_LOST: Final = dict.fromkeys(
+    (Condition.PARTNER_CLOSED, Condition.SHORT_FRAME, Condition.SEND_FAILED, Condition.RECEIVE_FAILED),
+    link.LOST,
+)
+NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
+    Condition.RECEIVING: receive.RECEIVING,
+    Condition.RECEIVED: receive.RECEIVED,
+    Condition.ESTABLISHING: link.ESTABLISHING,
+    Condition.NOT_CONNECTED: link.NOT_CONNECTED,
+    Condition.LINK_DEAD: link.DEAD,
+    Condition.SENDING: job.SENDING,
+    Condition.SEND_BUFFER_FULL: job.SENDING,
+    Condition.CONNECT_IN_USE: job.IN_USE,
+    Condition.LENGTH_WRONG: job.LENGTH,
+    Condition.DATA_EMPTY: job.EMPTY,
+    Condition.CONNECTED: (*job.IDLE, link.second_client),
+    Condition.NO_JOB: (*job.NO_JOB, link.lost_before),
+    **_ATTEMPT,
+    **_LOST,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """`why` in one sentence; `checks` are what to look at next, the most telling first."""
+
+    why: str
+    checks: tuple[str, ...]
+
+
+def advice_on(e: Evidence) -> Advice:
+    """Return what the evidence proves."""
+    told = (rule(e) for rule in NEXT.get(Condition(e.condition), (link.injected,)))
+    return Advice(why(e), tuple(dict.fromkeys(sentence for sentence in told if sentence)))
+
+
+def why(e: Evidence) -> str:
+    """Return why it is shown: how things stand now, and where nothing is known of that, the edge's cause."""
+    rule = NOW.get(Condition(e.condition))
+    stands = rule(e) if rule is not None and (e.need or rule is link.who_is_waited_for) else ""
+    if not stands:
+        return because(e.cause)
+    return INJECTED + stands if e.cause.injected else stands
+
+
+def because(cause: Cause) -> str:
+    """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
+    text = cause.name
+    if cause.call and cause.call in text:
+        text = f"{cause.call} gave {cause.error or 'an error'}"
+    elif cause.call:
+        text += f" ({cause.call} gave {cause.error or 'an error'})"
+    if cause.injected:
+        text = INJECTED + text
+    text += _numbers(cause)
+    if cause.peer and cause.peer not in text:
+        text += f", partner {cause.peer}"
+    return text + (f", {cause.detail}" if cause.detail else "")
+
+
+def _numbers(cause: Cause) -> str:
+    if cause.have is not None and cause.need is not None:
+        if cause.pin:
+            return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
+        return f", {cause.have} of {count(cause.need, 'byte')} here"
+    if cause.pin and cause.value is not None and cause.pin not in cause.name:
+        return f" ({cause.pin} is {cause.value})"
+    return ""

@@ -1,0 +1,233 @@
+"""What the set-up of a connection proves: who is waited for, since when, what answered, who was turned away.
+
+Each rule takes the evidence and answers one sentence, or "" where it does not apply.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.rig.evidence import Evidence, Failures
+from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.wording import age, count, times
+
+ANY: Final = "0.0.0.0"
+
+# How an attempt failed -> what that proves, and what to look at.
+FAILED: Final = {
+    "connect ECONNREFUSED": "{peer} answers with RST: the machine is there, and nobody listens on that port",
+    "attempt_limit ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
+    "connect ETIMEDOUT": "{peer} does not answer a SYN: wrong address, cable, or a firewall that drops",
+    "connect EHOSTUNREACH": "{peer}: nobody answers ARP, or a router says no: wrong address, or it is off",
+    "connect ENETUNREACH": "no route leads to {peer}: look at LocalAddress, the mask and the gateway",
+    "connect EADDRNOTAVAIL": "no local end is free towards {peer}: LocalPort is fixed and still in TIME_WAIT",
+    "connect EADDRINUSE": "LocalPort is fixed and in use towards {peer}: LocalPort 0 takes a free one",
+    "bind EADDRINUSE": "another program or CONNECT listens on the local port: `ss -ltnp` names it",
+    "listen EADDRINUSE": "another program or CONNECT listens on the local port: `ss -ltnp` names it",
+    "bind EACCES": "ports below 1024 are not for every user: take a larger LocalPort",
+    "bind EADDRNOTAVAIL": "LocalAddress belongs to no interface of this machine: `ip -br address`",
+    "socket EMFILE": "the process has no descriptor left",
+}
+
+HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
+
+
+# -- what is waited for -----------------------------------------------------------------------------------
+
+
+def who_is_waited_for(e: Evidence) -> str:
+    """Return who a set-up waits for, since when, and how far it is; "" where nothing is known."""
+    if e.config is None:
+        return ""
+    return _caller(e) if not e.config.active else _called(e)
+
+
+def _since(e: Evidence) -> str:
+    since = e.facts.down_since
+    return f" since scan {since.scan}, {age(e.age_of(since))}" if since is not None else ""
+
+
+def _caller(e: Evidence) -> str:
+    """Return what a passive CONNECT waits for."""
+    assert e.config is not None
+    anyone = e.config.remote_address == ANY
+    who = "any partner" if anyone else f"a call from {e.config.remote_address}"
+    local = e.link.local if e.link is not None else e.cause.detail.removeprefix("listening on ")
+    if e.link is not None and e.link.retry_in_ns is not None:
+        return f"cannot listen{_since(e)}; the next attempt in {age(e.link.retry_in_ns)}"
+    where = f", listening on {local}" if local else ", not listening yet"
+    return f"waits for {who}{_since(e)}{where}"
+
+
+def _called(e: Evidence) -> str:
+    """Return what an active CONNECT waits for."""
+    end = (e.link.remote if e.link is not None else "") or e.cause.peer or "its partner"
+    text = f"waits for {end}{_since(e)}"
+    for failed in e.facts.failures:
+        text += f"; {_times_failed(failed)}"
+    if e.link is None:
+        return text
+    if e.link.retry_in_ns is not None:
+        return f"{text}; the next attempt in {age(e.link.retry_in_ns)}"
+    return f"{text}; SYN unanswered in attempt {e.link.attempts}" if e.link.attempts else text
+
+
+def _times_failed(failed: Failures) -> str:
+    call, _, errno = failed.error.partition(" ")
+    word = HOW.get(errno, f"{call} failed")
+    injected = ", injected" if failed.injected else ""
+    return f"{word} {times(failed.count)} ({errno}{injected}, last in scan {failed.last.scan})"
+
+
+# -- what to look at --------------------------------------------------------------------------------------
+
+
+def injected(e: Evidence) -> str:
+    """The failure is one that was asked for."""
+    asked = e.cause.injected or any(failed.injected for failed in e.facts.failures)
+    return "a fault that was injected here did that, not the network: `fault clear`" if asked else ""
+
+
+def what_failed(e: Evidence) -> str:
+    """The newest failure of an attempt, in words."""
+    failed = max(e.facts.failures, key=lambda f: f.last.scan, default=None)
+    error = f"{e.cause.call} {e.cause.error}" if e.cause.call else failed.error if failed else ""
+    peer = e.cause.peer or (failed.peer if failed else "") or "the partner"
+    told = FAILED.get(error, "").format(peer=peer)
+    if failed is None or failed.error != error or failed.count < 2 or not told:
+        return told
+    return f"{told} ({times(failed.count)}, last in scan {failed.last.scan})"
+
+
+def unanswered(e: Evidence) -> str:
+    """An attempt is running, and none has failed yet."""
+    if e.config is None or not e.config.active or e.link is None or e.facts.failures:
+        return ""
+    if e.link.retry_in_ns is not None or e.link.state == "connected" or not e.link.remote:
+        return ""
+    return f"no answer from {e.link.remote} yet: `nc -vz {e.link.remote.replace(':', ' ')}` from this machine"
+
+
+def wrong_partner(e: Evidence) -> str:
+    """Somebody called who is not RemoteAddress."""
+    turned = e.facts.wrong_partner
+    if turned is None or e.config is None:
+        return ""
+    return (
+        f"{turned.peer} called {times(turned.count)} (last in scan {turned.last.scan}) and was turned away: "
+        f"RemoteAddress is {e.config.remote_address}"
+    )
+
+
+def second_client(e: Evidence) -> str:
+    """A client called while another one was connected."""
+    turned = e.facts.second_client
+    if turned is None:
+        return ""
+    return (
+        f"a second client, {turned.peer}, was turned away {times(turned.count)} (last in scan "
+        f"{turned.last.scan}): a CONNECT has one partner at a time"
+    )
+
+
+def peer_that_could_call(e: Evidence) -> str:
+    """A peer of this bench could be the partner, and does nothing."""
+    if e.config is None or e.is_past or e.link is None:
+        return ""
+    if e.config.active:
+        return _peer_to_call(e)
+    idle = [peer for peer in e.peers if peer.active and not peer.udp]
+    if not idle and e.peers:
+        names = " and ".join(peer.name for peer in e.peers[:3])
+        return f"{e.config.name} and {names} are all passive: exactly one of two ends has to be active"
+    waiting = [peer for peer in idle if peer.state not in ("connected", "connecting")]
+    return _call(waiting[0]) if waiting else ""
+
+
+def _call(peer: PeerSnapshot) -> str:
+    return f"{peer.name} is active and {peer.state}: `peer {peer.name} connect` lets it call"
+
+
+def _peer_to_call(e: Evidence) -> str:
+    port = e.config.remote_port if e.config is not None else 0
+    peer = next((p for p in e.peers if port == f"@{p.name}"), None)
+    if peer is None or peer.state in ("listening", "connected"):
+        return ""
+    return f"{peer.name} is {peer.state} and does not listen: `peer {peer.name} listen`"
+
+
+def lost_before(e: Evidence) -> str:
+    """A connection stood before, and ended."""
+    loss = e.facts.loss
+    if loss is None or e.facts.up_since is not None:
+        return ""
+    error = f" ({loss.error}{', injected' if loss.injected else ''})" if loss.error else ""
+    lived = f" after {age(loss.up_ns)}" if loss.up_ns is not None else ""
+    often = f"; lost {times(e.facts.losses)} so far" if e.facts.losses > 1 else ""
+    return f"the connection with {loss.peer} ended in scan {loss.at.scan}{lived}: {loss.what}{error}{often}"
+
+
+def asked_too_early(e: Evidence) -> str:
+    """EN_R or REQ came before the connection."""
+    pin = e.cause.pin
+    since = e.facts.down_since
+    if not pin:
+        return ""
+    wait = f" since scan {since.scan} ({age(e.age_of(since))})" if since is not None else ""
+    text = f"{pin} came while the connection was still being built{wait}"
+    advice = "set it" if pin == "EN_R" else "repeat the edge"
+    return f"{text}: {advice} when STATUS says connected"
+
+
+def no_connection_left(e: Evidence) -> str:
+    """The PLC's connections are all in use."""
+    used, most = e.budget
+    if e.cause.call != "budget":
+        return ""
+    return f"{used} of {count(most, 'connection')} are in use: close one, or take a larger model"
+
+
+def dead_link(e: Evidence) -> str:
+    """Nobody acknowledged, as long as the keep-alive waits."""
+    if e.config is None:
+        return ""
+    limit = 3 * e.config.keep_alive_s
+    lived = e.facts.loss.up_ns if e.facts.loss is not None else None
+    stood = f"; the link had stood for {age(lived)}" if lived is not None else ""
+    return (
+        f"{e.cause.peer or 'the partner'} was silent for about {limit} s (3 x KeepAliveTimeInterval "
+        f"{e.config.keep_alive_s} s): cable, switch or its power, not its program{stood}"
+    )
+
+
+def ended_by_partner(e: Evidence) -> str:
+    """The partner closed or reset: in mid frame, and how often."""
+    cause, loss = e.cause, e.facts.loss
+    how = "reset (RST)" if cause.error == "ECONNRESET" else "closed (FIN)"
+    text = f"{cause.peer or 'the partner'} {how}"
+    if cause.need:
+        text += f" with {cause.have} of {count(cause.need, 'byte')} of the job done"
+    if loss is not None and loss.up_ns is not None:
+        text += f", {age(loss.up_ns)} after it had connected"
+    often = f"; {times(e.facts.losses)} so far" if e.facts.losses > 1 else ""
+    return text + often
+
+
+def closed_behind_its_message(e: Evidence) -> str:
+    """The partner had sent whole messages, and the frame wanted more."""
+    size, have, need = e.facts.messages.only, e.cause.have, e.cause.need
+    if not size or not have or not need or have % size or size >= need:
+        return ""
+    return (
+        f"it had sent all it had: its messages are {count(size, 'byte')}, the frame wants {need}: "
+        f"{count(need - have, 'byte')} short"
+    )
+
+
+ESTABLISHING: Final = (
+    injected, what_failed, wrong_partner, peer_that_could_call, unanswered, lost_before,
+)  # fmt: skip
+FAILED_ATTEMPT: Final = (injected, no_connection_left, what_failed, peer_that_could_call, lost_before)
+NOT_CONNECTED: Final = (asked_too_early, wrong_partner, what_failed, peer_that_could_call)
+LOST: Final = (injected, ended_by_partner, closed_behind_its_message)
+DEAD: Final = (injected, dead_link)

@@ -1,0 +1,242 @@
+"""What the bytes of a receive block prove: armed, filling or stuck, and what is wrong with LEN or the stream.
+
+Each rule takes the evidence and answers one sentence, or "" where it does not apply.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.rig.evidence import Drop, Evidence
+from trcvtui.rig.wording import SECOND, age, count, rate, times
+
+QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
+SLOW: Final = 2  # so many of a sender's longest pauses are waited for
+ARMED, FILLING, STUCK = "armed", "filling", "stuck"
+
+
+# -- how a job stands -----------------------------------------------------------------------------------
+
+
+def state(e: Evidence) -> str:
+    """Return armed (nothing came yet), filling (bytes arrive) or stuck (some are here, and no more come)."""
+    if not e.have:
+        return ARMED
+    patience = max(QUIET_NS, SLOW * e.facts.longest_gap_ns)
+    return STUCK if e.quiet_ns is not None and e.quiet_ns >= patience else FILLING
+
+
+def how_it_stands(e: Evidence) -> str:
+    """Return what a job that receives has, wants, and since when nothing came."""
+    wanted = f"up to {count(e.need, 'byte')} (ADHOC)" if e.adhoc else count(e.need, "byte")
+    if e.is_past:
+        return f"{e.have} of {wanted} were here"
+    since = "" if e.quiet_ns is None else f", the last one came {age(e.quiet_ns)} ago"
+    if not e.have:
+        return f"armed for {wanted}: none is here yet{since}{_since_up(e)}"
+    return f"{state(e)}: {e.have} of {wanted} are here{since}{_rate(e)}"
+
+
+def _since_up(e: Evidence) -> str:
+    up = e.facts.up_since
+    if e.quiet_ns is not None or up is None:
+        return ""
+    return f"; the link is up since scan {up.scan}, {age(e.age_of(up))}"
+
+
+def _rate(e: Evidence) -> str:
+    began = e.facts.job_began
+    if state(e) != FILLING or began is None or e.last_bytes_ns is None:
+        return ""
+    lasted = e.last_bytes_ns - began.t_ns
+    return f", {rate(e.have, lasted)}" if lasted >= 2 * e.interval_ns else ""
+
+
+# -- who sends, and in which sizes ------------------------------------------------------------------------
+
+
+def limit(e: Evidence) -> str:
+    """Return what decides how many bytes a frame takes: `LEN is 96`, `LEN is 0 and DATA has 96 bytes`."""
+    length = e.pin("LEN")
+    if length == 0 or (length is None and e.need == e.data_size):
+        return f"LEN is 0 and DATA ({e.data}) has {count(e.data_size, 'byte')}"
+    return f"LEN is {e.need}"
+
+
+def _last(e: Evidence) -> str:
+    """Return whose messages, and how many of them, the sizes are known of."""
+    known = len(e.facts.messages.last)
+    return f"{e.facts.sender}'s {'only message' if known == 1 else f'last {known} messages'}"
+
+
+def _were(e: Evidence, size: int) -> str:
+    return f"{_last(e)} {'was' if len(e.facts.messages.last) == 1 else 'were'} {count(size, 'byte')}"
+
+
+def _cut_at(e: Evidence) -> int:
+    """Return how many bytes of a message lie before the frame that begins in it; 0: none, or not known."""
+    message, first = e.facts.begins_in, e.facts.job_offset
+    return first - message.offset if message is not None and first is not None else 0
+
+
+# -- the rules --------------------------------------------------------------------------------------------
+
+
+def shifted_by_a_drop(e: Evidence) -> str:
+    """A frame was given up in its middle, and the bytes behind it begin the next one."""
+    drop, facts = e.facts.drop, e.facts
+    if drop is None or e.adhoc or facts.up_since is None:
+        return ""
+    known = bool(facts.messages.count)
+    if known and not _cut_at(e):
+        return ""
+    verdict = "the stream is shifted"
+    doubt = "" if known else "unless the sender had ended a message there, "
+    return f"{_drop(drop)}: {doubt}{verdict}; {_cure()}"
+
+
+def _drop(drop: Drop) -> str:
+    return f"since scan {drop.at.scan} {drop.reason} with {drop.have} of {count(drop.need, 'byte')} collected"
+
+
+def _cure() -> str:
+    return "disconnect (CONT 0, then 1) or COM_RST, and let the sender begin a message"
+
+
+def shifted(e: Evidence) -> str:
+    """The running job begins inside a message, and no dropped frame tells why."""
+    message, cut = e.facts.begins_in, _cut_at(e)
+    if e.adhoc or message is None or not cut or e.facts.drop is not None or _fits(e):
+        return ""
+    return (
+        f"this frame begins with byte {cut} of {e.facts.sender}'s message "
+        f"{message.number} ({count(message.size, 'byte')}): frames and messages are shifted"
+    )
+
+
+def _fits(e: Evidence) -> bool:
+    """Return whether frames longer or shorter than the messages already explain where a frame begins."""
+    only = e.facts.messages.only
+    return only is not None and only != e.need
+
+
+def too_short_a_sender(e: Evidence) -> str:
+    """Every message is shorter than the frame, and no whole number of them fills it."""
+    size = e.facts.messages.only
+    if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
+        return ""
+    missing = e.need - size
+    numbers = (
+        f"{limit(e)}, {_were(e, size)}: LEN or DATA is {count(missing, 'byte')} too large for this sender"
+    )
+    return numbers + _held_back(e, size, missing)
+
+
+def _held_back(e: Evidence, size: int, missing: int) -> str:
+    if len(e.facts.messages.last) > 1 and e.done_scan is not None:
+        return f"; each frame takes {count(missing, 'byte')} of the next message, so the values wander"
+    whole = e.have and e.have % size == 0
+    return f"; {count(e.need - e.have, 'byte')} short, for ever" if whole and not e.is_past else ""
+
+
+def several_messages_a_frame(e: Evidence) -> str:
+    """A whole number of messages fills a frame."""
+    size = e.facts.messages.only
+    if size is None or e.adhoc or not size < e.need or e.need % size:
+        return ""
+    frame = f"{limit(e)}, {_were(e, size)}: one frame takes {e.need // size} of them"
+    return f"{frame}, {e.have // size} are here" if e.have else frame
+
+
+def too_long_a_sender(e: Evidence) -> str:
+    """Every message is longer than the frame."""
+    size = e.facts.messages.only
+    if size is None or not e.need or size <= e.need:
+        return ""
+    if e.adhoc:
+        return (
+            f"{_were(e, size)}, ADHOC takes at most {e.need} at once: "
+            f"one message comes as {-(-size // e.need)} frames"
+        )
+    rest = size % e.need
+    if not rest:
+        return f"{_were(e, size)}, {limit(e)}: one message comes as {size // e.need} frames"
+    return (
+        f"{_were(e, size)}, {limit(e)}: {count(rest, 'byte')} of each message begin a next frame, "
+        "so the values wander; LEN or DATA is too small for this sender"
+    )
+
+
+def messages_of_many_sizes(e: Evidence) -> str:
+    """Messages differ in size, and a static frame has one."""
+    sizes = e.facts.messages.last
+    if e.adhoc or not sizes or e.facts.messages.only is not None or not e.need:
+        return ""
+    return (
+        f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}: "
+        "ADHOC=1 takes what is there, or one job reads the header and one the rest"
+    )
+
+
+def bursts_do_not_fill(e: Evidence) -> str:
+    """Of a partner whose messages nobody knows: what comes between two pauses has another size."""
+    facts = e.facts
+    size = facts.bursts.only
+    if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:
+        return ""
+    if e.need % size == 0 and state(e) != STUCK:
+        return ""
+    each = "" if facts.bursts.count == 1 else "each time "
+    came = f"bytes came {times(facts.bursts.count)}, {each}{size}: if that is the sender's message,"
+    if size < e.need:
+        return f"{limit(e)}, {came} LEN or DATA is {e.need - size} too large"
+    return f"{limit(e)}, {came} {size - e.need} of it begin a next frame"
+
+
+def ad_hoc_hint(e: Evidence) -> str:
+    """Static, stuck, and nothing tells whether more will come."""
+    if e.adhoc or state(e) != STUCK or not e.have:
+        return ""
+    return f"ADHOC=1 would have delivered these {count(e.have, 'byte')} at once (read when EN_R rises again)"
+
+
+def parts_of_a_message(e: Evidence) -> str:
+    """ADHOC delivers what is there: that may be a part of a message, or several."""
+    size = e.facts.messages.only
+    length = e.cause.have
+    if not e.adhoc or size is None or not length or length == size or size > e.need:
+        return ""
+    if e.condition != "received":
+        return ""
+    what = f"{length} of them are a part of one" if length < size else f"{length} are more than one"
+    return f"{_were(e, size)}: {what}; ADHOC delivers what is there, not messages"
+
+
+def nothing_sent(e: Evidence) -> str:
+    """The partner is a peer of this bench, and has sent nothing on this connection."""
+    if e.have or e.facts.bursts.count or e.is_past or e.link is None or e.facts.up_since is None:
+        return ""
+    for peer in e.peers:
+        if peer.state == "connected" and (peer.local, peer.remote) == (e.link.remote, e.link.local):
+            return f"{peer.name} has sent nothing on this connection: `peer {peer.name} send hex 01`"
+    return "the partner has sent nothing since the link is up: is its send call enabled?"
+
+
+def at_rest(e: Evidence) -> str:
+    """Between two frames that came well, armed is the normal state."""
+    if e.have or e.done_scan is None or e.is_past or e.facts.drop is not None:
+        return ""
+    return (
+        f"not stuck: the last frame ({count(e.done_len or 0, 'byte')}) was delivered in scan {e.done_scan}, "
+        "the next one has not begun"
+    )
+
+
+RECEIVING: Final = (
+    shifted_by_a_drop, shifted, too_short_a_sender, several_messages_a_frame, too_long_a_sender,
+    messages_of_many_sizes, bursts_do_not_fill, ad_hoc_hint, nothing_sent, at_rest,
+)  # fmt: skip
+RECEIVED: Final = (
+    shifted_by_a_drop, shifted, too_short_a_sender, too_long_a_sender, messages_of_many_sizes,
+    parts_of_a_message,
+)  # fmt: skip

@@ -1,0 +1,219 @@
+"""What the answer to "why?" may rest on: the facts of one CONNECT, and all that is known of one instance.
+
+Rule: only what was seen stands in here; a field that is empty or None is not known, and no rule may guess it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from trcvtui.blocks.cause import Cause
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.snapshot import ConnectionSnapshot
+from trcvtui.rig.picture import PeerSnapshot, Picture
+
+if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
+    from trcvtui.plc.project import Project
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A scan and its time in ns of the run."""
+
+    scan: int = 0
+    t_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message of a peer: where it lies in the stream that this CONNECT receives, in bytes."""
+
+    number: int
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """How large things were: `last` are the newest sizes in bytes, oldest first; `count` counts all."""
+
+    count: int = 0
+    last: tuple[int, ...] = ()
+
+    @property
+    def only(self) -> int | None:
+        """Return the one size that all of the last had, None where they differ or there are none."""
+        return self.last[0] if self.last and min(self.last) == max(self.last) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Drop:
+    """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
+
+    at: Moment
+    instance: str
+    reason: str
+    have: int
+    need: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Failures:
+    """Attempts that failed in one way since the connection was last up. `error` is `connect ECONNREFUSED`."""
+
+    error: str
+    count: int
+    last: Moment
+    injected: bool = False
+    peer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnedAway:
+    """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
+
+    count: int
+    peer: str
+    last: Moment
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """The last time that a connection ended: in which word of the ledger, with which partner and error."""
+
+    at: Moment
+    what: str
+    peer: str = ""
+    error: str = ""
+    injected: bool = False
+    up_ns: int | None = None  # how long it had stood
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What the ledger has told of one CONNECT and one instance on it, however many lines have passed since.
+
+    `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of
+    any partner. Offsets count in the stream of the present connection.
+    """
+
+    sender: str = ""
+    messages: Sizes = Sizes()
+    begins_in: Message | None = None  # the message that holds the first byte of the running job
+    bursts: Sizes = Sizes()
+    longest_gap_ns: int = 0  # between the last bursts
+    first_burst: Moment | None = None
+    job_offset: int | None = None
+    job_began: Moment | None = None
+    drop: Drop | None = None
+    drops: int = 0
+    drop_cuts: bool | None = None  # whether a message goes on behind the last drop
+    up_since: Moment | None = None
+    down_since: Moment | None = None
+    failures: tuple[Failures, ...] = ()
+    wrong_partner: TurnedAway | None = None
+    second_client: TurnedAway | None = None
+    loss: Loss | None = None
+    losses: int = 0
+
+
+NOTHING_KNOWN = Facts()
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """All that is known of one instance at one moment; `is_past` where an edge of the past is asked about."""
+
+    instance: str
+    block: str
+    condition: str
+    cause: Cause
+    at: Moment
+    since_scan: int
+    interval_ns: int
+    is_past: bool = False
+    pins: tuple[tuple[str, bool | int], ...] = ()
+    data: str = ""
+    data_size: int = 0
+    have: int = 0
+    need: int = 0
+    adhoc: bool = False
+    last_bytes_ns: int | None = None
+    done_scan: int | None = None
+    done_len: int | None = None
+    link: ConnectionSnapshot | None = None
+    config: ConnectConfig | None = None
+    facts: Facts = NOTHING_KNOWN
+    peers: tuple[PeerSnapshot, ...] = ()
+    budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
+
+    def pin(self, name: str) -> bool | int | None:
+        """Return the value of a pin, None where it is not known."""
+        return next((value for pin, value in self.pins if pin == name), None)
+
+    def age_of(self, moment: Moment) -> int:
+        """Return how long ago that was, in ns."""
+        return max(0, self.at.t_ns - moment.t_ns)
+
+    @property
+    def quiet_ns(self) -> int | None:
+        """Return how long no byte has come to this instance, None before the first."""
+        return None if self.last_bytes_ns is None else max(0, self.at.t_ns - self.last_bytes_ns)
+
+
+def evidence_now(picture: Picture, project: Project, name: str) -> Evidence | None:
+    """Return what is known of an instance after the last scan, None where there is no such instance."""
+    snapshot = picture.snapshot
+    instance = snapshot.instance(name)
+    if instance is None:
+        return None
+    data = next((d for d in snapshot.data if d.name == instance.data), None)
+    return Evidence(
+        instance=name,
+        block=instance.block,
+        condition=instance.condition,
+        cause=instance.cause,
+        at=Moment(snapshot.scan, snapshot.t_ns),
+        since_scan=instance.since_scan,
+        interval_ns=snapshot.interval_ns,
+        pins=instance.inputs,
+        data=instance.data or "",
+        data_size=data.size if data else 0,
+        have=instance.have if instance.need else instance.cause.have or 0,
+        need=instance.need or instance.cause.need or 0,
+        adhoc=instance.adhoc,
+        last_bytes_ns=instance.last_receive_ns,
+        done_scan=instance.last_done_scan,
+        done_len=instance.last_rcvd_len,
+        link=snapshot.connection(instance.connect),
+        config=project.connect(instance.connect),
+        facts=next((facts for known, facts in picture.facts if known == name), NOTHING_KNOWN),
+        peers=picture.peers,
+        budget=(snapshot.connections_used, snapshot.connections_limit),
+    )
+
+
+def evidence_then(line: Line, edge: StatusEdge, facts: Facts, project: Project, interval_ns: int) -> Evidence:
+    """Return what the ledger knows of an edge of the past; `facts` are those of that scan."""
+    decl = project.instance(edge.instance)
+    data = project.data_decl(decl.data) if decl and decl.data else None
+    return Evidence(
+        instance=edge.instance,
+        block=edge.block,
+        condition=edge.condition,
+        cause=edge.cause,
+        at=Moment(line.scan, line.t_ns),
+        since_scan=line.scan,
+        interval_ns=interval_ns,
+        is_past=True,
+        data=data.name if data else "",
+        data_size=data.size if data else 0,
+        have=edge.cause.have or 0,
+        need=edge.cause.need or 0,
+        adhoc=bool(dict(decl.inputs).get("ADHOC")) if decl else False,
+        config=project.connect(decl.connect) if decl else None,
+        facts=facts,
+    )

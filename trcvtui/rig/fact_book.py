@@ -1,0 +1,243 @@
+"""The facts that outlive a flood: small counters of each CONNECT, written along with the ledger's lines.
+
+Rule 1: a screen gets a bounded number of lines, the book reads every one; nothing in it grows with them.
+Rule 2: what is dropped from the ledger before the book has read it is missing here, and nothing is guessed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any, Final
+
+from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.net.notes import BytesReceived, ConnectionNote, What
+from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.rig.evidence import Drop, Facts, Failures, Loss, Message, Moment, Sizes, TurnedAway
+
+KEPT_SIZES: Final = 40
+KEPT_MESSAGES: Final = 512
+KEPT_ENDS: Final = 256  # pairs of ends whose messages are known
+KEPT_ERRORS: Final = 8
+KEPT_GAPS: Final = 8
+PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
+
+ENDINGS: Final = frozenset(
+    {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET, What.STOPPED, What.REPLACED}
+)
+TURNED_AWAY: Final = {What.WRONG_PARTNER: "wrong_partner", What.SECOND_CLIENT: "second_client"}
+
+Stamped = tuple[int, int, Event]
+
+
+class _Sent:
+    """The messages of one peer on one connection."""
+
+    def __init__(self) -> None:
+        self.peer = ""
+        self.count = 0
+        self.sizes: deque[int] = deque(maxlen=KEPT_SIZES)
+        self.newest: deque[tuple[int, int, int]] = deque(maxlen=KEPT_MESSAGES)  # number, offset, size
+
+    def at(self, place: int) -> Message | None:
+        """Return the message that holds a byte of the stream, None where it is not known."""
+        for number, offset, size in reversed(self.newest):
+            if offset <= place:
+                return Message(number, offset, size) if place < offset + size else None
+        return None
+
+
+class _Bursts:
+    """What arrived between two pauses, whoever sent it."""
+
+    def __init__(self) -> None:
+        self.count = self.size = self.scan = self.t_ns = 0
+        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
+        self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
+        self.first: Moment | None = None
+
+    def note(self, scan: int, t_ns: int, size: int) -> None:
+        if self.size and scan - self.scan <= PAUSE_SCANS:
+            self.size += size
+        else:
+            if self.size:
+                self.last.append(self.size)
+                self.gaps.append(t_ns - self.t_ns)
+            self.count, self.size = self.count + 1, size
+            self.first = self.first or Moment(scan, t_ns)
+        self.scan, self.t_ns = scan, t_ns
+
+    @property
+    def sizes(self) -> Sizes:
+        """Return the sizes, that of the burst under way included."""
+        last = (*self.last, self.size) if self.size else ()
+        return Sizes(self.count, last[-KEPT_SIZES:])
+
+
+class _Link:
+    """One CONNECT."""
+
+    def __init__(self) -> None:
+        self.incarnation = 0
+        self.ends = ("", "")  # the partner's, then ours
+        self.up_since: Moment | None = None
+        self.down_since: Moment | None = None
+        self.failures: dict[str, Failures] = {}
+        self.turned: dict[str, TurnedAway] = {}
+        self.loss: Loss | None = None
+        self.losses = 0
+        self.begin_stream()
+
+    def begin_stream(self) -> None:
+        """Begin with a new connection: offsets count from 0 again."""
+        self.bursts = _Bursts()
+        self.drop: Drop | None = None
+        self.drops = 0
+
+
+class FactBook:
+    """Reads the ledger as it is written; `facts` answers for one instance."""
+
+    def __init__(self) -> None:
+        self._links: dict[str, _Link] = {}
+        self._jobs: dict[str, tuple[Moment, JobStarted]] = {}
+        self._sent: dict[tuple[str, str], _Sent] = {}
+        self._takers: dict[type, Callable[[int, int, Any], None]] = {
+            PeerSent: self._message,
+            BytesReceived: self._bytes,
+            JobStarted: self._job_started,
+            JobEnded: self._job_ended,
+            ConnectionNote: self._connection,
+        }
+
+    def take(self, stamped: Iterable[Stamped]) -> None:
+        """Read what was written, oldest first: scan, time in ns, event."""
+        takers = self._takers
+        for scan, t_ns, event in stamped:
+            taker = takers.get(type(event))
+            if taker is not None:
+                taker(scan, t_ns, event)
+
+    # -- what is written --------------------------------------------------------------------------------
+
+    def _message(self, scan: int, t_ns: int, event: PeerSent) -> None:
+        ends = event.local, event.remote
+        sent = self._sent.get(ends)
+        if sent is None or event.offset == 0:  # the same ends again are another connection
+            self._sent.pop(ends, None)
+            if len(self._sent) >= KEPT_ENDS:
+                del self._sent[next(iter(self._sent))]
+            sent = self._sent[ends] = _Sent()
+        sent.peer, sent.count = event.peer, sent.count + 1
+        sent.sizes.append(event.size)
+        sent.newest.append((event.message, event.offset, event.size))
+
+    def _bytes(self, scan: int, t_ns: int, event: BytesReceived) -> None:
+        self._link(event.connection).bursts.note(scan, t_ns, event.size)
+
+    def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
+        self._jobs[event.instance] = Moment(scan, t_ns), event
+
+    def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
+        if event.done or not event.size:
+            return
+        link, (_, started) = self._link(event.connection), self._jobs.get(event.instance, _NO_JOB)
+        if started.adhoc or event.incarnation != link.incarnation or link.up_since is None:
+            return
+        link.drops += 1
+        end = event.offset + event.size
+        at = Moment(scan, t_ns)
+        link.drop = Drop(at, event.instance, event.reason, event.size, started.length, end)
+
+    def _connection(self, scan: int, t_ns: int, event: ConnectionNote) -> None:
+        link, at = self._link(event.connection), Moment(scan, t_ns)
+        if event.what is What.CONNECTED:
+            link.incarnation, link.ends = event.incarnation, (event.peer, event.local)
+            link.up_since, link.down_since = at, None
+            link.failures.clear()
+            link.turned.clear()
+            link.begin_stream()
+        elif event.what in ENDINGS:
+            self._ended(link, at, event)
+        elif event.what in (What.ATTEMPT_FAILED, What.ACCEPT_FAILED):
+            self._failed(link, at, event)
+        elif event.what in TURNED_AWAY:
+            before = link.turned.get(TURNED_AWAY[event.what])
+            count = before.count + 1 if before else 1
+            link.turned[TURNED_AWAY[event.what]] = TurnedAway(count, event.peer, at)
+        elif event.what in (What.LISTENING, What.CONNECTING):
+            link.down_since = link.down_since or at
+
+    def _ended(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
+        if link.up_since is None:
+            return  # an attempt was given up
+        fault = event.fault
+        up_ns = at.t_ns - link.up_since.t_ns
+        error, injected = (fault.error, fault.injected) if fault else ("", False)
+        link.loss = Loss(at, str(event.what), event.peer, error, injected, up_ns)
+        link.losses += 1
+        goes_on = event.what not in (What.DISCONNECTED, What.STOPPED)
+        link.up_since, link.down_since = None, at if goes_on else None
+
+    def _failed(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
+        link.down_since = link.down_since or at
+        fault = event.fault
+        error = f"{fault.call} {fault.error}" if fault else str(event.what)
+        before = link.failures.pop(error, None)
+        if len(link.failures) >= KEPT_ERRORS:
+            del link.failures[next(iter(link.failures))]
+        count = before.count + 1 if before else 1
+        injected = fault.injected if fault else False
+        link.failures[error] = Failures(error, count, at, injected, event.peer)
+
+    def _link(self, connect: str) -> _Link:
+        link = self._links.get(connect)
+        if link is None:
+            link = self._links[connect] = _Link()
+        return link
+
+    # -- what is read -----------------------------------------------------------------------------------
+
+    def facts(self, instance: str, connect: str) -> Facts:
+        """Return what is known of an instance on a CONNECT."""
+        link = self._links.get(connect)
+        if link is None:
+            return Facts()
+        bursts = link.bursts
+        known = Facts(
+            bursts=bursts.sizes,
+            longest_gap_ns=max(bursts.gaps, default=0),
+            first_burst=bursts.first,
+            drop=link.drop,
+            drops=link.drops,
+            up_since=link.up_since,
+            down_since=link.down_since,
+            failures=tuple(link.failures.values()),
+            wrong_partner=link.turned.get("wrong_partner"),
+            second_client=link.turned.get("second_client"),
+            loss=link.loss,
+            losses=link.losses,
+        )
+        return self._with_messages(self._with_job(known, link, instance), link)
+
+    def _with_job(self, known: Facts, link: _Link, instance: str) -> Facts:
+        began, job = self._jobs.get(instance, _NO_JOB)
+        if job.incarnation != link.incarnation:
+            return known
+        return replace(known, job_offset=job.offset, job_began=began)
+
+    def _with_messages(self, known: Facts, link: _Link) -> Facts:
+        sent = self._sent.get(link.ends)
+        if sent is None:
+            return known
+        sizes = Sizes(sent.count, tuple(sent.sizes))
+        begins_in = None if known.job_offset is None else sent.at(known.job_offset)
+        known = replace(known, sender=sent.peer, messages=sizes, begins_in=begins_in)
+        if link.drop is None:
+            return known
+        behind = sent.at(link.drop.end)
+        return replace(known, drop_cuts=behind is not None and behind.offset < link.drop.end)
+
+
+_NO_JOB: Final = Moment(), JobStarted("", 0, "", -1, 0, 0, False)

@@ -153,9 +153,13 @@ class Runtime:
         known = self._instances.get(instance)
         return dict(known.inputs) if known else {}
 
-    def data(self, name: str) -> bytes:
-        """Return a copy of a global variable."""
-        return bytes(self._data[name].content)
+    def data(self, name: str, most: int | None = None) -> bytes:
+        """Return a copy of a global variable, or of its first `most` bytes."""
+        return bytes(memoryview(self._data[name].content)[:most])
+
+    def data_part(self, name: str, start: int, stop: int) -> bytes:
+        """Return a copy of some bytes of a global variable, as far as it goes."""
+        return bytes(self._data[name].content[start:stop])
 
     def partial(self, instance: str) -> bytes:
         """Return a copy of what an instance's running job has collected."""

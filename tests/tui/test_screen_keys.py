@@ -171,7 +171,8 @@ async def test_the_palette_reaches_everything() -> None:
         "Hold the scans", "One single scan", "Toggle EN_R", "Pulse COM_RST", "Write LEN", "Peer P1: RST",
         "Peer P2", "Instance TRCV_C_2", "Pane Received", "Zoom the pane", "Command line", "Help", "Theme",
         "PLC to STOP", "Clear all faults", "Screenshot", "Quit", "Delete TRCV_C_1", "Create an instance",
-        "Download TRCV_C_1: a new instance", "Resize rx", "Yank TRCV_C_1 as its ST call",
+        "Download TRCV_C_1: a new instance", "Resize rx", "Yank members as CSV", "Mark",
+        "Save the session as a scenario", "Yank the call in Structured Text",
     ):  # fmt: skip
         assert title in titles
 

@@ -61,7 +61,9 @@ async def test_beside_the_keep_alive_stands_when_a_dead_link_shows(interval: int
 
 async def test_y_yanks_the_call_with_the_inputs_of_now() -> None:
     async with looking(WIDE) as looker:
-        await looker.press("y")
+        await looker.press("y", "c")
+        await looker.app.workers.wait_for_complete()
+        await looker.settle()
         text = looker.app.clipboard
         assert "TRCV_C_1(" in text and "EN_R:=TRUE" in text and "CONNECT:=C1" in text
-        assert "yanked the call of TRCV_C_1" in looker.text
+        assert "yanked the call in Structured Text" in looker.text

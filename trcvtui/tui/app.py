@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.app import App, SystemCommand
+from textual.binding import Binding
 from textual.screen import Screen
 
 from trcvtui.plc.project import Project
@@ -36,6 +37,7 @@ class BenchApp(App[None]):
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
+    BINDINGS: ClassVar = [Binding("P", "picture", show=False)]
 
     def __init__(self, driver: Driver, project: Project) -> None:
         super().__init__()
@@ -87,7 +89,7 @@ class BenchApp(App[None]):
             await super().on_event(event)
 
     def _obeys_at_once(self) -> bool:
-        return self.screen in (self.main, self.scenarios)
+        return self.screen in (self.main, self.scenarios) or getattr(self.screen, "OBEYS_AT_ONCE", False)
 
     # -- pictures and lines -------------------------------------------------------------------------
 
@@ -162,6 +164,15 @@ class BenchApp(App[None]):
             self.main.begin_anew()
         self.main.show()
 
+    def action_picture(self) -> None:
+        """Save the screen as SVG and tell where."""
+        from trcvtui.tui.taking import take_picture  # read when first asked for
+
+        take_picture(self, self.main.prompt.tell if self.screen is self.main else self._notify)
+
+    def _notify(self, text: str) -> None:
+        self.notify(text, markup=False)
+
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield everything that can be done, by name."""
         from trcvtui.tui.palette import Reach, commands  # read when first asked for
@@ -171,7 +182,7 @@ class BenchApp(App[None]):
         else:
             yield from commands(Reach(self.scene, self.main, self.submit))
         yield SystemCommand("Theme", "another look", self.action_change_theme)
-        yield SystemCommand("Screenshot", "save the screen as an SVG file", self.deliver_screenshot)
+        yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
 
 

@@ -18,6 +18,10 @@ EVERYWHERE: Final = (
     ("S or F2", "scenarios: read them, play them step by step"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
+    ("y", "yank: a menu of ten formats; y y takes what the pane is about"),
+    ("K", "mark: what a saved session will expect begins here"),
+    ("P", "a picture of the screen as SVG, its path is told"),
+    ("U", "leave the mouse to the terminal for its own selection, and take it back"),
     ("? or F1", "this help"),
     ("esc", "leave a field, close the prompt, back to now"),
     ("q or ctrl+q", "quit"),
@@ -25,7 +29,6 @@ EVERYWHERE: Final = (
 PINS: Final = (
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
-    ("y", "yank the instance as its call in Structured Text"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
 )
 BYTES: Final = (

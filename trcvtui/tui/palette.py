@@ -35,6 +35,7 @@ def commands(bench: Reach) -> Iterator[SystemCommand]:
     yield from _of_peer(bench)
     yield from _of_instances(bench)
     yield from _of_screen(bench)
+    yield from _of_taking(bench)
 
 
 def _of_scans(bench: Reach) -> Iterator[SystemCommand]:
@@ -47,6 +48,9 @@ def _of_scans(bench: Reach) -> Iterator[SystemCommand]:
     ):
         yield SystemCommand(title, _said(line, key), partial(bench.submit, line))
     yield SystemCommand("One single scan", "run 1 · key .", bench.main.action_single_scan)
+    yield SystemCommand("Mark", "mark: a saved session expects from here · key K", bench.main.action_mark)
+    save = "save scenario session.toml"
+    yield SystemCommand("Save the session as a scenario", save, partial(bench.main.action_prompt, save))
 
 
 def _of_block(bench: Reach) -> Iterator[SystemCommand]:
@@ -74,7 +78,6 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
         lines.append((f"Resize {plain(instance.data)}", f"resize {plain(instance.data)} "))
     for title, line in lines:
         yield SystemCommand(title, line, partial(bench.main.action_prompt, line))
-    yield SystemCommand(f"Yank {name} as its ST call", "to the clipboard · key y", bench.main.action_yank)
 
 
 def _of_peer(bench: Reach) -> Iterator[SystemCommand]:
@@ -111,6 +114,15 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
+
+
+def _of_taking(bench: Reach) -> Iterator[SystemCommand]:
+    from trcvtui.tui.yank import FORMATS
+
+    for form in FORMATS:
+        about = f"to the clipboard and a file · keys y {form.letter}"
+        yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))
+    yield SystemCommand("Leave the mouse to the terminal", "or take it back · key U", bench.main.action_mouse)
 
 
 def _said(line: str, key: str) -> str:

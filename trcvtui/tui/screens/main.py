@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
@@ -12,7 +12,6 @@ from textual.screen import Screen
 from textual.widget import Widget
 
 from trcvtui.tui import messages
-from trcvtui.tui.formatting import plain
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
@@ -30,6 +29,9 @@ from trcvtui.tui.widgets.status_card import StatusCard
 from trcvtui.tui.widgets.status_history import StatusHistory
 from trcvtui.tui.widgets.tab_line import TabLine
 from trcvtui.tui.widgets.udt_table import UdtTable
+
+if TYPE_CHECKING:
+    from trcvtui.tui.yank import Format, Subject
 
 LEAST_WIDTH, LEAST_HEIGHT, TALL = 128, 38, 54
 TABS, ZOOM = "-tabs", "-zoom"
@@ -49,6 +51,8 @@ class MainScreen(Screen[None]):
         Binding("colon", "prompt", show=False),
         Binding("v", "members", show=False),
         Binding("y", "yank", show=False),
+        Binding("K", "mark", show=False),
+        Binding("U", "mouse", show=False),
         Binding("S,f2", "scenarios", show=False),
         Binding("question_mark,f1", "help", show=False),
         Binding("escape", "calm", show=False),
@@ -243,17 +247,67 @@ class MainScreen(Screen[None]):
         self.table.show()
 
     def action_yank(self) -> None:
-        """Copy the selected instance as its call in Structured Text, with the inputs of now."""
-        instance = self._scene.instance
-        if instance is None:
-            return
-        from trcvtui.rig.st_call import st_text  # read when first asked for
+        """Open the menu of what can be yanked, the focused pane's first."""
+        from trcvtui.tui.screens.yank import YankScreen  # read when first asked for
+        from trcvtui.tui.yank import FIRST_OF_PANE
 
-        text = st_text(self._scene.project, [instance.name], {instance.name: dict(instance.inputs)})
-        self.app.copy_to_clipboard(text)
-        self.prompt.tell(
-            f"yanked the call of {plain(instance.name)} as Structured Text, {len(text)} characters"
+        pane = self._focused_pane()
+        self.app.push_screen(YankScreen(self._subject(pane), FIRST_OF_PANE.get(pane, "c")), self._yanked)
+
+    def yank(self, letter: str) -> None:
+        """Yank in the format of a letter, without the menu."""
+        from trcvtui.tui.yank import FORMATS
+
+        form = next(form for form in FORMATS if form.letter == letter)
+        text = form.write(self._subject(self._focused_pane()))
+        if text:
+            self._yanked((form, text))
+        else:
+            self.prompt.complain(f"nothing is there to yank as {form.name}")
+
+    def _focused_pane(self) -> str:
+        return self.focused.id or "" if self.focused is not None else ""
+
+    def _subject(self, pane: str) -> Subject:
+        from trcvtui.tui.yank import Subject
+
+        scene, of_peer = self._scene, pane in ("peers", "payload")
+        of_job = pane == "job" or (pane == "udt" and self.table.of_job)
+        name, content = scene.selected, scene.partial
+        if not of_job and scene.declaration is not None:
+            name, content = scene.declaration.name, scene.data
+        if of_peer and scene.peer_snapshot is not None and scene.peer_snapshot.last_received:
+            name, content = scene.peer, scene.peer_snapshot.last_received
+        return Subject(
+            project=scene.project,
+            instance=scene.instance,
+            name=name,
+            content=content,
+            declared=None if name == scene.peer else scene.declaration,
+            edges=tuple(scene.history.of(scene.selected)),
+            peer=scene.peer,
+            line=self.peer.composer.line if of_peer else "",
         )
+
+    def _yanked(self, taken: tuple[Format, str] | None) -> None:
+        from trcvtui.tui.taking import take
+
+        if taken is not None:
+            self.run_worker(take(self.app, *taken, self.prompt.tell))
+
+    def action_mouse(self) -> None:
+        """Let the terminal have the mouse, or take it back."""
+        from trcvtui.tui.taking import give_mouse
+
+        self.key_line.mouse_is_away = not self.key_line.mouse_is_away
+        give_mouse(self.app, self.key_line.mouse_is_away)
+        away = "the mouse is the terminal's: select and copy there, U takes it back"
+        self.prompt.tell(away if self.key_line.mouse_is_away else "the mouse is the bench's again")
+        self._show_keys()
+
+    def action_mark(self) -> None:
+        """Begin anew with what a saved scenario will expect."""
+        self._submit("mark")
 
     def action_hold(self) -> None:
         """Hold the scans, or let them go on."""

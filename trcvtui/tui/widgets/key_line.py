@@ -32,6 +32,7 @@ class KeyLine(LineView, can_focus=False):
         self._actions = actions
         self._local: Keys = ()
         self._holding = False
+        self.mouse_is_away = False
 
     def show_keys(self, local: Keys, holding: bool) -> None:
         """Name these keys."""
@@ -43,7 +44,7 @@ class KeyLine(LineView, can_focus=False):
         return 1
 
     def _keys(self) -> list[tuple[str, str]]:
-        keys = list(self._local)
+        keys = [("U", "mouse back"), *self._local] if self.mouse_is_away else list(self._local)
         for key, label in self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
         # The last ones, help and quit, stay; what does not fit goes from the middle.

@@ -18,11 +18,11 @@ from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
 KEPT_LINES: Final = 200
-MOST_ROWS: Final = 3
+MOST_ROWS: Final = 4
 
 
 class EchoLine(LineView, can_focus=False):
-    """The last command with its answer; an error takes up to three lines rather than lose its end."""
+    """The last command with its answer; what it tells takes up to four lines rather than lose its end."""
 
     DEFAULT_CSS = "EchoLine { height: 1; background: $background; padding: 0 1; }"
 
@@ -43,7 +43,7 @@ class EchoLine(LineView, can_focus=False):
         width = max(20, self.line_width - 2)
         if self._error:
             return wrapped(f"{self._line}  ✗ {self._error}", width)
-        return wrapped(f"{self._line}  ✓ {self._told}" if self._told else self._line, width)
+        return wrapped(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
 
     def row_count(self) -> int:
         """Return the lines of the answer."""
@@ -196,8 +196,8 @@ class Prompt(Vertical):
                 self._echo.say(answer.line, answer.error, told=answer.told)
 
     def tell(self, text: str) -> None:
-        """Show what the screen has done by itself."""
-        self._echo.say(text)
+        """Show what the screen has done by itself, in as many lines as it needs."""
+        self._echo.say("", told=text)
 
     def complain(self, text: str) -> None:
         """Show trouble that is no answer."""

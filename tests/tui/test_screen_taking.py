@@ -1,0 +1,258 @@
+"""What can be taken away from the screen: yanks in every format, a picture, the mouse, a saved session."""
+
+from __future__ import annotations
+
+import ast
+import base64
+import csv
+import io
+import json
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from tests.tui.fakes import TELEGRAM, bench_project, picture, receiving, story
+from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from trcvtui.rig.picture import Answer
+from trcvtui.tui import keepsake
+from trcvtui.tui.keepsake import keep, to_clipboard
+from trcvtui.tui.taking import MOUSE_OFF, MOUSE_ON
+from trcvtui.tui.yank import FORMATS, Subject
+from trcvtui.udt.formats import read_file
+
+
+def subject(content: bytes = TELEGRAM, line: str = "") -> Subject:
+    project = bench_project()
+    return Subject(project, receiving(), "rx", content, project.data_decl("rx"), story(), "P1", line)
+
+
+def written(letter: str, of: Subject) -> str:
+    return next(form for form in FORMATS if form.letter == letter).write(of)
+
+
+# -- formats -------------------------------------------------------------------------------------------
+
+
+def test_there_are_ten_formats_and_more_each_under_a_letter_of_its_own() -> None:
+    letters = [form.letter for form in FORMATS]
+    assert len(letters) == len(set(letters)) >= 10
+    assert not {"y", "q"} & set(letters), "these two are the menu's own"
+
+
+@pytest.mark.parametrize("content", [TELEGRAM, bytes(range(256)), b"\x1b[31m"], ids=["udt", "all", "escape"])
+def test_the_bytes_come_back_from_every_format_of_bytes(content: bytes) -> None:
+    of = subject(content)
+    assert bytes.fromhex(written("h", of)) == content
+    assert _numbers(written("i", of), "16#") == content
+    assert _numbers(written("a", of).partition("[\n")[2], "16#") == content
+    assert _numbers(written("r", of).partition("{")[2], "0x") == content
+    assert ast.literal_eval(written("p", of).partition(" = ")[2]) == content
+    assert base64.b64decode(written("6", of)) == content
+
+
+def _numbers(text: str, prefix: str) -> bytes:
+    words = text.replace(",", " ").replace("}", " ").replace("]", " ").split()
+    return bytes(int(word.removeprefix(prefix), 16) for word in words if word.startswith(prefix))
+
+
+def test_an_array_says_its_size() -> None:
+    assert written("a", subject(b"\x01\x02")) == "rx : ARRAY[0..1] OF BYTE := [\n    16#01, 16#02\n];"
+    assert written("r", subject(b"\x01")) == "const uint8_t rx[1] = {\n    0x01\n};"
+
+
+def test_members_are_written_as_markdown_csv_and_json() -> None:
+    of = subject()
+    rows = list(csv.reader(io.StringIO(written("v", of))))
+    assert rows[0] == ["offset", "type", "member", "value"]
+    table = written("m", of).splitlines()
+    assert len(table) == len(rows) + 1
+    assert table[1] == "| ---: | --- | --- | --- |"
+    decoded = json.loads(written("j", of))
+    assert decoded["complete"] is True
+    assert [row[2] for row in rows[1:]] == list(decoded["values"])
+
+
+def test_members_go_as_far_as_the_bytes() -> None:
+    decoded = json.loads(written("j", subject(TELEGRAM[:5])))
+    values = list(decoded["values"].values())
+    assert decoded["complete"] is False
+    assert values[0] == 41 and values[1] is None
+
+
+def test_a_partner_cannot_break_the_table() -> None:
+    types = read_file(Path(__file__).with_name("telegram.st"))
+    assert types.names()
+    table = written("m", subject(TELEGRAM[:13] + b"\x00" * 3 + b"|`<\x1b"))
+    assert "\x1b" not in table
+    assert len({line.replace("\\|", "").count("|") for line in table.splitlines()}) == 1
+
+
+def test_commands_bring_it_about_again() -> None:
+    lines = written("b", subject(b"\x01\xff")).splitlines()
+    assert lines == [
+        "set TRCV_C_1 EN_R=1 CONT=1 LEN=0 ADHOC=0 COM_RST=0",
+        "peer P1 send hex 01 ff",
+    ]
+    assert written("b", subject(line="peer P1 send text 'x'")).endswith("peer P1 send text 'x'")
+
+
+def test_the_history_is_written_edge_by_edge() -> None:
+    lines = written("s", subject()).splitlines()
+    assert lines[0].split()[:2] == ["scan", "t"]
+    assert len(lines) == len(story()) + 1
+    assert "16#80A7" in lines[-4] and "ERROR" in lines[-4]
+
+
+# -- the menu ------------------------------------------------------------------------------------------
+
+
+async def _yanked(looker: Looker, *keys: str) -> str:
+    await looker.press(*keys)
+    await looker.app.workers.wait_for_complete()
+    await looker.settle()
+    return looker.app.clipboard
+
+
+@BOTH
+async def test_the_menu_names_each_format_and_a_letter_takes_it(size: tuple[int, int], state: Path) -> None:
+    async with looking(size) as looker:
+        await looker.press("5", "y")
+        assert "Yank · 24 bytes of rx" in looker.text
+        for form in FORMATS:
+            assert f"{form.letter}  {form.name}" in looker.text
+        assert await _yanked(looker, "h") == f"{TELEGRAM[:16].hex(' ')}\n{TELEGRAM[16:].hex(' ')}"
+        (file,) = (state / "trcvtui" / "yanks").iterdir()
+        assert file.read_text() == looker.app.clipboard
+        told = " ".join(looker.text.split())
+        assert "yanked bytes as hex, 71 characters: to the terminal (OSC 52), to " in told
+        assert str(file) in told.replace(" ", "")
+
+
+@pytest.mark.parametrize(
+    ("pane", "begins"), [("2", "(* VAR"), ("4", "scan"), ("5", "29 00"), ("6", "| offset"), ("1", "(* VAR")]
+)
+async def test_y_twice_takes_what_the_pane_is_about(state: Path, pane: str, begins: str) -> None:
+    async with looking(SMALL, picture(lines=story())) as looker:
+        assert (await _yanked(looker, pane, "y", "y")).startswith(begins)
+
+
+async def test_keys_that_come_in_one_batch_are_all_obeyed(state: Path) -> None:
+    async with looking(SMALL) as looker:
+        await looker.at_once("5y6")
+        await looker.app.workers.wait_for_complete()
+        assert base64.b64decode(looker.app.clipboard) == TELEGRAM
+
+
+async def test_the_menu_can_be_walked_clicked_and_left(state: Path) -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("5", "y", "escape")
+        assert "Yank" not in looker.text and looker.app.clipboard == ""
+        assert "16#29" in await _yanked(looker, "y", "down", "enter")
+        await looker.press("y")
+        await looker.pilot.click("#yank", offset=(6, 6))
+        await looker.app.workers.wait_for_complete()
+        await looker.settle()
+        assert looker.app.clipboard.startswith("const uint8_t rx[24]"), "the sixth line: the C array"
+
+
+async def test_a_job_without_bytes_is_passed_over(state: Path) -> None:
+    async with looking(WIDE, picture(data=b"")) as looker:
+        await looker.press("5", "y")
+        assert "nothing there" in looker.line("h  bytes as hex")
+        await looker.press("h")
+        assert "Yank" in looker.text, "there is nothing to take"
+
+
+async def test_the_jobs_bytes_are_yanked_from_the_job(state: Path) -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("6", "v", "y", "6")
+        await looker.app.workers.wait_for_complete()
+        assert base64.b64decode(looker.app.clipboard) == TELEGRAM[:17]
+
+
+# -- files and clipboards ------------------------------------------------------------------------------
+
+
+def test_files_are_new_ones_and_bounded(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(keepsake, "MOST_FILES", 3)
+    kept = [keep(str(number), "yank", ".txt") for number in range(5)]
+    folder = kept[0].parent
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert {path.read_text() for path in folder.iterdir()} == {"2", "3", "4"}
+    assert kept[-1].read_text() == "4"
+
+
+def test_a_clipboard_program_gets_the_text_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if os.name == "nt":
+        pytest.skip("needs a POSIX shell script")
+    program = tmp_path / "xclip"
+    program.write_text(f'#!/bin/sh\nexec cat > "{tmp_path}/$2"\n')
+    program.chmod(0o700)
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert to_clipboard("$(rm x); ä\n") == "xclip"
+    assert (tmp_path / "clipboard").read_text(encoding="utf-8") == "$(rm x); ä\n"
+
+
+def test_a_clipboard_program_that_hangs_or_fails_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, script in (("xclip", "exec sleep 30"), ("xsel", "exit 1")):
+        program = tmp_path / name
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o700)
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr(keepsake, "PATIENCE_S", 0.1)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert to_clipboard("x") == ""
+
+
+async def test_a_state_folder_that_cannot_be_written_is_told(
+    state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (state / "trcvtui").write_text("a file stands where the folder should be")
+    async with looking(WIDE) as looker:
+        assert (await _yanked(looker, "y", "c")).startswith("(* VAR")
+        assert "to no file: " in looker.text
+
+
+# -- picture, mouse, mark --------------------------------------------------------------------------------
+
+
+async def test_a_picture_of_the_screen_is_saved_and_its_path_is_told(state: Path) -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("P")
+        (file,) = (state / "trcvtui" / "yanks").iterdir()
+        assert file.name.startswith("screen-")
+        assert "TRCV_C_1" in file.read_text(encoding="utf-8")
+        assert str(file) in "".join(looker.text.split())
+
+
+@BOTH
+async def test_the_mouse_can_be_left_to_the_terminal(
+    size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with looking(size) as looker:
+        sent: list[str] = []
+        monkeypatch.setattr(looker.app._driver, "write", sent.append)
+        await looker.press("U")
+        assert MOUSE_OFF in sent
+        assert "U mouse back" in looker.text
+        assert "select and copy there" in looker.text
+        await looker.press("U")
+        assert MOUSE_ON in sent
+        assert "U mouse back" not in looker.text
+
+
+@BOTH
+async def test_a_mark_and_a_saved_session_are_commands_whose_answers_are_shown(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("K")
+        assert looker.lines == ["mark"]
+        told = "3 commands, 30 scans in /home/me/a/folder/whose/name/is/long/for/a/narrow/screen/story.toml"
+        await looker.show(picture(answers=[Answer(1, "mark", "", told)]))
+        assert told.replace(" ", "") in "".join(looker.text.split())

@@ -1,0 +1,206 @@
+"""What can be yanked, and how it is written: pure functions, what is shown goes in, text comes out."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.errors import UserError
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.project import DataDecl, Project
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.tui.explain import why
+from trcvtui.tui.formatting import moment, plain, status_word
+from trcvtui.udt.decode import decode_leaves
+from trcvtui.udt.report import json_value, leaf_type_text
+from trcvtui.udt.value_text import value_text
+
+A_LINE: Final = 16
+MOST_MEMBERS: Final = 70_000
+HEAD: Final = ("offset", "type", "member", "value")
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What stands under the eyes: an instance, bytes with their name and type, its past, a command."""
+
+    project: Project
+    instance: InstanceSnapshot | None
+    name: str  # of the bytes, as a variable may be called
+    content: bytes
+    declared: DataDecl | None
+    edges: tuple[Line, ...]
+    peer: str
+    line: str  # the bench command that the peer's composer makes
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """One way to write it; `letter` chooses it, `suffix` is that of its file."""
+
+    letter: str
+    name: str
+    write: Callable[[Subject], str]
+    suffix: str = ".txt"
+
+
+# -- the block ---------------------------------------------------------------------------------------------
+
+
+def _call(of: Subject) -> str:
+    from trcvtui.rig.st_call import st_text  # read when first asked for
+
+    if of.instance is None:
+        return ""
+    try:
+        return st_text(of.project, [of.instance.name], {of.instance.name: dict(of.instance.inputs)})
+    except UserError:  # deleted a moment ago
+        return ""
+
+
+def _commands(of: Subject) -> str:
+    """Return the lines that bring the inputs, the bytes and the message about again."""
+    lines = []
+    if of.instance is not None and of.instance.inputs:
+        pins = " ".join(f"{name}={int(value)}" for name, value in of.instance.inputs)
+        lines.append(f"set {of.instance.name} {pins}")
+    if of.line:
+        lines.append(of.line)
+    elif of.content and of.peer:
+        lines.append(f"peer {of.peer} send hex {of.content.hex(' ')}")
+    return "\n".join(lines)
+
+
+def _history(of: Subject) -> str:
+    rows = [("scan", "t in s", "STATUS", "lamp", "why")]
+    for line in of.edges:
+        if isinstance(line.event, StatusEdge):
+            word = f"{status_word(line.event.status)} {line.event.condition}"
+            reason = plain(why(line.event))
+            rows.append((str(line.scan), moment(line.t_ns), word, _lamp(line.event), reason))
+    return "\n".join(_columns(rows)) if len(rows) > 1 else ""
+
+
+def _lamp(edge: StatusEdge) -> str:
+    lit = (("ERROR", edge.error), ("DONE", edge.done), ("BUSY", edge.busy))
+    return next((name for name, on in lit if on), "")
+
+
+def _columns(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+
+
+# -- bytes -------------------------------------------------------------------------------------------------
+
+
+def _hex(of: Subject) -> str:
+    return "\n".join(_lines(of.content, "{:02x}", " "))
+
+
+def _iec(of: Subject) -> str:
+    return "\n".join(_lines(of.content, "16#{:02X}", ", "))
+
+
+def _st_array(of: Subject) -> str:
+    items = ",\n    ".join(_lines(of.content, "16#{:02X}", ", "))
+    last = len(of.content) - 1
+    return f"{_identifier(of.name)} : ARRAY[0..{last}] OF BYTE := [\n    {items}\n];" if of.content else ""
+
+
+def _c_array(of: Subject) -> str:
+    items = ",\n    ".join(_lines(of.content, "0x{:02X}", ", "))
+    head = f"const uint8_t {_identifier(of.name)}[{len(of.content)}]"
+    return f"{head} = {{\n    {items}\n}};" if of.content else ""
+
+
+def _python(of: Subject) -> str:
+    pieces = [of.content[at : at + A_LINE] for at in range(0, len(of.content), A_LINE)]
+    written = "\n".join('    b"' + "".join(f"\\x{byte:02x}" for byte in piece) + '"' for piece in pieces)
+    return f"{_identifier(of.name)} = (\n{written}\n)" if pieces else ""
+
+
+def _base64(of: Subject) -> str:
+    return base64.b64encode(of.content).decode("ascii")
+
+
+def _lines(content: bytes, form: str, between: str) -> Iterator[str]:
+    for at in range(0, len(content), A_LINE):
+        yield between.join(form.format(byte) for byte in content[at : at + A_LINE])
+
+
+def _identifier(name: str) -> str:
+    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return word if word and not word[0].isdigit() else f"_{word}"
+
+
+# -- members -----------------------------------------------------------------------------------------------
+
+
+def _members(of: Subject) -> Iterator[tuple[str, str, str, str]]:
+    if of.declared is None or not of.content:
+        return
+    layout = of.declared.layout
+    stop = min(layout.leaf_count, MOST_MEMBERS)
+    leaves = layout.page(0, stop).leaves
+    for leaf, value in zip(leaves, decode_leaves(layout, of.content, 0, stop), strict=False):
+        place = str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
+        raw = of.content[leaf.offset : leaf.offset + leaf.size]
+        shown = "" if value is None else value_text(leaf, value, raw)
+        yield place, leaf_type_text(layout, leaf), leaf.path or of.declared.name, shown
+
+
+def _markdown(of: Subject) -> str:
+    rows = list(_members(of))
+    return "\n".join(map(_markdown_row, [HEAD, ("---:", "---", "---", "---"), *rows])) if rows else ""
+
+
+def _markdown_row(cells: Iterable[str]) -> str:
+    escaped = [re.sub(r"([\\|`*_<>\[\]])", r"\\\1", plain(cell)) for cell in cells]
+    return f"| {' | '.join(escaped)} |"
+
+
+def _csv(of: Subject) -> str:
+    rows = list(_members(of))
+    text = io.StringIO()
+    if rows:
+        csv.writer(text, lineterminator="\n").writerows([HEAD, *rows])
+    return text.getvalue()
+
+
+def _json(of: Subject) -> str:
+    if of.declared is None or not of.content:
+        return ""
+    layout = of.declared.layout
+    stop = min(layout.leaf_count, MOST_MEMBERS)
+    pairs = zip(layout.page(0, stop).leaves, decode_leaves(layout, of.content, 0, stop), strict=False)
+    values = {leaf.path or of.declared.name: json_value(value) for leaf, value in pairs}
+    head = {"type": layout.name, "size": layout.size, "complete": len(of.content) >= layout.size}
+    return json.dumps({**head, "values": values}, indent=2, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+FORMATS: Final = (
+    Format("c", "the call in Structured Text", _call, ".st"),
+    Format("b", "bench commands that do it again", _commands),
+    Format("h", "bytes as hex", _hex),
+    Format("i", "bytes as 16#.. list", _iec),
+    Format("a", "bytes as ST array initialiser", _st_array, ".st"),
+    Format("r", "bytes as C array", _c_array, ".c"),
+    Format("p", "bytes as Python bytes", _python, ".py"),
+    Format("6", "bytes as base64", _base64),
+    Format("m", "members as Markdown", _markdown, ".md"),
+    Format("v", "members as CSV", _csv, ".csv"),
+    Format("j", "members as JSON", _json, ".json"),
+    Format("s", "STATUS history as text", _history),
+)
+# What the pane with the focus is about; the menu begins there.
+FIRST_OF_PANE: Final = {
+    "data": "h", "job": "h", "udt": "m", "history": "s", "status": "s", "peers": "b", "payload": "b",
+}  # fmt: skip

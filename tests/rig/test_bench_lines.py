@@ -18,6 +18,8 @@ from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_lines import LINES, to_line
+from trcvtui.rig.fills import Fill
+from trcvtui.rig.reply_words import Contains, Matches, Starts
 from trcvtui.rig.trace_pattern import ANY, Atom, TracePattern
 
 TRUTH = st.booleans()
@@ -72,6 +74,33 @@ SENDS = st.builds(
     st.integers(1, 1_000_000),
     NS,
 )
+FILLS = st.one_of(
+    st.builds(Fill, st.just("n"), st.integers(0, 1), st.just(1)),
+    st.builds(Fill, st.just("n"), st.integers(0, 1), st.integers(2, 8), st.sampled_from(["little", "big"])),
+    st.builds(Fill, st.just("digits"), st.integers(0, 1), st.integers(1, 19)),
+    st.builds(Fill, st.just("sum8"), st.just(1), st.just(1)),
+    st.builds(Fill, st.just("crc32"), st.just(1), st.just(4), st.sampled_from(["little", "big"])),
+)
+FILLED = st.builds(
+    lambda fill, gaps: words.PeerSend(
+        "P1", bytes(fill.offset + fill.width), gap_ns=gaps[-1], gaps_ns=gaps, fills=(fill,)
+    ),
+    FILLS,
+    st.lists(NS, min_size=2, max_size=4, unique=True).map(tuple),
+)
+MATCHES = st.one_of(
+    st.builds(Contains, BYTES),
+    st.builds(Starts, BYTES),
+    st.builds(Matches, st.sampled_from(["id=[0-9]+;", "a b", r"\"x\" send"])),
+)
+TRIALS = st.builds(
+    words.TrySplits,
+    st.just("P1"),
+    st.binary(min_size=2, max_size=8),
+    st.sampled_from(["X", "Y"]),
+    NS,
+    st.none() | st.integers(0, 1023),
+)
 FAULTS = st.builds(
     words.FaultOn,
     st.sampled_from(CALLS),
@@ -106,6 +135,11 @@ COMMANDS = st.one_of(
     st.just(words.PeerListen("P2")),
     *(st.builds(kind, st.sampled_from(["P1", "P2"])) for kind in OF_A_PEER),
     SENDS,
+    FILLED,
+    st.builds(words.ReplyOn, st.just("P1"), MATCHES, SENDS | FILLED),
+    st.builds(words.ReplyOff, st.just("P1"), st.integers(0, 64)),
+    TRIALS,
+    st.just(words.TryStop("P1")),
     st.builds(words.Link, st.just("C1"), TRUTH),
     FAULTS,
     st.just(words.FaultClear()),
@@ -145,6 +179,13 @@ def test_every_command_has_a_line() -> None:
         "peer P1 send udt Telegram {speed=1.5}",
         "peer P1 send file x.bin",
         "peer P1 send random 100 seed=1",
+        "peer P1 send hex 01 {n:2:big} 03 {crc16-modbus} split=1,2 gap=T#20ms,T#50ms",
+        "peer P1 send udt Telegram {id=1} n=4:4:big crc32=8:little",
+        'peer P1 reply on contains hex 05 0D send text "no {n:3}" gap=T#5ms',
+        'peer P1 reply on regex "id=[0-9]+ send" send hex 06',
+        "peer P1 reply on field Telegram.pts[1].y = 7 send udt Telegram {id=1}",
+        "peer P1 reply off 2",
+        "peer P1 try-splits udt Telegram {id=1} on X gap=T#50ms differ=any",
         'expect peer P1 received text "ok" within T#1s',
         "wait rx hex 01 02 within T#3s",
         "set X CONT=1 EN_R=blink",

@@ -29,6 +29,10 @@ def said(line: str, project: Project) -> list[str]:
 
 
 VERBS = "set, pulse, write, resize, create, delete, download, plc, peer, link, fault, run, wait, expect"
+FORMS = "hex, text, udt, file or random"
+HOLE = "{n}, {n:2}, {n:2:big} or a checksum such as {crc32} or {crc16-modbus:little}"
+FILL = "an offset, a width and a byte order such as n=4:2:big or crc32=8:little"
+PATTERN = 'a pattern in double quotes such as "id=[0-9]+;"'
 A_TYPE = "an IEC type or a UDT"
 
 MISTAKES = [
@@ -105,7 +109,7 @@ MISTAKES = [
     (
         "peer P1",
         "w: found nothing more, expected one of connect, listen, close, rst, shutdown, "
-        "stall, resume, send",
+        "stall, resume, send, reply, try-splits",
     ),
     ("peer P1 conect", "w: found 'conect', expected connect"),
     (
@@ -143,6 +147,69 @@ MISTAKES = [
         "w: found 'twice', expected one of split=, gap=, repeat=, every= or the end of "
         "the command",
     ),
+    ("peer P1 send hex 01 gap=T#1s,2", f"w: found gap='2', expected {DURATION}"),
+    # what is filled in
+    ("peer P1 send hex 01 {m}", f"w: found '{{m}}', expected {HOLE}"),
+    ("peer P1 send hex 01 {n:9}", f"w: found '{{n:9}}', expected {HOLE}"),
+    ("peer P1 send hex 01 {crc32:2}", "w: found '{crc32:2}', expected one of little, big"),
+    ("peer P1 send hex 0G {n}", f"w: hex, position 2: found 'G', expected {HEX_BYTES}"),
+    ("peer P1 send hex {n} 0G", f"w: hex, position 6: found 'G', expected {HEX_BYTES}"),
+    ("peer P1 send hex {crc32}", "w: found '{crc32}', expected at least one byte before the checksum"),
+    ("peer P1 send hex 01 n=9", "w: found n=9 behind 1 bytes, expected an offset from 0 to 1"),
+    ("peer P1 send hex 01 n=x", "w: found n='x', expected a whole number from 0 to 16777216"),
+    ("peer P1 send hex 01 n=0:9", f"w: found 'n=0:9', expected {FILL}"),
+    ("peer P1 send hex 01 n=0:2:middle", "w: found 'n=0:2:middle', expected one of little, big"),
+    # replies
+    ("peer P1 reply", "w: found nothing more, expected on or off"),
+    ("peer P1 reply maybe", "w: found 'maybe', expected on or off"),
+    ("peer P1 reply off 0", "w: found '0', expected a whole number from 1 to 64"),
+    ("peer P1 reply off 1 2", "w: found '2', expected the end of the command"),
+    ("peer P1 reply on", "w: found nothing more, expected contains, starts, regex, field"),
+    ("peer P1 reply on smells x", "w: found 'smells', expected one of contains, starts, regex, field"),
+    ("peer P1 reply on contains hex 05", "w: found nothing more, expected send and a payload"),
+    ("peer P1 reply on contains send hex 06", f"w: found nothing more, expected {FORMS}"),
+    ("peer P1 reply on contains hex 05 send", f"w: found nothing more, expected {FORMS}"),
+    ("peer P1 reply on regex a send hex 06", f"w: found 'a', expected {PATTERN}"),
+    (
+        'peer P1 reply on regex "(" send hex 06',
+        "w: found '(': missing ), unterminated subpattern at position 0, expected a pattern",
+    ),
+    (
+        'peer P1 reply on regex "a*" send hex 06',
+        "w: found 'a*', which fits where nothing is, expected a pattern that needs a byte",
+    ),
+    ("peer P1 reply on field Telegran.id = 7 send hex 06", "w: found 'Telegran', expected Telegram"),
+    (
+        "peer P1 reply on field Telegram.idd = 7 send hex 06",
+        "w: found 'Telegram.idd', which is not one value, expected a member of Telegram",
+    ),
+    ("peer P1 reply on field Telegram.id 7 send hex 06", "w: found '7', expected = and a value"),
+    ("peer P1 reply on field Telegram.id = send hex 06", "w: found nothing more, expected a value"),
+    (
+        "peer P1 reply on contains random 4097 send hex 06",
+        "w: found 4097 bytes, expected at most 4096 to look for",
+    ),
+    (
+        "peer P1 reply on contains hex 05 send random 65537",
+        "w: found 65537 bytes, expected at most 65536 of an answer",
+    ),
+    (
+        'peer P1 reply on contains hex 05 send text "{n:x}"',
+        "w: found '{n:x}', expected {n} or {n:3}, three digits",
+    ),
+    # every split
+    ("peer P1 try-splits", f"w: found nothing more, expected {FORMS}"),
+    (
+        "peer P1 try-splits hex 01 02",
+        "w: found nothing more, expected on and the name of an instance that receives",
+    ),
+    ("peer P1 try-splits hex 01 on X", "w: found 1 byte(s), expected 2 to 1024 bytes, which can be cut"),
+    ("peer P1 try-splits hex 01 02 on Z", "w: found 'Z', expected one of X, Y"),
+    (
+        "peer P1 try-splits hex 01 02 on X twice",
+        "w: found 'twice', expected gap=T#30ms, differ=0, differ=any or the end of the command",
+    ),
+    ("peer P1 try-splits stop now", "w: found 'now', expected the end of the command"),
     ("peer P1 send udt", "w: found nothing more, expected the name of a UDT"),
     ("peer P1 send udt Telegran {}", "w: found 'Telegran', expected Telegram"),
     ("peer P1 send udt Telegram", "w: found nothing more, expected members in braces such as {speed=1.5}"),

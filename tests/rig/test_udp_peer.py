@@ -293,7 +293,7 @@ MISTAKES: Final = {
     "active = true": f"b.toml: peer P1: active: {NO_CONNECTION}",
     'reconnect = "T#1s"': f"b.toml: peer P1: reconnect: {NO_CONNECTION}",
     "port = 7": "b.toml: peer P1: port: found an unknown key, expected one of "
-    "name, udp, local, remote, says, every",
+    "name, udp, local, remote, says, every, replies",
 }
 
 
@@ -310,9 +310,9 @@ def test_keys_that_a_udp_peer_does_not_have_are_one_line_each(
 
 WORDS: Final = {
     "peer P1 connect": "w: found connect of the UDP peer 'P1', which has no connection, "
-    "expected one of listen, close, stall, resume, send",
+    "expected one of listen, close, stall, resume, send, reply",
     "peer P1 rst": "w: found rst of the UDP peer 'P1', which has no connection, "
-    "expected one of listen, close, stall, resume, send",
+    "expected one of listen, close, stall, resume, send, reply",
     "wait peer P1 connected": "w: found 'connected' of the UDP peer 'P1', which has no connection, "
     "expected listening, closed or received",
 }

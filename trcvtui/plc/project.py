@@ -67,7 +67,8 @@ class PeerDecl:
 
     `source` is the local end of an active peer, where the file gives one. The rest is what the peer does by
     itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
-    every `every_ns`; a message is written as behind `peer P1 send`. With `udp` it receives datagrams at `end`
+    every `every_ns`; a message is written as behind `peer P1 send`. `replies` are rules, written as behind
+    `peer P1 reply on`. With `udp` it receives datagrams at `end`
     and sends to `remote`, None: to whoever was heard last.
     """
 
@@ -80,6 +81,7 @@ class PeerDecl:
     every_ns: int = DEFAULT_EVERY_NS
     udp: bool = False
     remote: Endpoint | str | None = None
+    replies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

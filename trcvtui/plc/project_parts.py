@@ -23,6 +23,7 @@ from trcvtui.plc.tables import (
     INTERVAL,
     MESSAGES,
     PORT,
+    RULES,
     TEXT,
     TRUTH,
     Kind,
@@ -179,10 +180,11 @@ def read_peer(table: Table) -> PeerDecl | None:
     reconnect = table.get("reconnect", DELAY, 0) if active else 0
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
+    replies = table.get("replies", RULES, ())
     table.finish()
     if name is None or end is None:
         return None
-    return PeerDecl(name, active, end, source, reconnect, says, every)
+    return PeerDecl(name, active, end, source, reconnect, says, every, replies=replies)
 
 
 def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
@@ -190,6 +192,7 @@ def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     remote = table.read("remote", UDP_END_OR_NAME)
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
+    replies = table.get("replies", RULES, ())
     for key in ("active", "reconnect"):
         if table.has(key):
             table.know(key)
@@ -197,7 +200,7 @@ def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     table.finish()
     if name is None:
         return None
-    return PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote)
+    return PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote, replies=replies)
 
 
 def read_sim(table: Table) -> SimDecl:

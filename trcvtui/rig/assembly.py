@@ -17,7 +17,7 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
-from trcvtui.rig.routine import SelfActing, read_routines
+from trcvtui.rig.routine import SelfActing, read_replies, read_routines
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
 from trcvtui.rig.wire import set_link
 
@@ -54,6 +54,8 @@ class Bench:
         self._self_acting = [
             SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
         ]
+        for rule in read_replies(project):
+            self.peers[rule.peer].replies.add(rule)
         for peer in self.peers.values():
             if not peer.decl.active:
                 self._must_listen(peer)
@@ -125,6 +127,9 @@ class Bench:
             words.PeerStall: lambda c: self.peers[c.peer].stall(),
             words.PeerResume: lambda c: self.peers[c.peer].resume(),
             words.PeerSend: lambda c: self.peers[c.peer].send(c, self.now),
+            words.TryStop: lambda c: "",  # a trial of a scenario has ended with its step
+            words.ReplyOn: lambda c: self.peers[c.peer].replies.add(c),
+            words.ReplyOff: lambda c: self.peers[c.peer].replies.remove(c.number, c.peer),
             words.Link: self._link,
             words.FaultOn: self._fault,
             words.FaultClear: self._clear_faults,

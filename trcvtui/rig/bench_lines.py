@@ -8,7 +8,9 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from trcvtui.rig import bench_words as words
+from trcvtui.rig.fills import DIGITS, NUMBERS, Fill
 from trcvtui.rig.member_values import quoted
+from trcvtui.rig.reply_words import Contains, FieldIs, Match, Matches, Starts
 from trcvtui.udt.coding import Value
 from trcvtui.udt.literals import format_time
 
@@ -51,15 +53,55 @@ def _create(c: words.Create) -> str:
 
 
 def _send(c: words.PeerSend) -> str:
-    parts = [f"peer {c.peer} send {c.text or 'hex ' + c.payload.hex(' ')}"]
+    return f"peer {c.peer} send {message_text(c)}"
+
+
+def message_text(c: words.PeerSend) -> str:
+    """Return what stands behind `peer P1 send`."""
+    parts = [c.text or f"hex {c.payload.hex(' ')}"]
+    parts += [_fill(fill) for fill in c.fills if not (fill.hole and c.text)]
     if c.split:
         parts.append(f"split={','.join(map(str, c.split))}")
-    if c.gap_ns:
-        parts.append(f"gap={format_time(c.gap_ns)}")
+    if c.gap_ns or c.gaps_ns:
+        parts.append(f"gap={','.join(map(format_time, c.gaps_ns or (c.gap_ns,)))}")
     if c.repeat != 1:
         parts.append(f"repeat={c.repeat}")
     if c.every_ns:
         parts.append(f"every={format_time(c.every_ns)}")
+    return " ".join(parts)
+
+
+def _fill(fill: Fill) -> str:
+    text = f"{fill.kind}={fill.offset}"
+    if fill.kind in NUMBERS:
+        text += f":{fill.width}"
+    return text + (f":{fill.order}" if fill.width > 1 and fill.kind != DIGITS else "")
+
+
+def rule_text(c: words.ReplyOn) -> str:
+    """Return a rule as a project file has it in `replies`."""
+    return f"{match_text(c.match)} send {message_text(c.send)}"
+
+
+def match_text(match: Match) -> str:
+    """Return what a rule looks for."""
+    match match:
+        case Contains(payload, text):
+            return f"contains {text or 'hex ' + payload.hex(' ')}"
+        case Starts(payload, text):
+            return f"starts {text or 'hex ' + payload.hex(' ')}"
+        case Matches(pattern):
+            return f'regex "{pattern}"'
+        case FieldIs(type_name, path, value):
+            return f"field {type_name}.{path} = {value_text(value)}"
+
+
+def _try_splits(c: words.TrySplits) -> str:
+    parts = [f"peer {c.peer} try-splits {c.text or 'hex ' + c.payload.hex(' ')} on {c.instance}"]
+    if c.gap_ns:
+        parts.append(f"gap={format_time(c.gap_ns)}")
+    if c.differ != 0:
+        parts.append(f"differ={'any' if c.differ is None else c.differ}")
     return " ".join(parts)
 
 
@@ -130,6 +172,10 @@ LINES: Final[dict[type, Callable[[Any], str]]] = {
     words.PeerRst: lambda c: f"peer {c.peer} rst",
     words.PeerShutdown: lambda c: f"peer {c.peer} shutdown",
     words.PeerSend: _send,
+    words.ReplyOn: lambda c: f"peer {c.peer} reply on {rule_text(c)}",
+    words.ReplyOff: lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
+    words.TrySplits: _try_splits,
+    words.TryStop: lambda c: f"peer {c.peer} try-splits stop",
     words.PeerStall: lambda c: f"peer {c.peer} stall",
     words.PeerResume: lambda c: f"peer {c.peer} resume",
     words.Link: lambda c: f"link {c.connect} {'up' if c.up else 'down'}",

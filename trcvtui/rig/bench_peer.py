@@ -1,18 +1,18 @@
-"""The `peer` commands: connect, listen, close, rst, shutdown, send, stall, resume."""
+"""The `peer` commands: the connection and its trouble, what is sent, what is answered, what is tried."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import Final
 
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import Project
-from trcvtui.plc.tables import shown, whole
+from trcvtui.plc.tables import shown
 from trcvtui.rig.bench_conditions import read_peer
-from trcvtui.rig.bench_payload import read_payload
+from trcvtui.rig.bench_reply import read_reply
+from trcvtui.rig.bench_send import read_send
 from trcvtui.rig.bench_tokens import Words
-from trcvtui.rig.bench_values import duration, value_of
+from trcvtui.rig.bench_trial import read_trial
 from trcvtui.rig.bench_words import (
     BenchCommand,
     PeerClose,
@@ -20,11 +20,9 @@ from trcvtui.rig.bench_words import (
     PeerListen,
     PeerResume,
     PeerRst,
-    PeerSend,
     PeerShutdown,
     PeerStall,
 )
-from trcvtui.rig.payload import MOST_BYTES
 
 SIMPLE: Final[dict[str, Callable[[str], BenchCommand]]] = {
     "connect": PeerConnect,
@@ -35,26 +33,28 @@ SIMPLE: Final[dict[str, Callable[[str], BenchCommand]]] = {
     "stall": PeerStall,
     "resume": PeerResume,
 }
-VERBS: Final = (*SIMPLE, "send")
-OF_CONNECTIONS: Final = ("connect", "rst", "shutdown")
+TALKS: Final[dict[str, Callable[[Words, Project, str], BenchCommand]]] = {
+    "send": read_send,
+    "reply": read_reply,
+    "try-splits": read_trial,
+}
+VERBS: Final = (*SIMPLE, *TALKS)
+OF_CONNECTIONS: Final = ("connect", "rst", "shutdown", "try-splits")
 OF_UDP: Final = "one of " + ", ".join(verb for verb in VERBS if verb not in OF_CONNECTIONS)
-SIZE: Final = whole(1, MOST_BYTES)
-TIMES: Final = whole(1, 1_000_000)
-OPTIONS: Final = ("split", "gap", "repeat", "every")
-_OPTION: Final = re.compile(rf"({'|'.join(OPTIONS)})=.*", re.DOTALL)
 
 
 def read_peer_command(words: Words, project: Project) -> BenchCommand:
     """Return a `peer` command; raise UserError."""
     peer = read_peer(words, project)
     verb = words.next(f"one of {', '.join(VERBS)}")
-    if verb == "send":
-        return _read_send(words, project, peer.name)
-    if verb not in SIMPLE:
+    if verb not in VERBS:
         raise words.wrong(shown(verb), expected_name(verb, VERBS, "peer command"))
-    words.finish()
+    if verb in SIMPLE:
+        words.finish()
     if peer.udp and verb in OF_CONNECTIONS:
         raise words.wrong(f"{verb} of the UDP peer '{peer.name}', which has no connection", OF_UDP)
+    if verb in TALKS:
+        return TALKS[verb](words, project, peer.name)
     if verb == "connect" and not peer.active:
         raise words.wrong(
             f"connect of the passive peer '{peer.name}'", "listen, or a peer with active = true"
@@ -64,21 +64,3 @@ def read_peer_command(words: Words, project: Project) -> BenchCommand:
             f"listen of the active peer '{peer.name}'", "connect, or a peer with active = false"
         )
     return SIMPLE[verb](peer.name)
-
-
-def _read_send(words: Words, project: Project, peer: str) -> PeerSend:
-    options = words.cut(lambda word: _OPTION.fullmatch(word) is not None)
-    payload = read_payload(words, project)
-    split: tuple[int, ...] = ()
-    given = {"gap": 0, "repeat": 1, "every": 0}
-    for option in options:
-        key, _, text = option.partition("=")
-        if _OPTION.fullmatch(option) is None:
-            raise words.wrong(shown(option), f"one of {'=, '.join(OPTIONS)}= or the end of the command")
-        if key == "split":
-            split = tuple([value_of(SIZE, size, "split=", words.where) for size in text.split(",")])
-        elif key == "repeat":
-            given[key] = value_of(TIMES, text, "repeat=", words.where)
-        else:
-            given[key] = duration(text, f"{key}=", words.where)
-    return PeerSend(peer, payload.content, split, given["gap"], given["repeat"], given["every"], payload.text)

@@ -6,6 +6,7 @@ Rule: quotes and braces keep a word together; `#` behind a blank begins a commen
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
@@ -101,6 +102,11 @@ class Words:
         self.rest()
         return self.written(start)
 
+    def to_come(self) -> str:
+        """Return what is left as it is written, without taking it."""
+        left = self._tokens[self._at :]
+        return self._line[left[0].start : left[-1].end] if left else ""
+
     @property
     def place(self) -> int:
         """Return how many words have been taken."""
@@ -118,6 +124,15 @@ class Words:
                 del self._tokens[number:]
                 return tail
         return []
+
+    def apart(self, begins: Callable[[str], bool]) -> Words:
+        """Take the words from the first one to come that `begins` away from the end, as words apart."""
+        after = range(self._at, len(self._tokens))
+        number = next((n for n in after if begins(self._tokens[n].text)), len(self._tokens))
+        tail = copy(self)
+        tail._at = number
+        self._tokens = self._tokens[:number]
+        return tail
 
     def finish(self) -> None:
         """Raise UserError when words are left."""

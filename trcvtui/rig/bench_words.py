@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from trcvtui.plc.project import DataDecl, InstanceDecl
+from trcvtui.rig.fills import Fill
+from trcvtui.rig.reply_words import Match
 from trcvtui.rig.trace_pattern import TracePattern
 from trcvtui.udt.coding import Value
 
@@ -125,6 +127,8 @@ class PeerSend:
     """`peer P1 send hex 01 02 split=1 gap=T#20ms repeat=10 every=T#50ms`.
 
     `split` are the sizes of the first chunks in bytes; times in ns, 0 = at once. `text` is `hex 01 02`.
+    `gaps_ns` are the pauses of the single cuts, where they differ; the last, which is `gap_ns`, goes on.
+    `fills` is what each message gets anew.
     """
 
     peer: str
@@ -134,6 +138,48 @@ class PeerSend:
     repeat: int = 1
     every_ns: int = 0
     text: str = field(default="", compare=False)
+    gaps_ns: tuple[int, ...] = ()
+    fills: tuple[Fill, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyOn:
+    """`peer P1 reply on contains hex 05 send hex 06`: one more rule of what a peer answers."""
+
+    peer: str
+    match: Match
+    send: PeerSend
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyOff:
+    """`peer P1 reply off`: no more replies; `reply off 2`: without rule 2 (`number` 0: all of them)."""
+
+    peer: str
+    number: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class TrySplits:
+    """`peer P1 try-splits hex 01 02 03 on TRCV_C_1`: the message whole, then in two chunks, each cut once.
+
+    `gap_ns` 0: three intervals of the fastest task. `differ` splits shall end otherwise than the whole
+    message; None: any number.
+    """
+
+    peer: str
+    payload: bytes
+    instance: str
+    gap_ns: int = 0
+    differ: int | None = 0
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class TryStop:
+    """`peer P1 try-splits stop`: end the running trial, or put the table of the last one away."""
+
+    peer: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,6 +324,10 @@ BenchCommand = (
     | PeerRst
     | PeerShutdown
     | PeerSend
+    | ReplyOn
+    | ReplyOff
+    | TrySplits
+    | TryStop
     | PeerStall
     | PeerResume
     | Link

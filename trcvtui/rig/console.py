@@ -20,6 +20,7 @@ from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario import load_scenario, start_steps
 from trcvtui.rig.session import Session
+from trcvtui.rig.trial import Trials
 
 MOST_ANSWERS: Final = 64
 MOST_DATA: Final = (
@@ -49,6 +50,7 @@ class Console:
         self.player: Player | None = None
         self.holding = False
         self.wanted = 0
+        self._trials = Trials()
         self.session = Session(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
@@ -96,6 +98,10 @@ class Console:
                 return self._pass(ns // self.bench.runtime.interval_ns)
             case words.Expect(condition, None):
                 return "" if holds(self.bench, condition) else f"found {found(self.bench, condition)}"
+            case words.TrySplits():
+                return self._trials.begin(self.bench, command)
+            case words.TryStop():
+                return self._trials.stop()
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
             case _:
@@ -175,6 +181,7 @@ class Console:
     def _enter(self, bench: Bench) -> None:
         self.bench, self.player, self.session = bench, None, Session(bench)
         self.holding, self.wanted = False, 0
+        self._trials = Trials()
         self._bench_number += 1
 
     # -- scans -----------------------------------------------------------------------------------------
@@ -194,6 +201,7 @@ class Console:
         self.session.scanned()
         if self.player is not None:
             self.player.scanned()
+        self._trials.scanned()
         return True
 
     def _may_scan(self) -> bool:
@@ -237,6 +245,7 @@ class Console:
             project_number=self._project_number,
             project=None if request.project == self._project_number else self._project,
             player=self.player.snapshot() if self.player is not None else None,
+            trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
         )
 
     def _count_project(self) -> None:

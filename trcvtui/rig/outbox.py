@@ -7,19 +7,25 @@ for each other; their messages never mix.
 from __future__ import annotations
 
 from collections import deque
+from typing import Final
 
 from trcvtui.rig.bench_words import PeerSend
+from trcvtui.rig.fills import filled
 from trcvtui.rig.payload import chunks
+
+MOST_WAITING: Final = 256  # answers of a peer whose partner asks and does not read
 
 
 class _Sending:
     """One `send` in progress: which message of its repetitions, which chunk, what is left of it."""
 
-    def __init__(self, send: PeerSend, now: int) -> None:
+    def __init__(self, send: PeerSend, now: int, number: int) -> None:
         self.send = send
+        self._number = number  # of the running message, for what is filled in
+        self._gaps = send.gaps_ns or (send.gap_ns,)
         self.left = send.repeat  # messages to come, the running one included
         self.due = self.began = now
-        self._pieces = chunks(send.payload, send.split)
+        self._pieces = self._filled()
         self._piece = 0
         self.rest = self._pieces[0]
         self.is_fresh = True  # nothing of the running message has gone yet
@@ -33,7 +39,7 @@ class _Sending:
             return
         self._piece += 1
         if self._piece < len(self._pieces):
-            self.due += self.send.gap_ns
+            self.due += self._gaps[min(self._piece, len(self._gaps)) - 1]
             self.rest = self._pieces[self._piece]
         else:
             self._next_message()
@@ -43,7 +49,13 @@ class _Sending:
         pause_over = self.due + self.send.gap_ns
         self.due = max(self.began + self.send.every_ns, self.due) if self.send.every_ns else pause_over
         self.began = self.due
+        if self.send.fills and self.left:
+            self._number += 1
+            self._pieces = self._filled()
         self._piece, self.rest, self.is_fresh = 0, self._pieces[0], True
+
+    def _filled(self) -> tuple[memoryview, ...]:
+        return chunks(filled(self.send.payload, self.send.fills, self._number), self.send.split)
 
     @property
     def unsent(self) -> int:
@@ -58,9 +70,17 @@ class Outbox:
     def __init__(self) -> None:
         self._sendings: deque[_Sending] = deque()
 
-    def put(self, send: PeerSend, now: int) -> None:
-        """Take one send command; its first chunk is due now, behind what waits already."""
-        self._sendings.append(_Sending(send, now))
+    def put(self, send: PeerSend, now: int, number: int = 0) -> None:
+        """Take one send command; its first chunk is due now, behind what waits already.
+
+        `number` is that of its first message, for what is filled in.
+        """
+        self._sendings.append(_Sending(send, now, number))
+
+    @property
+    def room(self) -> int:
+        """Return how many more answers may wait."""
+        return max(0, MOST_WAITING - len(self._sendings))
 
     def due(self, now: int) -> memoryview | None:
         """Return what is to be sent now, None while nothing is due."""

@@ -15,6 +15,7 @@ from trcvtui.plc.project import PeerDecl
 from trcvtui.rig.bench_words import PeerSend
 from trcvtui.rig.peer_traffic import FIN, PeerTraffic
 from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.replies import Replies
 
 BACKLOG: Final = 4
 MOST_ACCEPTS: Final = 64  # a flood of clients costs bounded work between two scans
@@ -83,6 +84,16 @@ class Peer:
         return self.traffic.inbox.is_exactly(payload)
 
     @property
+    def unsent(self) -> int:
+        """Return how many bytes are still to come."""
+        return self.traffic.unsent
+
+    @property
+    def replies(self) -> Replies:
+        """Return what it answers by itself."""
+        return self.traffic.replies
+
+    @property
     def listening_port(self) -> int | None:
         """Return the port that a passive peer listens on, None while it does not."""
         return self._port if self._listener is not None else None
@@ -107,6 +118,7 @@ class Peer:
             pending=self.traffic.unsent,
             last_received=self.traffic.inbox.last[-LAST_SHOWN:],
             received_here=self.traffic.inbox.count,
+            replies=self.traffic.replies.snapshot(),
         )
 
     # -- commands ------------------------------------------------------------------------------------
@@ -204,14 +216,17 @@ class Peer:
         self._note("reads again")
         return ""
 
-    def send(self, send: PeerSend, now: int) -> str:
-        """Send a message, at once as far as the stack takes it; the rest goes on in `step`."""
+    def send(self, send: PeerSend, now: int, number: int = 0) -> str:
+        """Send a message, at once as far as the stack takes it; the rest goes on in `step`.
+
+        `number` is filled in where the message has a place for it.
+        """
         self._now = now
         if self._handle is None:
             return f"{self.decl.name} is {self.state}, not connected"
         if self._half_closed:
             return f"{self.decl.name} has shut down its sending side"
-        self.traffic.put(send, now)
+        self.traffic.put(send, now, number)
         self._send_due(self._handle)
         return ""
 
@@ -277,7 +292,7 @@ class Peer:
             self._partner_closed(handle)
 
     def _read(self, handle: Handle) -> None:
-        ending = self.traffic.read(handle)
+        ending = self.traffic.read(handle, self._now, not self._half_closed)
         if isinstance(ending, Fault):
             self._lost(handle, ending)
         elif ending is FIN:

@@ -11,6 +11,7 @@ from trcvtui.plc.ledger import Event, PeerSent
 from trcvtui.rig.bench_words import PeerSend
 from trcvtui.rig.inbox import Inbox
 from trcvtui.rig.outbox import Outbox
+from trcvtui.rig.replies import Replies
 
 READ_BYTES: Final = 65536
 MOST_READS: Final = 64  # a flood costs bounded work between two scans
@@ -30,6 +31,7 @@ class PeerTraffic:
 
     def __init__(self, name: str, kernel: Kernel, journal: Callable[[Event], None]) -> None:
         self.inbox = Inbox()
+        self.replies = Replies()
         self.messages = self.bytes_sent = 0
         self._name = name
         self._kernel = kernel
@@ -43,8 +45,9 @@ class PeerTraffic:
         """Begin with a new connection between these ends."""
         self._ends, self._offset = (local, remote), 0
         self.inbox.begin()
+        self.replies.begin()
 
-    def read(self, handle: Handle) -> Fault | Fin | None:
+    def read(self, handle: Handle, now: int, may_answer: bool) -> Fault | Fin | None:
         """Read what has arrived; return how the connection has ended, None while it stands."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._buffer)
@@ -56,11 +59,17 @@ class PeerTraffic:
             if got == 0:
                 return FIN
             self.inbox.take(self._buffer[:got])
+            if self.replies:
+                self._answer(bytes(self._buffer[:got]), now, self._outbox.room if may_answer else 0)
         return None
 
-    def put(self, send: PeerSend, now: int) -> None:
+    def _answer(self, arrived: bytes, now: int, room: int) -> None:
+        for send, number in self.replies.take(arrived, now, room):
+            self._outbox.put(send, now, number)
+
+    def put(self, send: PeerSend, now: int, number: int) -> None:
         """Take one send command, behind those that are not finished."""
-        self._outbox.put(send, now)
+        self._outbox.put(send, now, number)
 
     def send_due(self, handle: Handle, now: int) -> Fault | None:
         """Send what is due as far as the stack takes it; return the Fault that ends the connection."""

@@ -30,6 +30,15 @@ class PictureRequest:
 
 
 @dataclass(frozen=True, slots=True)
+class ReplySnapshot:
+    """A reply rule as `replies` of a project has it; `missed` are hits of a flood that were not answered."""
+
+    rule: str
+    hits: int
+    missed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class PeerSnapshot:
     """One peer. `state` is closed, listening, connecting, connected, reset or refused; counters in bytes."""
 
@@ -46,6 +55,7 @@ class PeerSnapshot:
     last_received: bytes
     received_here: int = 0  # on the current or last connection
     udp: bool = False
+    replies: tuple[ReplySnapshot, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +115,59 @@ class PlayerSnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class SplitRow:
+    """What cuts `first` to `last` (0: the whole message) have come to; `same`: as the whole message.
+
+    `walk` is the STATUS walk in the notation of a trace, `lengths` the RCVD_LEN of each DONE.
+    """
+
+    first: int
+    last: int
+    walk: str
+    done: int
+    lengths: str
+    data_equal: bool
+    same: bool
+
+    def span(self) -> str:
+        """Return the cuts of this row."""
+        if not self.last:
+            return "whole"
+        return f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
+
+
+@dataclass(frozen=True, slots=True)
+class TrialSnapshot:
+    """How far `try-splits` has come; `state` is running, finished, cancelled or failed."""
+
+    peer: str
+    instance: str
+    payload: bytes
+    gap_ns: int
+    state: str
+    problem: str
+    runs: int
+    differing: int
+    rows: tuple[SplitRow, ...]
+
+    def summary(self) -> str:
+        """Return in one line what it has come to."""
+        splits = max(0, self.runs - 1)
+        if self.problem:
+            return f"{self.state}: {self.problem}"
+        if self.state == "finished" and not self.differing:
+            return f"all {splits} splits end as the whole message does"
+        verdict = f"{self.differing} of {splits} splits differ from the whole message"
+        return verdict if self.state == "finished" else f"{self.state}, {verdict} so far"
+
+
+@dataclass(frozen=True, slots=True)
 class Picture:
     """The bench after its last scan. `holding` is True while no scans pass.
 
     `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where
-    the screen does not know it yet. `player` is there while a scenario is loaded.
+    the screen does not know it yet. `player` is there while a scenario is loaded, `trial` from the first
+    `try-splits` on.
     """
 
     snapshot: Snapshot
@@ -126,3 +184,4 @@ class Picture:
     project_number: int = 0
     project: Project | None = None
     player: PlayerSnapshot | None = None
+    trial: TrialSnapshot | None = None

@@ -12,14 +12,14 @@ from typing import Final
 from trcvtui.errors import mistake
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.picture import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
+from trcvtui.rig.picture import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot, TrialSnapshot
 from trcvtui.rig.scenario import START_STEP, Scenario
 from trcvtui.rig.stage import Stage
 
 MOST_STEPS: Final = 1000  # all of them are in each picture
 LONGEST_TEXT: Final = 2000  # of a line or of what was found, in a picture
 MOST_RUNS: Final = 120  # of each instance's trace, in a picture
-JUDGED: Final = (words.Wait, words.Expect, words.ExpectTrace)
+JUDGED: Final = (words.Wait, words.Expect, words.ExpectTrace, words.TrySplits)
 
 
 class Player:
@@ -42,6 +42,10 @@ class Player:
     def is_finished(self) -> bool:
         """Return whether no step is to come."""
         return self._current == len(self._steps) or self._stage.is_over
+
+    def tried(self) -> TrialSnapshot | None:
+        """Return the table of the last `try-splits`."""
+        return self._stage.trial.snapshot() if self._stage.trial is not None else None
 
     @property
     def wants_scan(self) -> bool:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc.project import PeerDecl, Project
 from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import PeerSend
+from trcvtui.rig.bench_reply import MOST_RULES, read_rule
+from trcvtui.rig.bench_tokens import Words
+from trcvtui.rig.bench_words import PeerSend, ReplyOn
 from trcvtui.rig.udp_peer import AnyPeer
 
 
@@ -18,6 +20,24 @@ class Routine:
     says: tuple[PeerSend, ...]
     every_ns: int
     reconnect_ns: int
+
+
+def read_replies(project: Project) -> tuple[ReplyOn, ...]:
+    """Return the reply rules that the peers of a project begin with; raise UserError with all mistakes."""
+    problems: list[Problem] = []
+    rules: list[ReplyOn] = []
+    for decl in project.peers:
+        where = f"{project.path}: peer {decl.name}: replies"
+        if len(decl.replies) > MOST_RULES:
+            problems.append(Problem(where, f"{len(decl.replies)} rules", f"at most {MOST_RULES}"))
+        for number, text in enumerate(decl.replies, 1):
+            try:
+                rules.append(read_rule(Words(text, f"{where} #{number}"), project, decl.name))
+            except UserError as wrong:
+                problems += wrong.problems
+    if problems:
+        raise UserError(problems)
+    return tuple(rules)
 
 
 def read_routines(project: Project) -> dict[str, Routine]:
@@ -72,7 +92,7 @@ class SelfActing:
 
     def _say(self, now: int) -> None:
         says = self._routine.says
-        if says and now >= self._next_word and not self._peer.snapshot().pending:
+        if says and now >= self._next_word and not self._peer.unsent:
             self._next_word = now + self._routine.every_ns
-            self._peer.send(says[self._turn % len(says)], now)
+            self._peer.send(says[self._turn % len(says)], now, self._turn)
             self._turn += 1

@@ -13,8 +13,8 @@ from trcvtui.plc.project_file import load_project, load_scenario_document
 from trcvtui.plc.tables import TEXT, Table
 from trcvtui.rig.bench import parse_script
 from trcvtui.rig.bench_instances import after
-from trcvtui.rig.bench_words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, Wait
-from trcvtui.rig.routine import read_routines
+from trcvtui.rig.bench_words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, TrySplits, Wait
+from trcvtui.rig.routine import read_replies, read_routines
 
 T = TypeVar("T")
 
@@ -43,6 +43,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     problems = table.problems
     start = _collected(problems, lambda: start_steps(project)) or ()
     _collected(problems, lambda: read_routines(project))
+    _collected(problems, lambda: read_replies(project))
     # A file named in a step stands beside the scenario, also where the project stands elsewhere.
     here = replace(project, base=path.parent)
     for step in start:
@@ -68,6 +69,7 @@ def load_bench(path: Path) -> Project:
     problems: list[Problem] = []
     _collected(problems, lambda: start_steps(project))
     _collected(problems, lambda: read_routines(project))
+    _collected(problems, lambda: read_replies(project))
     if problems:
         raise UserError(problems)
     return project
@@ -87,4 +89,4 @@ def start_steps(project: Project) -> tuple[Step, ...]:
 def _lets_scans_pass(command: BenchCommand) -> bool:
     if isinstance(command, Expect):
         return command.within_ns is not None
-    return isinstance(command, RunScans | RunFor | Wait | ExpectTrace)
+    return isinstance(command, RunScans | RunFor | Wait | ExpectTrace | TrySplits)

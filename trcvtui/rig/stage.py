@@ -15,6 +15,7 @@ from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.conditions import found, holds
 from trcvtui.rig.trace import Trace
+from trcvtui.rig.trial import SplitTrial
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,7 @@ class Stage:
         self.bench = bench
         self.failure: Failure | None = None
         self.is_over = False
+        self.trial: SplitTrial | None = None  # the last one
         self.traces: dict[str, Trace] = defaultdict(Trace)  # an instance may be created on the way
         for decl in bench.project.instances:
             self.traces[decl.name] = Trace()
@@ -54,6 +56,8 @@ class Stage:
                 section = self.traces[instance].take()
                 if not section.fits(pattern):
                     self._fail(step, str(section))
+            case words.TrySplits() as command:
+                yield from self._try_splits(step, command)
             case command:
                 self._do(step, command)
 
@@ -76,6 +80,13 @@ class Stage:
                 return
             left -= 1
             yield
+
+    def _try_splits(self, step: words.Step, command: words.TrySplits) -> Iterator[None]:
+        self.trial = SplitTrial(self.bench, command)
+        yield from self.trial.run()
+        wrong = self.trial.verdict()
+        if wrong:
+            self._fail(step, wrong)
 
     def _fail(self, step: words.Step, what: str) -> None:
         self.failure = Failure(step.number, step.line, what)

@@ -19,6 +19,7 @@ from trcvtui.rig.outbox import Outbox
 from trcvtui.rig.payload import chunks
 from trcvtui.rig.peer import LAST_SHOWN, PEER_OPTIONS, Peer
 from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.replies import Replies
 
 READ_BYTES: Final = 65536  # no datagram is larger
 LARGEST: Final = 65507
@@ -38,6 +39,7 @@ class UdpPeer:
         self.decl = decl
         self.stalled = False
         self.inbox = Inbox()
+        self.replies = Replies()
         self.messages = self.bytes_sent = 0
         self._kernel = kernel
         self._resolve = resolve
@@ -90,6 +92,7 @@ class UdpPeer:
             last_received=self.inbox.last[-LAST_SHOWN:],
             received_here=self.inbox.count,
             udp=True,
+            replies=self.replies.snapshot(),
         )
 
     # -- commands ------------------------------------------------------------------------------------
@@ -140,7 +143,12 @@ class UdpPeer:
         self._note("reads again")
         return ""
 
-    def send(self, send: PeerSend, now: int) -> str:
+    @property
+    def unsent(self) -> int:
+        """Return how many bytes are still to come."""
+        return self._outbox.unsent
+
+    def send(self, send: PeerSend, now: int, number: int = 0) -> str:
         """Send a message as one datagram, or one for each piece of `split`; the rest goes on in `step`."""
         if self._handle is None:
             return f"{self.decl.name} is closed"
@@ -149,7 +157,7 @@ class UdpPeer:
         largest = max(map(len, chunks(send.payload, send.split)))
         if largest > LARGEST:
             return f"{self.decl.name}: a datagram of {largest} bytes; at most {LARGEST}, so use split="
-        self._outbox.put(send, now)
+        self._outbox.put(send, now, number)
         return self._send_due(self._handle, now)
 
     def connect(self, now: int) -> str:
@@ -179,10 +187,10 @@ class UdpPeer:
         """Read what has arrived and send what is due; time in ns of the run."""
         if self._handle is not None:
             if not self.stalled:
-                self._read(self._handle)
+                self._read(self._handle, now)
             self._send_due(self._handle, now)
 
-    def _read(self, handle: Handle) -> None:
+    def _read(self, handle: Handle, now: int) -> None:
         for _ in range(MOST_READS):
             got = self._kernel.recv_from(handle, self._buffer)
             if isinstance(got, Fault):
@@ -193,6 +201,13 @@ class UdpPeer:
                 self._note("heard", str(got.source))
             self._heard = got.source
             self.inbox.take(self._buffer[: got.size])
+            if self.replies:
+                self._answer(bytes(self._buffer[: got.size]), now)
+
+    def _answer(self, datagram: bytes, now: int) -> None:
+        self.replies.begin()  # nothing is looked for across datagrams
+        for send, number in self.replies.take(datagram, now, self._outbox.room):
+            self._outbox.put(send, now, number)
 
     def _target(self) -> Endpoint | None:
         remote = self.decl.remote

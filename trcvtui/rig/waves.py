@@ -72,7 +72,7 @@ class Waves:
         if ledger.last_seq == seen:
             return
         self._seen = ledger.last_seq
-        fresh = ledger.unread(seen)
+        fresh = ledger.stamped_since(seen)
         if self._seen - len(fresh) > seen:
             self._lose(self._seen - len(fresh))
         for number, (scan, t_ns, event) in enumerate(fresh, self._seen - len(fresh) + 1):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from textual.message import Message
 
+from trcvtui.plc.ledger import Line
+
 
 class InstanceSelected(Message):
     """Another instance was selected in the scene: the panes follow."""
@@ -22,6 +24,10 @@ class ByteSelected(Message):
         self.of_job = of_job
 
 
+class PastSelected(Message):
+    """The cursor of the history went to another byte."""
+
+
 class FieldSelected(Message):
     """A row of the UDT table was chosen: its bytes."""
 
@@ -31,11 +37,12 @@ class FieldSelected(Message):
 
 
 class EdgeSelected(Message):
-    """A STATUS edge of the past was chosen in the history; None: back to now."""
+    """A STATUS edge of the past was chosen, in the history or over time; None: back to now."""
 
-    def __init__(self, seq: int | None) -> None:
+    def __init__(self, seq: int | None, line: Line | None = None) -> None:
         super().__init__()
         self.seq = seq
+        self.line = line
 
 
 class KeyClicked(Message):

@@ -113,7 +113,16 @@ class StatusHistory(LineView):
         self._chosen = self._edges[y].seq if y >= 0 else None
         super().resize_rows()
         self.keep_in_view(y + 1 if y >= 0 else 0)
-        self.post_message(EdgeSelected(self._chosen))
+        self.post_message(EdgeSelected(self._chosen, self.chosen()))
+        self.show()
+
+    def point_at(self, seq: int | None) -> None:
+        """Follow a choice that was made in another pane; an edge older than this list leaves it alone."""
+        if seq == self._chosen:
+            return
+        y = next((y for y, line in enumerate(self._edges) if line.seq == seq), -1)
+        self._chosen = seq if y >= 0 else None
+        self.keep_in_view(y + 1 if y >= 0 else 0)
         self.show()
 
     def forget(self) -> None:

@@ -60,7 +60,7 @@ async def test_why_is_told_with_the_actual_numbers(size: tuple[int, int]) -> Non
 async def test_an_active_connect_tells_its_attempts(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
         await looker.press("1", "j", "3")
-        why = "before the next attempt, partner 10.0.0.7:2001; 7 attempts so far, the next in 0.4 s"
+        why = "waits for 10.0.0.7:2001; 7 attempts so far, the next in 0.4 s"
         assert why in looker.words("status")
 
 

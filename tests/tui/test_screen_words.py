@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from tests.tui.fakes import MS, SECOND, bench_project, connections, edge, receiving
+from tests.tui.fakes import MS, SECOND, bench_project, edge
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, CLASSES
 from trcvtui.tui.completion import complete
-from trcvtui.tui.explain import why, why_now
+from trcvtui.tui.explain import why
 from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped
 from trcvtui.tui.keys import letters_of
 from trcvtui.tui.peer_commands import send_line
@@ -103,16 +101,6 @@ def test_a_cause_is_told_with_all_its_evidence(cause: Cause, text: str) -> None:
     assert why(edge(0x80AA, Condition.RECEIVE_FAILED, cause)) == text
 
 
-def test_an_armed_block_is_not_called_stuck() -> None:
-    text = why_now(replace(receiving(have=0), last_receive_ns=None), connections()[0], 9 * SECOND)
-    assert text == "armed for 24 bytes: none is here yet"
-
-
-def test_an_ad_hoc_job_wants_up_to_its_limit() -> None:
-    text = why_now(replace(receiving(have=0), adhoc=True), connections()[0], 9 * SECOND)
-    assert text == "armed for up to 24 bytes (ADHOC): none is here yet, the last one came 1.0 s ago"
-
-
 # -- commands ------------------------------------------------------------------------------------------
 
 
@@ -133,6 +121,10 @@ def test_an_ad_hoc_job_wants_up_to_its_limit() -> None:
         ("fault recv ECONNRESET on C", "fault recv ECONNRESET on C1"),
         ("link C2 d", "link C2 down"),
         ("plc r", "plc run"),
+        ("tr", "trigger"),
+        ("trigger TRCV_C_1 ST", "trigger TRCV_C_1 STATUS="),
+        ("trigger TRCV_C_1 EN_R r", "trigger TRCV_C_1 EN_R rises"),
+        ("trigger r", "trigger rx"),
         ("write sm", "write small"),
         ("expect TRCV_C_2 ST", "expect TRCV_C_2 STATUS="),
         ("nonsense x", None),

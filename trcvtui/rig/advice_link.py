@@ -68,7 +68,8 @@ def _called(e: Evidence) -> str:
     if e.link is None:
         return text
     if e.link.retry_in_ns is not None:
-        return f"{text}; the next attempt in {age(e.link.retry_in_ns)}"
+        tried = "" if e.facts.failures else f"{count(e.link.attempts, 'attempt')} so far, "
+        return f"{text}; {tried}the next {'attempt ' if not tried else ''}in {age(e.link.retry_in_ns)}"
     return f"{text}; SYN unanswered in attempt {e.link.attempts}" if e.link.attempts else text
 
 
@@ -136,11 +137,11 @@ def peer_that_could_call(e: Evidence) -> str:
         return ""
     if e.config.active:
         return _peer_to_call(e)
-    idle = [peer for peer in e.peers if peer.active and not peer.udp]
-    if not idle and e.peers:
+    callers = [peer for peer in e.peers if peer.name in e.callers]
+    if e.peers and not any(peer.active for peer in e.peers):
         names = " and ".join(peer.name for peer in e.peers[:3])
         return f"{e.config.name} and {names} are all passive: exactly one of two ends has to be active"
-    waiting = [peer for peer in idle if peer.state not in ("connected", "connecting")]
+    waiting = [peer for peer in callers if peer.state not in ("connected", "connecting")]
     return _call(waiting[0]) if waiting else ""
 
 

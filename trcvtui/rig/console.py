@@ -20,6 +20,7 @@ from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario import load_scenario, start_steps
 from trcvtui.rig.session import Session
+from trcvtui.rig.watching import Watching
 from trcvtui.rig.trial import Trials
 
 MOST_ANSWERS: Final = 64
@@ -30,6 +31,7 @@ SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
 SAVE: Final = "save"
 SAVE_LINES: Final = "save scenario FILE"
+TRIGGER: Final = "trigger"
 SCENARIO: Final = "scenario"
 SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
 
@@ -52,6 +54,7 @@ class Console:
         self.wanted = 0
         self._trials = Trials()
         self.session = Session(bench)
+        self._watching = Watching(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
         self._home = bench.project, bench.kernel_name
@@ -76,6 +79,9 @@ class Console:
             verb, _, rest = line.partition(" ")
             if verb == SCENARIO:
                 return self._scenario(rest.strip())
+            if verb == TRIGGER:
+                self._told = self._watching.arm(rest, "prompt")
+                return ""
             if line == MARK:
                 return self._mark()
             if verb == SAVE:
@@ -180,6 +186,7 @@ class Console:
 
     def _enter(self, bench: Bench) -> None:
         self.bench, self.player, self.session = bench, None, Session(bench)
+        self._watching = Watching(bench)
         self.holding, self.wanted = False, 0
         self._trials = Trials()
         self._bench_number += 1
@@ -199,6 +206,9 @@ class Console:
             return False
         self.bench.step(now)
         self.session.scanned()
+        fired = self._watching.scanned()
+        if fired is not None and fired.holds:
+            self.holding, self.wanted = True, 0
         if self.player is not None:
             self.player.scanned()
         self._trials.scanned()
@@ -230,7 +240,7 @@ class Console:
         answers = tuple(self._answers)
         self._answers.clear()
         self._count_project()
-        return Picture(
+        picture = Picture(
             snapshot=runtime.snapshot(tuple(str(fault) for fault in self.bench.plan.entries())),
             lines=lines,
             lines_skipped=max(0, fresh - len(lines)),
@@ -247,6 +257,7 @@ class Console:
             player=self.player.snapshot() if self.player is not None else None,
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
         )
+        return self._watching.completed(picture, request.partial_of, since) if known else picture
 
     def _count_project(self) -> None:
         """Give the project another number when it has become another: by a fresh bench, or on the way."""

@@ -106,6 +106,7 @@ class Facts:
     bursts: Sizes = Sizes()
     longest_gap_ns: int = 0  # between the last bursts
     first_burst: Moment | None = None
+    received: int = 0  # bytes of the stream so far
     job_offset: int | None = None
     job_began: Moment | None = None
     drop: Drop | None = None
@@ -148,6 +149,7 @@ class Evidence:
     config: ConnectConfig | None = None
     facts: Facts = NOTHING_KNOWN
     peers: tuple[PeerSnapshot, ...] = ()
+    callers: tuple[str, ...] = ()  # the active peers of this bench that are meant for this CONNECT
     budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
 
     def pin(self, name: str) -> bool | int | None:
@@ -192,12 +194,25 @@ def evidence_now(picture: Picture, project: Project, name: str) -> Evidence | No
         config=project.connect(instance.connect),
         facts=next((facts for known, facts in picture.facts if known == name), NOTHING_KNOWN),
         peers=picture.peers,
+        callers=_callers(project, instance.connect),
         budget=(snapshot.connections_used, snapshot.connections_limit),
     )
 
 
-def evidence_then(line: Line, edge: StatusEdge, facts: Facts, project: Project, interval_ns: int) -> Evidence:
-    """Return what the ledger knows of an edge of the past; `facts` are those of that scan."""
+def _callers(project: Project, connect: str) -> tuple[str, ...]:
+    config = project.connect(connect)
+    ends = (f"@{connect}", config.local if config is not None else None)
+    return tuple(peer.name for peer in project.peers if peer.active and not peer.udp and peer.end in ends)
+
+
+def evidence_then(
+    line: Line, edge: StatusEdge, facts: Facts, until: Moment, project: Project, interval_ns: int
+) -> Evidence:
+    """Return what the ledger knows of an edge of the past; `facts` are those of the scan `until` it showed."""
+    need = edge.cause.need or 0
+    have = edge.cause.have or 0
+    if edge.busy and need and facts.job_offset is not None:
+        have = max(0, min(need, facts.received - facts.job_offset))
     decl = project.instance(edge.instance)
     data = project.data_decl(decl.data) if decl and decl.data else None
     return Evidence(
@@ -205,14 +220,14 @@ def evidence_then(line: Line, edge: StatusEdge, facts: Facts, project: Project, 
         block=edge.block,
         condition=edge.condition,
         cause=edge.cause,
-        at=Moment(line.scan, line.t_ns),
+        at=until,
         since_scan=line.scan,
         interval_ns=interval_ns,
         is_past=True,
         data=data.name if data else "",
         data_size=data.size if data else 0,
-        have=edge.cause.have or 0,
-        need=edge.cause.need or 0,
+        have=have,
+        need=need,
         adhoc=bool(dict(decl.inputs).get("ADHOC")) if decl else False,
         config=project.connect(decl.connect) if decl else None,
         facts=facts,

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.notes import BytesReceived, ConnectionNote, What
-from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.plc.ledger import Event, Line, PeerSent, StatusEdge
 from trcvtui.rig.evidence import Drop, Facts, Failures, Loss, Message, Moment, Sizes, TurnedAway
 
 KEPT_SIZES: Final = 40
@@ -92,6 +92,7 @@ class _Link:
     def begin_stream(self) -> None:
         """Begin with a new connection: offsets count from 0 again."""
         self.bursts = _Bursts()
+        self.received = 0
         self.drop: Drop | None = None
         self.drops = 0
 
@@ -134,7 +135,9 @@ class FactBook:
         sent.newest.append((event.message, event.offset, event.size))
 
     def _bytes(self, scan: int, t_ns: int, event: BytesReceived) -> None:
-        self._link(event.connection).bursts.note(scan, t_ns, event.size)
+        link = self._link(event.connection)
+        link.received = event.offset + event.size
+        link.bursts.note(scan, t_ns, event.size)
 
     def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
         self._jobs[event.instance] = Moment(scan, t_ns), event
@@ -209,6 +212,7 @@ class FactBook:
             bursts=bursts.sizes,
             longest_gap_ns=max(bursts.gaps, default=0),
             first_burst=bursts.first,
+            received=link.received,
             drop=link.drop,
             drops=link.drops,
             up_since=link.up_since,
@@ -238,6 +242,21 @@ class FactBook:
             return known
         behind = sent.at(link.drop.end)
         return replace(known, drop_cuts=behind is not None and behind.offset < link.drop.end)
+
+
+def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, Moment]:
+    """Return what was known while an edge of the past showed, and the scan up to which it did."""
+    kept = list(lines)
+    following = next((known for known in kept if known.seq > line.seq and _is_next(known, edge)), None)
+    shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]
+    book = FactBook()
+    book.take((known.scan, known.t_ns, known.event) for known in shown)
+    last = shown[-1] if shown and shown[-1].seq > line.seq else line
+    return book.facts(edge.instance, connect), Moment(last.scan, last.t_ns)
+
+
+def _is_next(line: Line, edge: StatusEdge) -> bool:
+    return isinstance(line.event, StatusEdge) and line.event.instance == edge.instance
 
 
 _NO_JOB: Final = Moment(), JobStarted("", 0, "", -1, 0, 0, False)

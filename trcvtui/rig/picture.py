@@ -10,6 +10,8 @@ from trcvtui.plc.snapshot import Snapshot
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.plc.project import Project
+    from trcvtui.rig.evidence import Facts
+    from trcvtui.rig.triggers import Fired
 
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 
@@ -185,3 +187,6 @@ class Picture:
     project: Project | None = None
     player: PlayerSnapshot | None = None
     trial: TrialSnapshot | None = None
+    facts: tuple[tuple[str, Facts], ...] = ()
+    armed: str = ""
+    fired: Fired | None = None

@@ -10,7 +10,8 @@ from textual.suggester import Suggester
 from trcvtui.plc.project import Project
 
 VERBS: Final = (
-    "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "expect", "scenarios",
+    "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
+    "scenarios",
 )  # fmt: skip
 PEER_VERBS: Final = ("send", "connect", "listen", "close", "rst", "shutdown", "stall", "resume")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -89,6 +90,16 @@ def _after_expect(words: list[str], project: Project) -> Iterable[str]:
     return _instances(project) if len(words) == 1 else ("STATUS=", "DONE=", "BUSY=", "ERROR=", "RCVD_LEN=")
 
 
+def _after_trigger(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return (*_instances(project), *(data.name for data in project.data), "off")
+    declared = project.instance(words[1])
+    if len(words) > 2 or declared is None:
+        return ("rises", "falls", "hold")
+    pins = sorted(project.pins(declared.block), key=lambda pin: pin.name != "STATUS")
+    return (f"{pin.name}{'' if pin.is_bool else '='}" for pin in pins)
+
+
 def _instances(project: Project) -> Iterable[str]:
     return (instance.name for instance in project.instances)
 
@@ -109,6 +120,7 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "link": _after_link,
     "write": _after_write,
     "expect": _after_expect,
+    "trigger": _after_trigger,
     "plc": lambda words, project: ("stop", "run"),
 }
 

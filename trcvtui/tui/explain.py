@@ -1,66 +1,70 @@
-"""Why a block shows what it shows, in a person's words and with the actual numbers."""
+"""Why a block shows what it shows, or once showed: the evidence is put together, the rules are asked."""
 
 from __future__ import annotations
 
-from trcvtui.plc.ledger import StatusEdge
-from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
-from trcvtui.tui.formatting import age, count
-
-INJECTED = "injected fault: "
-
-
-def why_now(instance: InstanceSnapshot, connection: ConnectionSnapshot | None, t_ns: int) -> str:
-    """Return why an instance shows its STATUS now; numbers are those of this moment."""
-    text = why(instance)
-    if instance.need and instance.busy:
-        text = _bytes_now(instance, t_ns)
-    elif connection is not None and connection.state != "connected" and instance.pin("CONT"):
-        text += _attempts(connection)
-    return text
-
-
-def _bytes_now(instance: InstanceSnapshot, t_ns: int) -> str:
-    wanted = (
-        f"up to {count(instance.need, 'byte')} (ADHOC)" if instance.adhoc else count(instance.need, "byte")
-    )
-    last = instance.last_receive_ns
-    since = "" if last is None else f", the last one came {age(t_ns - last)} ago"
-    if not instance.have:
-        return f"armed for {wanted}: none is here yet{since}"
-    return f"{instance.have} of {wanted} are here{since}"
-
-
-def _attempts(connection: ConnectionSnapshot) -> str:
-    if not connection.active:
-        return ""
-    text = f"; {count(connection.attempts, 'attempt')} so far" if connection.attempts else ""
-    if connection.retry_in_ns is not None:
-        text += f", the next in {age(connection.retry_in_ns)}"
-    return text
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.rig.advice import Advice, advice_on, because
+from trcvtui.rig.evidence import Evidence, evidence_now, evidence_then
+from trcvtui.tui.advice import notes_of
+from trcvtui.tui.scene import Scene
 
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
     """Return the evidence of a STATUS: what happened, which call and error, whose, and whether injected."""
-    cause = shown.cause
-    text = cause.name
-    if cause.call and cause.call in text:
-        text = f"{cause.call} gave {cause.error or 'an error'}"
-    elif cause.call:
-        text += f" ({cause.call} gave {cause.error or 'an error'})"
-    if cause.injected:
-        text = INJECTED + text
-    text += _numbers(shown)
-    if cause.peer and cause.peer not in text:
-        text += f", partner {cause.peer}"
-    return text + (f", {cause.detail}" if cause.detail else "")
+    return because(shown.cause)
 
 
-def _numbers(shown: StatusEdge | InstanceSnapshot) -> str:
-    cause = shown.cause
-    if cause.have is not None and cause.need is not None:
-        if cause.pin:
-            return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
-        return f", {cause.have} of {count(cause.need, 'byte')} here"
-    if cause.pin and cause.value is not None and cause.pin not in cause.name:
-        return f" ({cause.pin} is {cause.value})"
-    return ""
+class Explainer:
+    """Explains the selected instance now, or an edge of its past; the last answers are kept."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._edge: tuple[int, int, Advice] | None = None  # bench, line
+        self._bytes: tuple[object, bytes, str] | None = None  # layout, content, suspicion
+
+    def now(self, instance: InstanceSnapshot) -> Advice:
+        """Return what is known of an instance after the last scan."""
+        scene = self._scene
+        evidence = evidence_now(scene.picture, scene.project, instance.name) if scene.picture else None
+        if evidence is None:
+            return Advice(why(instance), ())
+        told = advice_on(evidence)
+        checks = told.checks or tuple(notes_of(instance, scene.provenance))
+        swapped = self._swapped(evidence)
+        return Advice(told.why, (*checks, swapped) if swapped else checks)
+
+    def _swapped(self, e: Evidence) -> str:
+        """Return whether the last frame's members look swapped; a shifted one proves nothing."""
+        decl, content = self._scene.declaration, self._scene.data
+        if decl is None or e.done_scan is None or e.facts.drop is not None or self._wanders(e):
+            return ""
+        if self._bytes is None or self._bytes[0] is not decl.layout or self._bytes[1] != content:
+            from trcvtui.rig.byte_order import byte_order_suspicion  # read when the first frame is here
+
+            self._bytes = decl.layout, content, str(byte_order_suspicion(decl.layout, content) or "")
+        return self._bytes[2]
+
+    @staticmethod
+    def _wanders(e: Evidence) -> bool:
+        size = e.facts.messages.only
+        return e.facts.messages.count > 1 and (size is None or size != e.done_len)
+
+    def then(self, line: Line, edge: StatusEdge) -> Advice:
+        """Return what the ledger knows of an edge of the past."""
+        asked = self._scene.bench, line.seq
+        if self._edge is None or self._edge[:2] != asked:
+            self._edge = (*asked, self._explained(line, edge))
+        return self._edge[2]
+
+    def _explained(self, line: Line, edge: StatusEdge) -> Advice:
+        from trcvtui.rig.fact_book import facts_while  # read when the past is first asked about
+
+        project = self._scene.project
+        decl = project.instance(edge.instance)
+        facts, until = facts_while(self._scene.lines, line, edge, decl.connect if decl else "")
+        return advice_on(evidence_then(line, edge, facts, until, project, self._interval_ns))
+
+    @property
+    def _interval_ns(self) -> int:
+        return self._scene.snapshot.interval_ns if self._scene.snapshot else 0

@@ -15,6 +15,8 @@ EVERYWHERE: Final = (
     ("M or \\", "the pane alone on the screen, and back"),
     ("space", "hold the scans, let them go on (the network goes on)"),
     (".", "one single scan while holding"),
+    ("F", "freeze the view while the PLC runs on; again: live"),
+    ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),

@@ -42,12 +42,21 @@ def _of_scans(bench: Reach) -> Iterator[SystemCommand]:
     for title, key, line in (
         ("Hold the scans", "space", "hold"),
         ("Let the scans go on", "space", "go"),
+        ("Trigger off", "", "trigger off"),
         ("PLC to STOP", "", "plc stop"),
         ("PLC to RUN", "", "plc run"),
         ("Clear all faults", "", "fault clear"),
     ):
         yield SystemCommand(title, _said(line, key), partial(bench.submit, line))
     yield SystemCommand("One single scan", "run 1 · key .", bench.main.action_single_scan)
+    frozen = bench.scene.is_frozen
+    about = "the PLC runs on, the screen keeps what it shows · key F"
+    yield SystemCommand("View live again" if frozen else "Freeze the view", about, bench.main.action_freeze)
+    yield SystemCommand(
+        "Trigger",
+        "run to a STATUS, a pin or a value; the view freezes there · key T",
+        bench.main.action_trigger,
+    )
     yield SystemCommand("Mark", "mark: a saved session expects from here · key K", bench.main.action_mark)
     save = "save scenario session.toml"
     yield SystemCommand("Save the session as a scenario", save, partial(bench.main.action_prompt, save))

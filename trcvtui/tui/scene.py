@@ -5,9 +5,10 @@ Rule: frozen pictures come in by `take`, nothing else changes what is shown of t
 
 from __future__ import annotations
 
-from typing import Final
+from collections import deque
+from typing import TYPE_CHECKING, Final
 
-from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.rig.picture import Answer, PeerSnapshot, Picture, PictureRequest
@@ -15,7 +16,12 @@ from trcvtui.tui.afterglow import Afterglow
 from trcvtui.tui.history import History
 from trcvtui.tui.provenance import Provenance
 
+if TYPE_CHECKING:
+    from trcvtui.rig.triggers import Fired
+
 MOST_LINES: Final = 400
+THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
+KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
 
 
 class Scene:
@@ -30,10 +36,15 @@ class Scene:
         self.selected = self.peer = ""
         self._take_project(project)
         self.answers: dict[int, Answer] = {}
+        self.live: Picture | None = None  # the newest picture, also while an older one is shown
+        self.is_frozen = False
+        self.fired: Fired | None = None  # the trigger that froze the view
+        self.lines: deque[Line] = deque(maxlen=KEPT_LINES)
         self.bench = 0  # the number of the bench that all of this is about
         self._left: int | None = None
         self._project_number = 0
         self._seq = 0
+        self._thawing = 0  # pictures to come that may have been asked for before the view was live again
 
     # -- what comes in ------------------------------------------------------------------------------
 
@@ -46,7 +57,22 @@ class Scene:
         if picture.project is not None:
             self._take_project(picture.project)
         self._project_number = picture.project_number
-        self.picture = picture
+        self.live = picture
+        self.answers = {answer.number: answer for answer in picture.answers}
+        if picture.fired is not None:
+            self.is_frozen, self.fired = True, picture.fired
+        elif self.is_frozen or self._asks_again(picture):
+            return
+        self._show(picture)
+
+    def _asks_again(self, picture: Picture) -> bool:
+        """Return whether a picture lacks lines that the next one, asked for behind the thaw, will bring."""
+        self._thawing -= 1 if self._thawing else 0
+        return bool(self._thawing and picture.lines_skipped)
+
+    def _show(self, picture: Picture) -> None:
+        self.picture, self._thawing = picture, 0
+        self.lines.extend(picture.lines)
         for line in picture.lines:
             self.provenance.note(line)
             if isinstance(line.event, StatusEdge):
@@ -58,10 +84,11 @@ class Scene:
             self.history.skipped += picture.lines_skipped
             for instance in picture.snapshot.instances:
                 self.afterglow.catch_up(instance, picture.snapshot.t_ns)
-        self.answers = {answer.number: answer for answer in picture.answers}
 
     def _begin_anew(self, bench: int) -> None:
         self.bench, self._seq = bench, 0
+        self.lines.clear()
+        self.thaw()
         self.history, self.afterglow, self.provenance = History(), Afterglow(), Provenance()
 
     def _take_project(self, project: Project) -> None:
@@ -72,14 +99,25 @@ class Scene:
     def leave(self) -> None:
         """Go back to the project that was opened; pictures of this bench that still come are too late."""
         self._left, self.picture = self.bench, None
+        self.thaw()
         self._take_project(self._home)
+
+    def freeze(self) -> None:
+        """Keep what is shown; the PLC runs on."""
+        self.is_frozen = self.picture is not None
+
+    def thaw(self) -> None:
+        """Show what is now again, from the next picture on."""
+        self._thawing = 2 if self.is_frozen else 0
+        self.is_frozen, self.fired = False, None
 
     def request(self) -> PictureRequest:
         """Return what to ask for next: the ledger's news, and the bytes of the selected instance."""
         instance = self.instance
         data = (instance.data,) if instance and instance.data else ()
         partial = (instance.name,) if instance else ()
-        return PictureRequest(self._seq, data, partial, MOST_LINES, self.bench, self._project_number)
+        most = THAW_LINES if self._thawing else MOST_LINES
+        return PictureRequest(self._seq, data, partial, most, self.bench, self._project_number)
 
     # -- what is shown ------------------------------------------------------------------------------
 

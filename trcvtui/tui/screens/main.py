@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
 LEAST_WIDTH, LEAST_HEIGHT, TALL = 128, 38, 54
-TABS, ZOOM = "-tabs", "-zoom"
+TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
 SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
@@ -48,6 +48,8 @@ class MainScreen(Screen[None]):
         Binding("M,backslash", "zoom", show=False),
         Binding("space", "hold", show=False),
         Binding("full_stop", "single_scan", show=False),
+        Binding("F", "freeze", show=False),
+        Binding("T", "trigger", show=False),
         Binding("colon", "prompt", show=False),
         Binding("v", "members", show=False),
         Binding("y", "yank", show=False),
@@ -126,6 +128,7 @@ class MainScreen(Screen[None]):
 
     def show(self) -> None:
         """Let every pane repaint what changed."""
+        self.set_class(self._scene.is_frozen, FROZEN)
         for pane in (self.header, self.instances, self.block, self.status, self.history, self.table):
             pane.show()
         self.received.show()
@@ -134,7 +137,7 @@ class MainScreen(Screen[None]):
         self._show_keys()
 
     def _show_keys(self) -> None:
-        picture, focused = self._scene.picture, self.focused
+        picture, focused = self._scene.live, self.focused
         local = focused.keys() if isinstance(focused, LineView) else ()
         self.key_line.show_keys(local, bool(picture and picture.holding))
 
@@ -311,15 +314,32 @@ class MainScreen(Screen[None]):
 
     def action_hold(self) -> None:
         """Hold the scans, or let them go on."""
-        picture = self._scene.picture
+        picture = self._scene.live
         self._submit("go" if picture and picture.holding else "hold")
+        if picture and picture.holding:
+            self._step_on()
 
     def action_single_scan(self) -> None:
         """Let one scan pass; hold first where scans are passing."""
-        picture = self._scene.picture
+        picture = self._scene.live
         if picture is not None and not picture.holding:
             self._submit("hold")
         self._submit("run 1")
+        self._step_on()
+
+    def _step_on(self) -> None:
+        """Where a trigger has held the scans, the view goes on with them."""
+        if self._scene.fired is not None and self._scene.fired.holds:
+            self._scene.thaw()
+
+    def action_freeze(self) -> None:
+        """Keep what is shown while the PLC runs on; or show again what is now."""
+        self._scene.thaw() if self._scene.is_frozen else self._scene.freeze()
+        self.show()
+
+    def action_trigger(self) -> None:
+        """Open the prompt to arm a trigger."""
+        self.action_prompt("trigger ")
 
     def action_prompt(self, text: str = "") -> None:
         """Open the prompt, perhaps with a beginning."""

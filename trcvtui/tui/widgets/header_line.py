@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from trcvtui.tui.formatting import count, plain, short_time
+from trcvtui.tui.formatting import clip, count, plain, short_time
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
+
+MOST_TRIGGER: Final = 36
 
 
 class Piece(NamedTuple):
@@ -51,9 +53,14 @@ class HeaderLine(LineView, can_focus=False):
         if picture is None:
             return [*pieces, Piece("the engine starts …", "dim", 5)]
         snapshot, timing = picture.snapshot, picture.timing
-        pieces.append(_state(snapshot.running, picture.holding))
+        pieces += self._frozen()
+        now = self._scene.live or picture
+        pieces.append(_state(now.snapshot.running, now.holding))
         pieces.append(Piece(format_time(snapshot.interval_ns), "", 30))
-        pieces.append(Piece(f"scan {snapshot.scan}", "", 2))
+        live = "live at " if self._scene.is_frozen else ""
+        pieces.append(Piece(f"{live}scan {now.snapshot.scan}", "", 2))
+        if now.armed:
+            pieces.append(Piece(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 25))
         pieces.append(Piece(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
         style = "warn" if timing.overruns else "dim"
         pieces.append(Piece(count(timing.overruns, "overrun"), style, 35))
@@ -64,6 +71,17 @@ class HeaderLine(LineView, can_focus=False):
         if snapshot.faults:
             pieces.append(Piece(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
         return pieces
+
+    def _frozen(self) -> list[Piece]:
+        """Say loudly that what is shown is not what is now."""
+        scene = self._scene
+        if not scene.is_frozen or scene.picture is None:
+            return []
+        chip = f" * FROZEN at scan {scene.picture.snapshot.scan} *  F live "
+        if scene.fired is None:
+            return [Piece(chip, "stop", 0)]
+        text = f" TRIGGER {clip(plain(scene.fired.text), MOST_TRIGGER)} "
+        return [Piece(text, "hold", 1), Piece(chip, "stop", 0)]
 
 
 def _state(running: bool, holding: bool) -> Piece:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.tui.advice import notes_of
 from trcvtui.tui.afterglow import DONE, ERROR
-from trcvtui.tui.explain import why, why_now
+from trcvtui.tui.explain import Explainer
 from trcvtui.tui.formatting import GLOW, lamp, moment, plain, status_word, wrapped
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+if TYPE_CHECKING:
+    from trcvtui.rig.advice import Advice
 
 LABEL: Final = 6
 
@@ -23,6 +25,7 @@ class StatusCard(LineView):
     def __init__(self, scene: Scene) -> None:
         super().__init__(id="status")
         self._scene = scene
+        self._explainer = Explainer(scene)
         self._past: Line | None = None
         self._rows: list[Row] = []
 
@@ -51,12 +54,12 @@ class StatusCard(LineView):
             return [row(("waiting for the first scan", "dim"))]
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
             when = f"in scan {self._past.scan}, at {moment(self._past.t_ns)} s"
-            return self._rows_for(edge, when, why(edge), [])
-        reason = why_now(instance, self._scene.connection, self._scene.t_ns)
-        return self._rows_for(instance, f"since scan {instance.since_scan}", reason, self._lamps(instance))
+            return self._rows_for(edge, when, self._explainer.then(self._past, edge), [])
+        told = self._explainer.now(instance)
+        return self._rows_for(instance, f"since scan {instance.since_scan}", told, self._lamps(instance))
 
     def _rows_for(
-        self, shown: InstanceSnapshot | StatusEdge, when: str, reason: str, lamps: list[Part]
+        self, shown: InstanceSnapshot | StatusEdge, when: str, told: Advice, lamps: list[Part]
     ) -> list[Row]:
         found = self._scene.project.dialect.row(shown.status, shown.block)
         title = found.title if found else shown.condition
@@ -71,11 +74,11 @@ class StatusCard(LineView):
         rows = [row(*head)]
         if lamps:
             rows.append(row(*lamps))
-        rows += self._paragraph("why", [reason], "warn" if shown.cause.injected else "")
-        if lamps and isinstance(shown, InstanceSnapshot):
-            rows += self._paragraph("bytes", notes_of(shown, self._scene.provenance), "warn")
-        if found is not None and found.checks:
-            rows += self._paragraph("next", found.checks, "dim")
+        rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
+        rows += self._paragraph("next", told.checks, "strong")
+        if found is not None:
+            rows += self._paragraph("else" if told.checks else "next", found.checks, "dim")
+            rows += self._paragraph("means", found.causes, "dim")
         return rows
 
     def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:

@@ -1,0 +1,417 @@
+"""Why and what next, with the actual numbers: each situation is played on the simulated network."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.project_file import read_project
+from trcvtui.rig.advice import NEXT, Advice, advice_on
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.evidence import Evidence, evidence_now, evidence_then
+from trcvtui.rig.fact_book import facts_while
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.picture import Picture, PictureRequest
+
+BENCH = """
+dialect = "baosky"
+[sim]
+addresses = ["10.0.0.1", "10.0.0.9"]
+[[data]]
+name = "rx"
+type = "ARRAY[0..95] OF BYTE"
+[[data]]
+name = "big"
+type = "ARRAY[0..65534] OF BYTE"
+[[connect]]
+name = "C1"
+LocalAddress = "10.0.0.1"
+[[connect]]
+name = "C2"
+ActiveEstablished = true
+LocalAddress = "10.0.0.1"
+RemoteAddress = "10.0.0.9"
+RemotePort = "@P2"
+[[connect]]
+name = "C3"
+LocalAddress = "10.0.0.1"
+RemoteAddress = "10.0.0.7"
+[[connect]]
+name = "C4"
+ActiveEstablished = true
+LocalAddress = "10.0.0.1"
+RemoteAddress = "10.0.0.50"
+RemotePort = 2000
+[[instance]]
+name = "X"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+[[instance]]
+name = "X2"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+[[instance]]
+name = "Y"
+block = "TRCV_C"
+connect = "C2"
+data = "rx"
+[[instance]]
+name = "Z"
+block = "TRCV_C"
+connect = "C3"
+data = "rx"
+[[instance]]
+name = "V"
+block = "TRCV_C"
+connect = "C4"
+data = "rx"
+[[instance]]
+name = "S"
+block = "TSEND_C"
+connect = "C1"
+data = "big"
+[[instance]]
+name = "OPEN"
+block = "TRCV_C"
+connect = "C1"
+[[peer]]
+name = "P1"
+active = true
+remote = "@C1"
+[[peer]]
+name = "P2"
+active = false
+local = "10.0.0.9:0"
+[[peer]]
+name = "P3"
+active = true
+remote = "@C3"
+"""
+UP = ("set X CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4")
+
+
+class Told:
+    """A bench on the simulated network, and what is told of its instances."""
+
+    def __init__(self, *lines: str, options: str = "") -> None:
+        project = read_project(tomllib.loads(f"{BENCH}[options]\n{options}"), "b.toml", Path("."))
+        self.driver = LocalDriver(Bench(project, "sim"))
+        self.lines: list[Line] = []
+        self.do(*lines)
+
+    def do(self, *lines: str) -> None:
+        """Carry out bench commands; `run` lets scans pass."""
+        for line in lines:
+            if line.startswith("run "):
+                self.driver.scan(int(line.removeprefix("run ")))
+            else:
+                self.driver.submit(line)
+
+    def picture(self, instance: str, most_lines: int = 20_000) -> Picture:
+        """Return a picture, and keep its news."""
+        since = self.lines[-1].seq if self.lines else 0
+        self.driver.request(PictureRequest(since, (), (instance,), most_lines))
+        picture = self.driver.picture()
+        assert picture is not None
+        assert [answer.error for answer in picture.answers if answer.error] == []
+        self.lines += picture.lines
+        return picture
+
+    def evidence(self, instance: str) -> Evidence:
+        """Return what is known of an instance now."""
+        found = evidence_now(self.picture(instance), self.driver.console.bench.project, instance)
+        assert found is not None
+        return found
+
+    def of(self, instance: str) -> Advice:
+        """Return what is told of an instance now."""
+        return advice_on(self.evidence(instance))
+
+    def then(self, instance: str, condition: Condition) -> Advice:
+        """Return what is told of the newest edge of the past that shows a condition."""
+        self.picture(instance)
+        shown = [
+            (line, line.event)
+            for line in self.lines
+            if isinstance(line.event, StatusEdge)
+            and (line.event.instance, line.event.condition) == (instance, str(condition))
+        ]
+        line, edge = shown[-1]
+        project = self.driver.console.bench.project
+        decl = project.instance(instance)
+        assert decl is not None
+        facts, until = facts_while(self.lines, line, edge, decl.connect)
+        return advice_on(evidence_then(line, edge, facts, until, project, 10_000_000))
+
+
+# situation, instance, the whole of why, what stands in the checks
+SITUATIONS = [
+    pytest.param(
+        (*UP, "run 100"), "X",
+        "armed for 96 bytes: none is here yet; the link is up since scan 5, 1.0 s",
+        "P1 has sent nothing on this connection: `peer P1 send hex 01`",
+        id="armed, nothing came",
+    ),
+    pytest.param(
+        (*UP, "set X LEN=0", "peer P1 send random 96 seed=1", "run 30"), "X",
+        "armed for 96 bytes: none is here yet, the last one came 0.2 s ago",
+        "not stuck: the last frame (96 bytes) was delivered in scan",
+        id="armed between two frames is not stuck",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 96 seed=1 split=10,10,10 gap=T#100ms", "run 25"), "X",
+        "filling: 30 of 96 bytes are here, the last one came 0.0 s ago, 136 B/s",
+        "",
+        id="filling, with its rate",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 92 seed=1", "run 200"), "X",
+        "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
+        "LEN is 0 and DATA (rx) has 96 bytes, P1's only message was 92 bytes: LEN or DATA is 4 bytes too large "
+        "for this sender; 4 bytes short, for ever",
+        id="a sender 4 bytes short",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 64 seed=1", "run 200"), "X",
+        "stuck: 64 of 96 bytes are here, the last one came 1.9 s ago",
+        "ADHOC=1 would have delivered these 64 bytes at once",
+        id="stuck, and ADHOC would help",
+    ),
+    pytest.param(
+        (*UP, "set X EN_R=0", "run 1", "set X EN_R=1 LEN=96",
+         "peer P1 send random 64 seed=1 repeat=41 every=T#50ms", "run 400"), "X",
+        "stuck: 32 of 96 bytes are here, the last one came 1.9 s ago",
+        "LEN is 96, P1's last 40 messages were 64 bytes: LEN or DATA is 32 bytes too large for this sender; "
+        "each frame takes 32 bytes of the next message, so the values wander",
+        id="LEN 96 against messages of 64",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 32 seed=1 repeat=2 gap=T#50ms", "run 200"), "X",
+        "stuck: 64 of 96 bytes are here, the last one came 1.9 s ago",
+        "P1's last 2 messages were 32 bytes: one frame takes 3 of them, 2 are here",
+        id="three messages a frame",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 100 seed=1", "run 200"), "X",
+        "stuck: 4 of 96 bytes are here, the last one came 1.9 s ago",
+        "P1's only message was 100 bytes, LEN is 0 and DATA (rx) has 96 bytes: 4 bytes of each message begin a "
+        "next frame",
+        id="a sender 4 bytes too long",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 10 seed=1", "run 10", "peer P1 send random 20 seed=1", "run 200"), "X",
+        "stuck: 30 of 96 bytes are here, the last one came 1.9 s ago",
+        "P1's last 2 messages had 10 to 20 bytes, a static frame has always 96: ADHOC=1",
+        id="messages of many sizes",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 96 seed=1 split=4 gap=T#100ms", "run 3", "set X EN_R=0", "run 2",
+         "set X EN_R=1", "run 200"), "X",
+        "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
+        "since scan 12 EN_R fell with 4 of 96 bytes collected: the stream is shifted; disconnect (CONT 0, then 1) "
+        "or COM_RST",
+        id="EN_R dropped in mid frame",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 96 seed=1 split=4 gap=T#100ms", "run 3", "set X EN_R=0", "run 3"), "X",
+        "EN_R is 0",
+        "EN_R fell in scan 12 with 4 of 96 bytes collected; they are dropped, and the next frame begins in the middle",
+        id="EN_R dropped, and not yet back",
+    ),
+    pytest.param(
+        (*UP, "peer P1 send random 64 seed=1", "run 3", "set X EN_R=0 ADHOC=1", "run 2", "set X EN_R=1", "run 9"),
+        "X",
+        "armed for up to 96 bytes (ADHOC): none is here yet, the last one came 0.1 s ago",
+        "",
+        id="an ad-hoc job wants up to its limit",
+    ),
+    pytest.param(
+        ("set X CONT=1", "run 300"), "X",
+        "waits for any partner since scan 3, 2.9 s, listening on 10.0.0.1:32769",
+        "P1 is active and closed: `peer P1 connect` lets it call",
+        id="nobody has called",
+    ),
+    pytest.param(
+        ("set Z CONT=1", "run 5", "peer P3 connect", "run 5", "peer P3 connect", "run 5"), "Z",
+        "waits for a call from 10.0.0.7 since scan 3, 0.1 s, listening on 10.0.0.1:32769",
+        "called twice (last in scan 11) and was turned away: RemoteAddress is 10.0.0.7",
+        id="the wrong partner calls",
+    ),
+    pytest.param(
+        ("peer P2 close", "set Y CONT=1", "run 230"), "Y",
+        "waits for 10.0.0.9:32768 since scan 3, 2.2 s; refused 3 times (ECONNREFUSED, last in scan 206); "
+        "the next attempt in 0.7 s",
+        "10.0.0.9:32768 answers with RST: the machine is there, and nobody listens on that port (3 times",
+        id="refused",
+    ),
+    pytest.param(
+        ("peer P2 close", "set Y CONT=1", "run 230"), "Y",
+        "waits for 10.0.0.9:32768 since scan 3, 2.2 s; refused 3 times (ECONNREFUSED, last in scan 206); "
+        "the next attempt in 0.7 s",
+        "P2 is closed and does not listen: `peer P2 listen`",
+        id="refused by a peer of this bench",
+    ),
+    pytest.param(
+        ("fault connect ECONNREFUSED on C2", "set Y CONT=1", "run 20"), "Y",
+        "waits for 10.0.0.9:32768 since scan 3, 0.1 s; refused once (ECONNREFUSED, injected, last in scan 4); "
+        "the next attempt in 0.8 s",
+        "a fault that was injected here did that, not the network: `fault clear`",
+        id="refused by an injected fault",
+    ),
+    pytest.param(
+        ("set V CONT=1", "run 300"), "V",
+        "waits for 10.0.0.50:2000 since scan 3, 2.9 s; SYN unanswered in attempt 1",
+        "no answer from 10.0.0.50:2000 yet: `nc -vz 10.0.0.50 2000` from this machine",
+        id="a SYN without answer",
+    ),
+    pytest.param(
+        (*UP, "peer P1 rst", "run 9"), "X",
+        "waits for any partner since scan 9, 0.0 s, listening on 10.0.0.1:32769",
+        "ended in scan 9 after 0.0 s: lost (ECONNRESET)",
+        id="lost before",
+    ),
+    pytest.param(
+        (*UP, "set X2 CONT=1 EN_R=1", "run 9"), "X2",
+        "another instance works on this CONNECT, X",
+        "X holds the receive side of C1: `set X EN_R=0` frees it; better give each a CONNECT of its own",
+        id="two blocks on one CONNECT",
+    ),
+    pytest.param(
+        (*UP, "set X2 CONT=1 EN_R=1", "peer P1 send random 9 seed=1", "run 3", "delete X", "run 3"), "X2",
+        "an instance that is gone still holds this CONNECT, X: disconnect or reset frees it",
+        "X was deleted or downloaded in mid frame and still holds the receive side of C1: CONT 0 then 1",
+        id="an orphan holds the CONNECT",
+    ),
+    pytest.param(
+        (*UP, "set X EN_R=0", "run 1", "set X EN_R=1 LEN=100", "run 1"), "X",
+        "LEN is larger than DATA: LEN is 100, wanted 100, at most 96 bytes",
+        "LEN is 100, DATA (rx) has 96 bytes: 4 too many; LEN=0 takes all of DATA, or enlarge DATA",
+        id="LEN larger than DATA",
+    ),
+    pytest.param(
+        (*UP, "set X EN_R=0", "set OPEN CONT=1 EN_R=1", "run 4"), "OPEN",
+        "DATA has no byte",
+        "the DATA pin is open: give the instance a variable",
+        id="an open DATA pin",
+    ),
+    pytest.param(
+        ("set X EN_R=1", "run 3"), "X",
+        "CONT is 0",
+        "CONT is 0 while EN_R is 1: `set X CONT=1`",
+        id="CONT forgotten",
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("lines", "instance", "why", "check"), SITUATIONS)
+def test_a_situation_is_told_with_its_numbers(
+    lines: tuple[str, ...], instance: str, why: str, check: str
+) -> None:
+    told = Told(*lines).of(instance)
+    assert told.why == why
+    assert any(check in sentence for sentence in told.checks) or (not check and not told.checks), told.checks
+
+
+def test_a_partner_that_does_not_read_is_named() -> None:
+    up = ("set X CONT=1", "set S CONT=1", "run 4", "peer P1 connect", "run 6", "peer P1 stall")
+    told = Told(*up, options="small_buffers = true")
+    for _ in range(40):
+        told.do("pulse S REQ", "run 3")
+    told.do("run 2")
+    answer = told.of("S")
+    assert "P1 was told to stop reading: `peer P1 resume`" in answer.checks
+    assert any("does not read; its receive call is off" in check for check in answer.checks), answer.checks
+
+
+@pytest.mark.parametrize(
+    ("lines", "condition", "check"),
+    [
+        (
+            ("peer P1 send random 92 seed=1", "run 3", "peer P1 close", "run 9"), Condition.PARTNER_CLOSED,
+            "it had sent all it had: its messages are 92 bytes, the frame wants 96: 4 bytes short",
+        ),
+        (
+            ("peer P1 send random 92 seed=1", "run 3", "peer P1 rst", "run 9"), Condition.RECEIVE_FAILED,
+            "reset (RST) with 92 of 96 bytes of the job done",
+        ),
+        (
+            ("peer P1 send random 92 seed=1", "run 3", "peer P1 close", "run 9"), Condition.RECEIVING,
+            "P1's only message was 92 bytes: LEN or DATA is 4 bytes too large for this sender",
+        ),
+        (
+            ("fault recv ECONNRESET on C1", "peer P1 send random 92 seed=1", "run 9"), Condition.RECEIVE_FAILED,
+            "a fault that was injected here did that, not the network: `fault clear`",
+        ),
+    ],
+)  # fmt: skip
+def test_an_edge_of_the_past_is_told_with_the_numbers_of_its_scan(
+    lines: tuple[str, ...], condition: Condition, check: str
+) -> None:
+    told = Told(*UP, *lines).then("X", condition)
+    assert any(check in sentence for sentence in told.checks), told.checks
+
+
+def test_facts_survive_a_flood_that_the_lines_do_not() -> None:
+    told = Told(*UP, "peer P1 send random 96 seed=1 split=4 gap=T#50ms", "run 3", "set X EN_R=0", "run 2")
+    told.do("set X EN_R=1", "peer P1 send random 96 seed=1 repeat=400 every=T#20ms", "run 1000")
+    picture = told.picture("X", most_lines=10)
+    assert picture.lines_skipped > 1000
+    facts = dict(picture.facts)["X"]
+    assert facts.drop is not None
+    assert (facts.drop.reason, facts.drop.have, facts.drop.need) == ("EN_R fell", 4, 96)
+    assert facts.messages.count == 401
+    assert len(facts.messages.last) == 40
+
+
+def test_a_reset_stream_is_not_called_shifted_any_more() -> None:
+    told = Told(*UP, "peer P1 send random 96 seed=1 split=4 gap=T#50ms", "run 3", "set X EN_R=0", "run 2")
+    told.do("set X EN_R=1", "run 20")
+    assert any("shifted" in check for check in told.of("X").checks)
+    told.do("pulse X COM_RST", "run 5", "peer P1 connect", "run 5", "peer P1 send random 96 seed=1", "run 5")
+    assert not any("shifted" in check for check in told.of("X").checks)
+
+
+def test_a_frame_given_up_between_two_messages_shifts_nothing() -> None:
+    told = Told(
+        *UP, "peer P1 send random 48 seed=1", "run 3", "set X EN_R=0", "run 2", "set X EN_R=1", "run 2"
+    )
+    told.do("peer P1 send random 48 seed=1", "run 3")
+    assert not any("shifted" in check for check in told.of("X").checks)
+
+
+def test_a_partner_that_is_no_peer_is_known_by_its_bursts() -> None:
+    told = Told(*UP, "peer P1 send random 64 seed=1", "run 200")
+    known = told.evidence("X")
+    stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
+    checks = advice_on(stranger).checks
+    assert (
+        "LEN is 0 and DATA (rx) has 96 bytes, bytes came once, 64: if that is the sender's message, LEN or DATA "
+        "is 32 too large" in checks
+    )
+
+
+def test_a_slow_sender_is_not_called_stuck() -> None:
+    told = Told(*UP, "peer P1 send random 96 seed=1 split=10,10,10,10,10 gap=T#2s", "run 780")
+    assert told.of("X").why.startswith("filling: ")
+
+
+@pytest.mark.parametrize("condition", list(Condition))
+def test_every_condition_has_an_answer_whatever_is_known(condition: Condition) -> None:
+    known = Told(*UP).evidence("X")
+    bare = Evidence("X", "TRCV_C", str(condition), known.cause, known.at, 1, 10_000_000)
+    for evidence in (replace(known, condition=str(condition)), bare, replace(bare, is_past=True)):
+        told = advice_on(evidence)
+        assert told.why
+        assert all(check and "None" not in check for check in told.checks), told.checks
+
+
+def test_no_rule_is_asked_twice_for_one_condition() -> None:
+    for condition, rules in NEXT.items():
+        assert len(set(rules)) == len(rules), condition

@@ -16,12 +16,16 @@ from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import KERNELS, Bench
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.conditions import found, holds
+from trcvtui.rig.history_reader import HistoryReader
+from trcvtui.rig.job_history import JobHistory
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario import load_scenario, start_steps
 from trcvtui.rig.session import Session
-from trcvtui.rig.watching import Watching
 from trcvtui.rig.trial import Trials
+from trcvtui.rig.watching import Watching
+from trcvtui.rig.wave_news import WaveNews
+from trcvtui.rig.waves import Waves
 
 MOST_ANSWERS: Final = 64
 MOST_DATA: Final = (
@@ -55,6 +59,9 @@ class Console:
         self._trials = Trials()
         self.session = Session(bench)
         self._watching = Watching(bench)
+        self._waves = Waves(bench.runtime.ledger, bench.project)
+        self._jobs = JobHistory(bench)
+        self._history = HistoryReader(self._jobs)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
         self._home = bench.project, bench.kernel_name
@@ -187,6 +194,9 @@ class Console:
     def _enter(self, bench: Bench) -> None:
         self.bench, self.player, self.session = bench, None, Session(bench)
         self._watching = Watching(bench)
+        self._waves = Waves(bench.runtime.ledger, bench.project)
+        self._jobs = JobHistory(bench)
+        self._history = HistoryReader(self._jobs)
         self.holding, self.wanted = False, 0
         self._trials = Trials()
         self._bench_number += 1
@@ -205,6 +215,8 @@ class Console:
         if not self._may_scan():
             return False
         self.bench.step(now)
+        self._waves.read(self.bench.project)
+        self._jobs.scanned()
         self.session.scanned()
         fired = self._watching.scanned()
         if fired is not None and fired.holds:
@@ -246,7 +258,7 @@ class Console:
             lines_skipped=max(0, fresh - len(lines)),
             data=tuple((name, runtime.data(name)[:MOST_DATA]) for name in request.data if known),
             partial=tuple((name, runtime.partial(name)) for name in request.partial_of if known),
-            peers=tuple(peer.snapshot() for peer in self.bench.peers.values()),
+            peers=self.bench.peer_snapshots(),
             answers=answers,
             timing=timing,
             holding=self.holding,
@@ -256,8 +268,16 @@ class Console:
             project=None if request.project == self._project_number else self._project,
             player=self.player.snapshot() if self.player is not None else None,
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
+            waves=self._wave_news(request.waves, known),
+            history=self._history.window(request.history) if request.history and known else None,
         )
         return self._watching.completed(picture, request.partial_of, since) if known else picture
+
+    def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveNews, ...]:
+        ledger = self.bench.runtime.ledger
+        now = ledger.scan, ledger.t_ns
+        news = (self._waves.news(name, number if known else 0, now) for name, number in asked)
+        return tuple(fresh for fresh in news if fresh is not None)
 
     def _count_project(self) -> None:
         """Give the project another number when it has become another: by a fresh bench, or on the way."""

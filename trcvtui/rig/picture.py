@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
+from trcvtui.rig.history_window import HistoryRequest, HistoryWindow
+from trcvtui.rig.wave_news import WaveNews
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.plc.project import Project
@@ -20,6 +22,7 @@ TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 class PictureRequest:
     """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs.
 
+    `waves` are the instances whose pins are drawn over time, with the number of the last change it knows.
     `bench` and `project` are the numbers of those that the screen knows, as the last picture told them.
     """
 
@@ -29,6 +32,8 @@ class PictureRequest:
     most_lines: int = 2000
     bench: int = 0
     project: int = 0
+    waves: tuple[tuple[str, int], ...] = ()
+    history: HistoryRequest | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,8 @@ class PeerSnapshot:
     received_here: int = 0  # on the current or last connection
     udp: bool = False
     replies: tuple[ReplySnapshot, ...] = ()
+    link: str = ""  # the CONNECT that it talks to, "" where none is known
+    silent: bool = False  # that wire is down
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +176,9 @@ class Picture:
 
     `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where
     the screen does not know it yet. `player` is there while a scenario is loaded, `trial` from the first
-    `try-splits` on.
+    `try-splits` on. `facts` come of the instances
+    in `partial_of`. `armed` is the trigger that is waited for; with `fired` this is the picture of the very
+    scan in which one fired, and the PLC has gone on since.
     """
 
     snapshot: Snapshot
@@ -187,6 +196,8 @@ class Picture:
     project: Project | None = None
     player: PlayerSnapshot | None = None
     trial: TrialSnapshot | None = None
+    waves: tuple[WaveNews, ...] = ()
+    history: HistoryWindow | None = None
     facts: tuple[tuple[str, Facts], ...] = ()
     armed: str = ""
     fired: Fired | None = None

@@ -23,6 +23,7 @@ class Span(NamedTuple):
     number: int
     scan: int
     peer: str = ""
+    t_ns: int = 0
 
 
 class Job(NamedTuple):
@@ -105,7 +106,7 @@ class Provenance:
         self._delivered: dict[str, Job] = {}
         self._running: dict[str, Job] = {}
         # The classes live below the floors that the screen may import: they are known by name.
-        self._takers: dict[str, Callable[[int, Any], None]] = {
+        self._takers: dict[str, Callable[[Line, Any], None]] = {
             "PeerSent": self._message_sent,
             "BytesReceived": self._bytes_received,
             "JobStarted": self._job_started,
@@ -117,30 +118,30 @@ class Provenance:
         """Take one line of the ledger."""
         take = self._takers.get(type(line.event).__name__)
         if take is not None:
-            take(line.scan, line.event)
+            take(line, line.event)
 
-    def _message_sent(self, scan: int, event: PeerSent) -> None:
+    def _message_sent(self, line: Line, event: PeerSent) -> None:
         ends = (event.local, event.remote)
         if ends not in self._sent and len(self._sent) >= KEPT_LINKS:
             del self._sent[next(iter(self._sent))]
         spans = self._sent.setdefault(ends, deque(maxlen=KEPT))
-        spans.append(Span(event.offset, event.size, event.message, scan, event.peer))
+        spans.append(Span(event.offset, event.size, event.message, line.scan, event.peer, line.t_ns))
 
-    def _bytes_received(self, scan: int, event: _Recv) -> None:
-        span = Span(event.offset, event.size, event.recv, scan)
+    def _bytes_received(self, line: Line, event: _Recv) -> None:
+        span = Span(event.offset, event.size, event.recv, line.scan, t_ns=line.t_ns)
         self._recvs_of(event.connection, event.incarnation).append(span)
 
-    def _job_started(self, scan: int, event: _Started) -> None:
+    def _job_started(self, line: Line, event: _Started) -> None:
         link = (event.connection, event.incarnation)
-        self._running[event.instance] = Job(event.job, scan, link, event.offset, event.length)
+        self._running[event.instance] = Job(event.job, line.scan, link, event.offset, event.length)
 
-    def _job_ended(self, scan: int, event: _Ended) -> None:
+    def _job_ended(self, line: Line, event: _Ended) -> None:
         self._running.pop(event.instance, None)
         if event.done:
             link = (event.connection, event.incarnation)
-            self._delivered[event.instance] = Job(event.job, scan, link, event.offset, event.size)
+            self._delivered[event.instance] = Job(event.job, line.scan, link, event.offset, event.size)
 
-    def _connection_noted(self, scan: int, event: _Noted) -> None:
+    def _connection_noted(self, line: Line, event: _Noted) -> None:
         if event.what == "connected":
             self._ends[event.connection] = (event.incarnation, event.local, event.peer)
 

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Final
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.rig.history_window import HistoryRequest, HistoryWindow
 from trcvtui.rig.picture import Answer, PeerSnapshot, Picture, PictureRequest
+from trcvtui.rig.wave import WaveShelf
 from trcvtui.tui.afterglow import Afterglow
 from trcvtui.tui.history import History
 from trcvtui.tui.provenance import Provenance
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from trcvtui.rig.triggers import Fired
 
 MOST_LINES: Final = 400
+MOST_DRAWN: Final = 8  # instances over time at once
 THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
 KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
 
@@ -33,6 +36,8 @@ class Scene:
         self.history = History()
         self.afterglow = Afterglow()
         self.provenance = Provenance()
+        self.waves = WaveShelf()
+        self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
         self.selected = self.peer = ""
         self._take_project(project)
         self.answers: dict[int, Answer] = {}
@@ -44,6 +49,7 @@ class Scene:
         self._left: int | None = None
         self._project_number = 0
         self._seq = 0
+        self.past_wanted: HistoryRequest | None = None  # of the bytes received so far
         self._thawing = 0  # pictures to come that may have been asked for before the view was live again
 
     # -- what comes in ------------------------------------------------------------------------------
@@ -58,6 +64,7 @@ class Scene:
             self._take_project(picture.project)
         self._project_number = picture.project_number
         self.live = picture
+        self.waves.take(picture.waves, picture.snapshot.interval_ns)
         self.answers = {answer.number: answer for answer in picture.answers}
         if picture.fired is not None:
             self.is_frozen, self.fired = True, picture.fired
@@ -88,6 +95,7 @@ class Scene:
     def _begin_anew(self, bench: int) -> None:
         self.bench, self._seq = bench, 0
         self.lines.clear()
+        self.waves = WaveShelf()
         self.thaw()
         self.history, self.afterglow, self.provenance = History(), Afterglow(), Provenance()
 
@@ -117,7 +125,9 @@ class Scene:
         data = (instance.data,) if instance and instance.data else ()
         partial = (instance.name,) if instance else ()
         most = THAW_LINES if self._thawing else MOST_LINES
-        return PictureRequest(self._seq, data, partial, most, self.bench, self._project_number)
+        waves = self.waves.asked(self.drawn_instances)
+        numbers = self.bench, self._project_number
+        return PictureRequest(self._seq, data, partial, most, *numbers, waves, history=self.past_wanted)
 
     # -- what is shown ------------------------------------------------------------------------------
 
@@ -125,6 +135,12 @@ class Scene:
     def snapshot(self) -> Snapshot | None:
         """Return the PLC after its last scan."""
         return self.picture.snapshot if self.picture else None
+
+    @property
+    def past(self) -> HistoryWindow | None:
+        """Return the newest window on the bytes received so far, also while the view is frozen."""
+        newest = self.live or self.picture
+        return newest.history if newest else None
 
     @property
     def instances(self) -> tuple[InstanceSnapshot, ...]:
@@ -140,6 +156,15 @@ class Scene:
     def instance(self) -> InstanceSnapshot | None:
         """Return the selected instance."""
         return self.picture.snapshot.instance(self.selected) if self.picture else None
+
+    @property
+    def drawn_instances(self) -> tuple[str, ...]:
+        """Return whose pins are drawn over time: the selected one, its neighbours where wanted."""
+        instance = self.instance
+        if instance is None or not self.draws_neighbours:
+            return (self.selected,) if self.selected else ()
+        others = (i.name for i in self.instances if i.connect == instance.connect and i is not instance)
+        return (self.selected, *others)[:MOST_DRAWN]
 
     @property
     def connection(self) -> ConnectionSnapshot | None:

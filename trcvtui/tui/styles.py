@@ -22,6 +22,7 @@ STYLE_NAMES: Final = (
     "cursor", "cursor-blurred", "hover", "link", "byte-cursor",  # what is pointed at
     "run", "hold", "stop",                                       # chips of the header
     "null", "printable", "space", "control", "high", "ghost",    # classes of bytes
+    "changed", "match",                                          # bytes that differ, bytes that were sought
 )
 # fmt: on
 PALE: Final = 0.75

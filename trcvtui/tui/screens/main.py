@@ -11,10 +11,12 @@ from textual.containers import Container
 from textual.screen import Screen
 from textual.widget import Widget
 
+from trcvtui.errors import UserError
 from trcvtui.tui import messages
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
+from trcvtui.tui.timing_lines import is_for_timing, obey_line
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.function_block import FunctionBlock
 from trcvtui.tui.widgets.header_line import HeaderLine
@@ -28,14 +30,17 @@ from trcvtui.tui.widgets.received import Received
 from trcvtui.tui.widgets.status_card import StatusCard
 from trcvtui.tui.widgets.status_history import StatusHistory
 from trcvtui.tui.widgets.tab_line import TabLine
+from trcvtui.tui.widgets.timing import Timing
 from trcvtui.tui.widgets.udt_table import UdtTable
 
 if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
 LEAST_WIDTH, LEAST_HEIGHT, TALL = 128, 38, 54
+BROAD, HIGH = 180, 56  # from here on history and timing both stand
 TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
 SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
+PAST: Final = {4, 8}  # history and timing
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
 
@@ -43,22 +48,22 @@ class MainScreen(Screen[None]):
     """Hands what changed to the panes, and what the panes ask for to the app."""
 
     BINDINGS: ClassVar = [
-        *[Binding(str(digit), f"pane({digit})", show=False) for digit in range(1, 8)],
+        *[Binding(str(digit), f"pane({digit})", show=False) for digit in range(1, 9)],
         *[Binding(letter, f"pin('{letter}')", show=False) for letter in LETTERS],
-        Binding("M,backslash", "zoom", show=False),
-        Binding("space", "hold", show=False),
-        Binding("full_stop", "single_scan", show=False),
-        Binding("F", "freeze", show=False),
-        Binding("T", "trigger", show=False),
-        Binding("colon", "prompt", show=False),
-        Binding("v", "members", show=False),
-        Binding("y", "yank", show=False),
-        Binding("K", "mark", show=False),
-        Binding("U", "mouse", show=False),
-        Binding("S,f2", "scenarios", show=False),
-        Binding("question_mark,f1", "help", show=False),
+        Binding("M,backslash", "zoom", show=False, id="zoom"),
+        Binding("space", "hold", show=False, id="hold"),
+        Binding("full_stop", "single_scan", show=False, id="single_scan"),
+        Binding("F", "freeze", show=False, id="freeze"),
+        Binding("T", "trigger", show=False, id="trigger"),
+        Binding("colon", "prompt", show=False, id="prompt"),
+        Binding("v", "members", show=False, id="members"),
+        Binding("y", "yank", show=False, id="yank"),
+        Binding("K", "mark", show=False, id="mark"),
+        Binding("U", "mouse", show=False, id="mouse"),
+        Binding("S,f2", "scenarios", show=False, id="scenarios"),
+        Binding("question_mark,f1", "help", show=False, id="help"),
         Binding("escape", "calm", show=False),
-        Binding("q", "app.quit", show=False),
+        Binding("q", "app.quit", show=False, id="quit"),
     ]
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "main.tcss"
@@ -68,12 +73,14 @@ class MainScreen(Screen[None]):
         self._scene = scene
         self._submit = submit
         self._pane = 2
+        self._past = 4  # history or timing, where one place is for both
         voice = Voice(submit, self.action_prompt)
         self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
         self.tabs = TabLine()
         self.block = FunctionBlock(scene, voice)
         self.status = StatusCard(scene)
+        self.timing = Timing(scene, voice)
         self.history = StatusHistory(scene)
         self.received = Received(scene)
         self.table = UdtTable(scene)
@@ -95,6 +102,7 @@ class MainScreen(Screen[None]):
         return {
             2: self.block,
             3: self.status,
+            8: self.timing,  # before 4: where all stand, the grid is filled in this order
             4: self.history,
             5: self.received,
             6: self.table,
@@ -102,7 +110,7 @@ class MainScreen(Screen[None]):
         }
 
     def _focus_target(self, digit: int) -> Widget:
-        inner: dict[int, Widget] = {1: self.instances, 5: self._decoded_view(), 7: self.peer.peers}
+        inner: dict[int, Widget] = {1: self.instances, 5: self._bytes_view(), 7: self.peer.peers}
         return inner.get(digit) or self._panes()[digit]
 
     def on_mount(self) -> None:
@@ -122,6 +130,8 @@ class MainScreen(Screen[None]):
         small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
         self.set_class(small, TABS)
         self.set_class(event.size.height >= TALL, "-tall")
+        self.set_class(event.size.width >= BROAD, "-broad")
+        self.set_class(event.size.height >= HIGH, "-high")
         self._arrange()
 
     # -- what comes in ------------------------------------------------------------------------------
@@ -129,7 +139,8 @@ class MainScreen(Screen[None]):
     def show(self) -> None:
         """Let every pane repaint what changed."""
         self.set_class(self._scene.is_frozen, FROZEN)
-        for pane in (self.header, self.instances, self.block, self.status, self.history, self.table):
+        panes = self.header, self.instances, self.block, self.status, self.timing, self.history, self.table
+        for pane in panes:
             pane.show()
         self.received.show()
         self.peer.show()
@@ -147,6 +158,16 @@ class MainScreen(Screen[None]):
         self.on_instance_selected()
         self.on_peer_selected()
 
+    def obeys(self, line: str) -> bool:
+        """Carry out a line that is for the timing pane; return whether it is."""
+        if not is_for_timing(line):
+            return False
+        try:
+            self.prompt.did(line, obey_line(line, self.timing))
+        except UserError as wrong:
+            self.prompt.did(line, "", wrong.lines()[0])
+        return True
+
     def end(self, last_words: str) -> None:
         """The engine has ended: say so, and leave the last picture standing."""
         self.header.ended = True
@@ -158,6 +179,7 @@ class MainScreen(Screen[None]):
     def on_instance_selected(self) -> None:
         """Let all panes follow another instance."""
         self.history.forget()
+        self.timing.forget()
         self.status.point_at(None)
         self._link(range(0), range(0))
         self.table.cursor, self.table.of_job = None, False
@@ -171,20 +193,41 @@ class MainScreen(Screen[None]):
 
     def on_edge_selected(self, message: messages.EdgeSelected) -> None:
         """Explain an edge of the past."""
-        self.status.point_at(self.history.chosen())
+        line = message.line
+        self.status.point_at(line)
+        self.history.point_at(message.seq)
+        self.timing.point_at(line.scan if line else None, message.seq)
 
     def on_byte_selected(self, message: messages.ByteSelected) -> None:
         """Show the member that a byte belongs to."""
-        self.table.of_job = message.of_job
+        self.table.of_job, self.table.past = message.of_job, None
         self._link_decoded(self.table.field_at(message.offset))
+        self.table.show()
+        self.received.show()
+
+    def on_past_selected(self, message: messages.PastSelected) -> None:
+        """Decode the job that the selected byte of the past belongs to, and show its member."""
+        of_job = self.received.job_of_cursor()
+        mine = of_job is not None and of_job[0] == self._scene.selected
+        self.table.past = of_job[1:] if of_job is not None and mine else None
+        self.received.show_field(
+            self.table.field_at(self.received.byte_in_job()) if mine else range(0), goes_there=False
+        )
         self.table.show()
         self.received.show()
 
     def on_field_selected(self, message: messages.FieldSelected) -> None:
         """Show the bytes of a member."""
+        if self.table.past is not None:
+            self.received.show_field(message.field, goes_there=True)
+            self.received.show()
+            return
         self._link_decoded(message.field)
         self._decoded_view().go_to(message.field.start)
         self.received.show()
+
+    def _bytes_view(self) -> Widget:
+        return self.received.stream if self.received.is_past else self._decoded_view()
 
     def _decoded_view(self) -> HexView:
         of_job = self.table.of_job and self.received.job.display
@@ -225,13 +268,18 @@ class MainScreen(Screen[None]):
 
     def _open(self, digit: int) -> None:
         self._pane = digit
+        if digit in PAST:
+            self._past = digit
         self._arrange()
 
     def _arrange(self) -> None:
         """Show one pane or all; the tab that is open is marked."""
         alone = self.has_class(TABS) or self.has_class(ZOOM)
+        both = self.has_class("-broad") or self.has_class("-high")
+        away = set() if both else PAST - {self._past}
+        self.set_class(self._past == 8, "-timing")
         for digit, pane in self._panes().items():
-            pane.display = not alone or digit == self._pane
+            pane.display = digit == self._pane if alone else digit not in away
         self.tabs.mark(self._pane)
 
     def action_zoom(self) -> None:
@@ -359,4 +407,4 @@ class MainScreen(Screen[None]):
         """Open the help."""
         from trcvtui.tui.screens.help import HelpScreen  # read when first asked for
 
-        self.app.push_screen(HelpScreen(self._scene))
+        self.app.push_screen(HelpScreen(self._scene, self.focused))

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from typing import ClassVar, Final
 
 from textual import events
 
+from trcvtui.rig.history_window import Before
 from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
+from trcvtui.udt.byte_search import all_in, first_in, last_in
 
 GHOST_HEX, GHOST_TEXT = "··", "·"
 START: Final = "▕"
 WIDE, NARROW = 16, 8
 LEAST_DIGITS: Final = 4
+WAS: Final = "was"
 
 
 class HexView(LineView):
     """`content` is what is there; up to `need` bytes, what is still missing is drawn as dots."""
 
-    KEYS: ClassVar = (("hjkl", "byte"), ("pgdn", "page"))
+    KEYS: ClassVar = (("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"))
     BINDINGS: ClassVar = [
         ("left,h", "step(-1)", "byte back"),
         ("right,l", "step(1)", "byte on"),
@@ -34,11 +38,29 @@ class HexView(LineView):
         self.cursor: int | None = None
         self.link = range(0)
         self.starts: frozenset[int] = frozenset()
+        self.patterns: tuple[bytes, ...] = ()
+        self.before: Before | None = None
+        self.shows_before = False
 
     def show_bytes(self, content: bytes, need: int, starts: frozenset[int]) -> None:
         """Show these bytes, `starts` marked as beginnings of messages; repaint the lines that differ."""
         self.content, self.need, self.starts = content, max(need, len(content)), starts
         self.show()
+
+    def show_before(self, before: Before | None) -> None:
+        """Mark what differs from the job before; with `shows_before` its bytes stand below those of now."""
+        self.before = before
+        self.show()
+
+    def mark(self, patterns: tuple[bytes, ...]) -> None:
+        """Mark what is looked for."""
+        self.patterns = patterns
+        self.show()
+
+    def in_view(self) -> tuple[int, int]:
+        """Return the first byte in view, and how many there are."""
+        rows = self.size.height // self.lines + 2
+        return self.scroll_offset.y // self.lines * self.per_row, rows * self.per_row
 
     def show_link(self, link: range) -> None:
         """Mark the bytes of a field."""
@@ -48,13 +70,19 @@ class HexView(LineView):
     def go_to(self, offset: int) -> None:
         """Put the cursor on a byte and bring it into view, without telling anyone."""
         self.cursor = offset
-        self.keep_in_view(offset // self.per_row)
+        self.keep_in_view(offset // self.per_row * self.lines + self.lines - 1)
+        self.keep_in_view(offset // self.per_row * self.lines)
         self.show()
 
     @property
     def per_row(self) -> int:
         """Return how many bytes stand in a line: 16, on a narrow pane 8."""
         return WIDE if self.line_width >= self.digits + 68 else NARROW
+
+    @property
+    def lines(self) -> int:
+        """Return how many lines a row of bytes takes."""
+        return 2 if self.shows_before else 1
 
     @property
     def digits(self) -> int:
@@ -65,23 +93,55 @@ class HexView(LineView):
 
     def row_count(self) -> int:
         """Return the number of lines."""
-        return -(-self.need // self.per_row)
+        return -(-self.need // self.per_row) * self.lines
 
     def row_at(self, y: int) -> Row:
         """Return the bytes of one line."""
-        start = y * self.per_row
+        start = y // self.lines * self.per_row
         stop = min(start + self.per_row, self.need)
         if start >= stop:
             return EMPTY
-        styles = [self._style_of(offset) for offset in range(start, stop)]
+        if y % self.lines:
+            return self._was(start, stop)
+        found = self._matches(start, stop)
+        styles = [self._style_of(offset) + (" match" * (offset in found)) for offset in range(start, stop)]
         mark = START if start in self.starts else " "
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), (mark, "key")]
         parts += self._hex(start, styles)
         parts += self._text(start, styles)
         return Row(tuple(parts))
 
+    def _matches(self, start: int, stop: int) -> set[int]:
+        """Return the bytes of a row that belong to a match; it may begin or end in another row."""
+        if not self.patterns:
+            return set()
+        more = max(map(len, self.patterns)) - 1
+        first = max(0, start - more)
+        found = all_in(self.content[first : stop + more], self.patterns)
+        return {first + place for match in found for place in match}
+
+    def _was(self, start: int, stop: int) -> Row:
+        """Return the bytes of the job before, where they differ."""
+        parts: list[Part] = [(f"{WAS:>{self.digits}}  ", "faint")]
+        for offset in range(start, stop):
+            gap = "  " if self.per_row == WIDE and offset - start == NARROW - 1 else " "
+            differs = self._differs(offset)
+            parts.append(((HEX_OF[self._was_byte(offset) or 0] if differs else "  ") + gap, "warn"))
+        return Row(tuple(merged(parts)))
+
+    def _was_byte(self, offset: int) -> int | None:
+        before = self.before
+        place = offset - before.position if before is not None else -1
+        return before.content[place] if before is not None and 0 <= place < len(before.content) else None
+
+    def _differs(self, offset: int) -> bool:
+        was = self._was_byte(offset)
+        return was is not None and offset < len(self.content) and was != self.content[offset]
+
     def _style_of(self, offset: int) -> str:
         style = CLASS_OF[self.content[offset]] if offset < len(self.content) else "ghost"
+        if self._differs(offset):
+            style += " changed"
         if offset in self.link:
             style += " link"
         if offset == self.cursor:
@@ -99,7 +159,7 @@ class HexView(LineView):
             text = HEX_OF[self.content[offset]] if offset < len(self.content) else GHOST_HEX
             parts.append((text, styles[index]))
             parts += self._gap(offset, wide_gap, last=index + 1 >= len(styles))
-        return _merged(parts)
+        return merged(parts)
 
     def _gap(self, offset: int, wide: bool, last: bool) -> list[Part]:
         """Return what stands behind a byte: room, or the mark of a message that begins with the next one."""
@@ -112,7 +172,7 @@ class HexView(LineView):
     def _text(self, start: int, styles: list[str]) -> list[Part]:
         shown = self.content[start : start + len(styles)]
         text = [CHARACTER_OF[byte] for byte in shown] + [GHOST_TEXT] * (len(styles) - len(shown))
-        return [(" │", "faint"), *_merged(list(zip(text, styles, strict=True)))]
+        return [(" │", "faint"), *merged(list(zip(text, styles, strict=True)))]
 
     # -- the cursor ---------------------------------------------------------------------------------
 
@@ -131,7 +191,7 @@ class HexView(LineView):
 
     def action_page(self, pages: int) -> None:
         """Move the cursor by pages."""
-        step = pages * max(1, self.size.height - 1) * self.per_row
+        step = pages * max(1, (self.size.height - 1) // self.lines) * self.per_row
         self.action_step(step)
 
     def action_edge(self, direction: int) -> None:
@@ -144,6 +204,17 @@ class HexView(LineView):
             return
         self.go_to(offset)
         self.post_message(ByteSelected(offset, self.of_job))
+
+    def find(self, patterns: tuple[bytes, ...], is_forward: bool, again: bool) -> bool:
+        """Go to the next or the previous match, the cursor's own only where this is no repetition."""
+        here = self.cursor if self.cursor is not None else -1 if is_forward else len(self.content)
+        if is_forward:
+            place = first_in(self.content, patterns, here + 1 if again else max(0, here))
+        else:
+            place = last_in(self.content, patterns, here)
+        if place is not None:
+            self._select(place)
+        return place is not None
 
     def on_click(self, event: events.Click) -> None:
         """Select the byte under the mouse, in either column."""
@@ -160,7 +231,7 @@ class HexView(LineView):
             index = column - text
         else:
             index = (column - (1 if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
-        offset = y * self.per_row + index
+        offset = y // self.lines * self.per_row + index
         return offset if index < self.per_row and offset < self.need else None
 
     def on_focus(self) -> None:
@@ -169,7 +240,7 @@ class HexView(LineView):
         self.post_message(ByteSelected(self.cursor if self.cursor is not None else -1, self.of_job))
 
 
-def _merged(parts: list[Part]) -> list[Part]:
+def merged(parts: Sequence[Part]) -> list[Part]:
     """Return parts with neighbours of one style put together: fewer pieces to paint."""
     return [
         ("".join(text for text, _ in group), style)

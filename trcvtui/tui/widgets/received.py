@@ -1,4 +1,4 @@
-"""Pane 5: the bytes of DATA, and below them how far the job is.
+"""Pane 5: the bytes of DATA, and below them how far the job is; or, with `H`, all that was received so far.
 
 A receive job: what it has collected but not delivered yet. A send job: how far its bytes have come.
 """
@@ -6,98 +6,86 @@ A receive job: what it has collected but not delivered yet. A send job: how far 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from typing import ClassVar, Final
 
+from textual.binding import Binding
 from textual.containers import Vertical
 from textual.content import Content
 from textual.widget import Widget
 
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.tui.formatting import bar, clip, plain
+from trcvtui.rig.history_window import HistoryRequest, JobSpan
+from trcvtui.tui.formatting import clip, moment, plain
+from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.past_words import origin_words
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.widgets.find_line import FindLine
 from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, ruled
+from trcvtui.tui.widgets.job_line import JobLine, OriginLine
+from trcvtui.tui.widgets.line_view import pane_title
+from trcvtui.tui.widgets.stream_view import StreamView
+from trcvtui.udt.byte_search import Wanted
 
 MOST_JOB_ROWS: Final = 4
-BAR: Final = 12
-
-
-class JobLine(LineView, can_focus=False):
-    """One line between both views: how far the job is."""
-
-    DEFAULT_CSS = "JobLine { height: 1; }"
-
-    def __init__(self, scene: Scene) -> None:
-        super().__init__(id="job-line")
-        self._scene = scene
-
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
-    def row_at(self, y: int) -> Row:
-        """Return the line."""
-        instance = self._scene.instance
-        if y or instance is None:
-            return EMPTY
-        if instance.sends:
-            return ruled(self.line_width, *self._sent(instance))
-        if not instance.need:
-            return ruled(self.line_width, ("── no job running ", "dim"))
-        full, empty = bar(instance.have, instance.need, BAR)
-        mode = "ad-hoc, at most" if instance.adhoc else "of"
-        numbers = f" {instance.have} {mode} {instance.need} B "
-        return ruled(
-            self.line_width, ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
-            ("not in DATA yet ", "dim"),
-        )  # fmt: skip
-
-    def _sent(self, instance: InstanceSnapshot) -> list[Part]:
-        """Return how far the bytes of this connection have come: DONE tells of the local stack only."""
-        parts: list[Part] = [("── ", "dim")]
-        if instance.need:
-            full, empty = bar(instance.have, instance.need, BAR)
-            numbers = f" {instance.have} of {instance.need} B in the stack  "
-            parts += [("job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong")]
-        connection = self._scene.connection
-        if connection is None or connection.state != "connected" or connection.udp:
-            return parts if instance.need else [*parts, ("no job running ", "dim")]
-        parts.append((f"{connection.bytes_sent} B accepted", "strong"))
-        if connection.unacknowledged is not None:
-            style = "warn" if connection.unacknowledged else "dim"
-            parts.append((f" · {connection.unacknowledged} unacknowledged", style))
-        for peer in self._scene.peers:
-            if (peer.local, peer.remote) == (connection.remote, connection.local):
-                parts.append((f" · {peer.received_here} read by {plain(peer.name)}", "dim"))
-        return [*parts, (" ", "dim")]
+PAST: Final = "-past"
 
 
 class Received(Vertical):
-    """Both hex views in one frame."""
+    """Both hex views in one frame, or the stream."""
 
     DEFAULT_CSS = """
     Received { background: $surface; }
     Received #data { height: 1fr; min-height: 1; }
     Received.-roomy JobLine { margin: 1 0 0 0; }
     Received #job { height: 1; display: none; }
+    Received #stream { height: 1fr; display: none; }
+    Received.-past #data, Received.-past #job-line, Received.-past #job { display: none; }
+    Received.-past #stream, Received.-past #origin-line { display: block; }
     """
+    BINDINGS: ClassVar = [
+        Binding("H", "past", show=False),
+        Binding("slash", "find", show=False),
+        Binding("n", "find_next(True)", show=False),
+        Binding("N", "find_next(False)", show=False),
+        Binding("left_square_bracket", "done(False)", show=False),
+        Binding("right_square_bracket", "done(True)", show=False),
+        Binding("d", "before", show=False),
+        Binding("u", "rulers", show=False),
+        Binding("escape", "end_find", show=False),
+    ]
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(id="received")
         self._scene = scene
         self.data = HexView("data", of_job=False)
         self.job = HexView("job", of_job=True)
+        self.stream = StreamView()
+        self.past_job: tuple[int, bytes] | None = None  # position and bytes of the job under the cursor
+        self._job_here: JobSpan | None = None
         self._line = JobLine(scene)
+        self._origin_line = OriginLine()
+        self._find = FindLine(self._look_for, self._back_to_bytes)
+        self._wanted: Wanted | None = None
+        self._nowhere = ""
+        self._known = ("", 0)  # CONNECT and bench of the stream
         self._title = ""
         self._subtitle = ""
         self._job_rows = 0
         self._data_rows: int | None = None
 
     def compose(self) -> Iterator[Widget]:
-        """Compose DATA above, the job below."""
+        """Compose DATA above, the job below; or the stream with its line."""
+        yield self._find
         yield self.data
         yield self._line
         yield self.job
+        yield self.stream
+        yield self._origin_line
+
+    @property
+    def is_past(self) -> bool:
+        """Return whether the stream is shown."""
+        return self.has_class(PAST)
 
     def show(self) -> None:
         """Show the bytes of the selected instance."""
@@ -105,6 +93,13 @@ class Received(Vertical):
         self._show_title(instance)
         if instance is None:
             return
+        self._take_past(instance)
+        if self.is_past:
+            self._show_past()
+        else:
+            self._show_now(instance)
+
+    def _show_now(self, instance: InstanceSnapshot) -> None:
         self.data.show_bytes(self._scene.data, 0, self._starts(False))
         self._line.show()
         self._size_job(instance)
@@ -122,6 +117,9 @@ class Received(Vertical):
         view = self.job if self.job.has_focus else self.data
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
+        self._say_below(text if self._wanted is None or not self._nowhere else self._nowhere)
+
+    def _say_below(self, text: str) -> None:
         if text != self._subtitle:
             self._subtitle = text
             self.border_subtitle = Content(text)
@@ -137,7 +135,179 @@ class Received(Vertical):
             text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
         if origin.message is not None:
             text += f" · {plain(origin.message.peer)} #{origin.message.number} byte {origin.message_byte}"
+        if origin.recv is not None:
+            text += f" · {moment(origin.recv.t_ns)} s"
         return text
+
+    # -- the past ----------------------------------------------------------------------------------------
+
+    def _take_past(self, instance: InstanceSnapshot) -> None:
+        """Take what has come of the stream, and ask for what is in view next."""
+        known = instance.connect, self._scene.bench
+        if known != self._known:
+            self._known, self.past_job, self._job_here = known, None, None
+            self.stream.begin_anew()
+        window = self._scene.past
+        if window is not None and window.connect == instance.connect:
+            self.data.show_before(window.data)
+            found = self.stream.take(window)
+            if found is not None:
+                self.stream.go_to(found)
+                self.post_message(PastSelected())
+            if window.job is not None and window.job != self.past_job:
+                self.past_job = window.job
+                self.post_message(PastSelected())
+        if self.is_past:
+            if self._scene.is_frozen:
+                self.stream.follows = False
+            self._scene.past_wanted = self.stream.request(instance.connect, self._job_wanted())
+        else:
+            first, size = self.data.in_view()
+            wanted = HistoryRequest(instance.connect, data=(instance.name, first, size))
+            self._scene.past_wanted = None if instance.sends else wanted
+
+    def _job_wanted(self) -> int | None:
+        """Return where the job lies whose bytes are to come, None where they are here."""
+        job = self.job_here()
+        known = self.past_job is not None and job is not None and self.past_job[0] == job.position
+        return None if job is None or known else job.position
+
+    def _show_past(self) -> None:
+        self.stream.show()
+        self._say_below("")
+        self._origin_line.say(self._search_text() or self._nowhere or self._past_origin())
+
+    def _search_text(self) -> str:
+        window = self._scene.past
+        sought = window.sought if window is not None else None
+        if self.stream.seek is None:
+            if sought is not None and sought.position is None and self._wanted is not None:
+                self._nowhere = f"{self._wanted.about}: not found there"
+            return ""
+        self._nowhere = ""
+        return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
+
+    def _past_origin(self) -> str:
+        """Return where the selected byte came from."""
+        if self.stream.cursor is None:
+            return "" if self.stream.window.end else "nothing was received yet"
+        values = self.stream.value(), self.stream.before_value()
+        return origin_words(self.stream.cursor, values, self.stream.labels(), self._scene.project)
+
+    def job_here(self) -> JobSpan | None:
+        """Return the job under the cursor of the stream, also when it has been scrolled out of the window."""
+        job, place, last = self.stream.labels()[0], self.stream.cursor, self._job_here
+        if job is None and last is not None and place is not None and last.position <= place < last.stop:
+            return last
+        self._job_here = job
+        return job
+
+    def job_of_cursor(self) -> tuple[str, int, bytes] | None:
+        """Return instance, number and bytes of the job under the cursor of the stream, once they are here."""
+        job = self.job_here() if self.is_past else None
+        here = job is not None and self.past_job is not None and self.past_job[0] == job.position
+        if job is None or self.past_job is None or not here or not job.is_kept:
+            return None
+        return job.instance, job.number, self.past_job[1]
+
+    def byte_in_job(self) -> int:
+        """Return the place of the stream's cursor in its job, -1 where there is none."""
+        job = self.job_here()
+        return -1 if job is None or self.stream.cursor is None else self.stream.cursor - job.position
+
+    def show_field(self, field: range, goes_there: bool) -> None:
+        """Mark the bytes of a member in the job under the cursor of the stream; perhaps go to the first."""
+        job = self.job_here()
+        if job is None:
+            return
+        self.stream.show_link(range(job.position + field.start, job.position + field.stop))
+        if goes_there and field:
+            self.stream.go_to(job.position + field.start)
+
+    # -- keys --------------------------------------------------------------------------------------------
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave n and escape to the screen while nothing is looked for."""
+        if action in ("find_next", "end_find"):
+            return self._wanted is not None
+        return action != "rulers" or self.is_past
+
+    def action_past(self) -> None:
+        """Show all that was received as one stream, or DATA as it is now."""
+        self.toggle_class(PAST)
+        self._title = self._nowhere = ""
+        self.job.display, self._job_rows = False, 0
+        self.post_message(PastSelected())
+        self.screen.set_focus(self.stream if self.is_past else self.data)
+        self.show()
+
+    def action_done(self, is_forward: bool) -> None:
+        """Go to the next DONE of the stream, or to the one before."""
+        if not self.is_past:
+            self.action_past()
+        stream = self.stream
+        here = stream.cursor if stream.cursor is not None else stream.window.end + 1
+        stream.look_for(here, is_forward)
+        self._nowhere = ""
+        self.show()
+
+    def action_before(self) -> None:
+        """Show the bytes of the job before, where they differ; or no longer."""
+        self.stream.change_before()
+        self.data.shows_before = self.stream.shows_before
+        self.show()
+
+    def action_rulers(self) -> None:
+        """Show all rulers, fewer, or none."""
+        self.stream.change_rulers()
+
+    # -- looking for bytes -------------------------------------------------------------------------------
+
+    async def action_find(self) -> None:
+        """Open the line for what is to be looked for."""
+        await self._find.open()
+
+    def _back_to_bytes(self) -> None:
+        self.screen.set_focus(self.stream if self.is_past else self.data)
+
+    def _look_for(self, wanted: Wanted) -> None:
+        self._wanted = wanted
+        for view in (self.data, self.job, self.stream):
+            view.mark(wanted.patterns)
+        self._go_on(True, again=False)
+
+    def action_find_next(self, is_forward: bool) -> None:
+        """Go to the next match, or to the one before."""
+        self._go_on(is_forward, again=True)
+
+    def _go_on(self, is_forward: bool, again: bool) -> None:
+        if self._wanted is None:
+            return
+        self._nowhere = ""
+        patterns, stream = self._wanted.patterns, self.stream
+        if self.is_past:
+            here = stream.cursor if stream.cursor is not None else stream.window.begin
+            behind = is_forward and again and stream.cursor is not None
+            stream.look_for(here + behind, is_forward, patterns)
+        elif not self.data.find(patterns, is_forward, again):
+            self._nowhere = f"{self._wanted.about}: not found {'further on' if again else 'in DATA'}"
+        self.show()
+
+    def action_end_find(self) -> None:
+        """Forget what was looked for; the marks go."""
+        self._wanted, self._nowhere, self.stream.seek = None, "", None
+        for view in (self.data, self.job, self.stream):
+            view.mark(())
+        self.show()
+
+    def dump(self) -> tuple[str, bytes]:
+        """Return a name and the bytes for an export: of the job under the cursor, or DATA as it is now."""
+        past = self.job_of_cursor()
+        if past is not None:
+            return f"{past[0]}-job-{past[1]}", past[2]
+        return self._scene.selected, self._scene.data
+
+    # -- layout ------------------------------------------------------------------------------------------
 
     def on_resize(self) -> None:
         """Other widths hold other numbers of bytes in a line."""
@@ -173,6 +343,10 @@ class Received(Vertical):
         if instance is None:
             detail = ""
         name = "Sent" if instance is not None and instance.sends else "Received"
+        if self.is_past and instance is not None:
+            kept = self.stream.window
+            size = f"{kept.end - kept.begin} B kept"
+            name, detail = "Received so far", f"{plain(instance.connect)}, {size} · H: DATA now"
         if f"{name} {detail}" != self._title or not self.border_title:
             self._title = f"{name} {detail}"
             self.border_title = pane_title(5, name, clip(detail, 60))

@@ -11,7 +11,7 @@ from typing import ClassVar, Final
 from textual import events
 
 from trcvtui.plc.project import DataDecl
-from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import FieldSelected, KeyClicked
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -35,6 +35,7 @@ class UdtTable(LineView):
         self._scene = scene
         self.of_job = False
         self.cursor: int | None = None
+        self.past: tuple[int, bytes] | None = None  # a job of the past: its number and its bytes
         self._page: tuple[int, int] = (0, 0)
         self._leaves: tuple[Leaf, ...] = ()
         self._values: tuple[Value | None, ...] = ()
@@ -53,17 +54,19 @@ class UdtTable(LineView):
             self.set_title(6, "Members", "no DATA" if self._scene.instance else "")
             return
         name = clip(plain(declared.type_name), 32)
-        room = self.outer_size.width - len(name) - 9  # the corners, the digit, the dot
+        room = self.outer_size.width - cells(name) - 9  # the corners, the digit, the dot
         self.set_title(6, name, self._source(declared, room))
 
     def _source(self, declared: DataDecl, room: int) -> str:
         """Return what is decoded, and what `v` would decode instead."""
         rules, job = declared.layout.rules, self._job()
+        if self.past is not None:
+            return f"job {self.past[0]} of the past, {len(self.past[1])} B"
         if self.of_job:
             return f"{job or 'no job running'} · v: DATA"
         other = f" · v: {job}" if job and self._scene.partial else ""
         full = f"{plain(declared.name)}, {rules.name}, {rules.byte_order}-endian{other}"
-        return full if len(full) <= room else f"{clip(plain(declared.name), 24)}{other}"
+        return full if cells(full) <= room else f"{clip(plain(declared.name), 24)}{other}"
 
     def _job(self) -> str:
         instance = self._scene.instance
@@ -81,6 +84,8 @@ class UdtTable(LineView):
         self._values = tuple(decode_leaves(declared.layout, self._bytes(), top, stop))
 
     def _bytes(self) -> bytes:
+        if self.past is not None:
+            return self.past[1]
         return self._scene.partial if self.of_job else self._scene.data
 
     def row_count(self) -> int:
@@ -103,14 +108,14 @@ class UdtTable(LineView):
         name_width = max(8, (self.line_width - OFFSET - TYPE) * 2 // 5)
         before = self._leaves[index - 1].path if index else ""
         shared, own = _split(leaf.path, before)
-        if len(shared) + len(own) > name_width - 1:
+        if cells(shared) + cells(own) > name_width - 1:
             shared, own = "", clip(leaf.path, name_width - 1)
         return [
             ("▸" if chosen else " ", "key"),
             (f"{leaf.offset:>{OFFSET - 2}} ", "dim"),
             (plain(shared), "faint"),
-            (plain(own).ljust(name_width - len(shared)), "strong" if chosen else ""),
-            (clip(plain(type_text(leaf.type)), TYPE - 1).ljust(TYPE), "dim"),
+            (pad(plain(own), name_width - cells(shared)), "strong" if chosen else ""),
+            (pad(clip(plain(type_text(leaf.type)), TYPE - 1), TYPE), "dim"),
             *self._value(index, leaf),
             (self._padding(index), "faint"),
         ]

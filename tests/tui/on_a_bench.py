@@ -1,0 +1,80 @@
+"""The screen on a true bench in the same process: scans pass when the test says so, in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from textual.pilot import Pilot
+
+from tests.tui.fakes import FakeDriver, bench_project
+from tests.tui.looking import WIDE, Looker
+from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
+from trcvtui.tui.app import BenchApp
+
+
+class BenchDriver(FakeDriver):
+    """Drives a simulated bench; every request is answered at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.console = Console(fresh_bench(bench_project(), "sim"))
+        self._request: PictureRequest | None = None
+
+    def do(self, *lines: str) -> None:
+        """Carry out bench commands; none may be refused."""
+        for number, line in enumerate(lines):
+            self.console.take(number, line)
+            answer = self.console._answers[-1]
+            assert answer.error == "", answer
+
+    def scan(self, times: int = 1) -> None:
+        """Let scans pass."""
+        for _ in range(times):
+            assert self.console.scan()
+
+    def submit(self, line: str) -> int:
+        """Carry out a line of the screen."""
+        number = super().submit(line)
+        self.console.take(number, line)
+        return number
+
+    def request(self, request: PictureRequest) -> None:
+        """Remember what was asked for."""
+        super().request(request)
+        self._request = request
+
+    def picture(self) -> Picture | None:
+        """Return a picture of now."""
+        if self._request is None:
+            return None
+        request, self._request = self._request, None
+        return self.console.picture(request, EngineTiming(), request.most_lines)
+
+
+class BenchLooker(Looker):
+    """A running screen on a bench."""
+
+    def __init__(self, app: BenchApp, driver: BenchDriver, pilot: Pilot[None]) -> None:
+        super().__init__(app, driver, pilot)
+        self.bench = driver
+
+    async def pictures(self, count: int = 3) -> None:
+        """Let so many requests be answered and shown."""
+        wanted = len(self.driver.requests) + count
+        while len(self.driver.requests) < wanted:
+            await self.pilot.pause(0.01)
+        await self.settle()
+
+
+@asynccontextmanager
+async def on_a_bench(size: tuple[int, int] = WIDE) -> AsyncIterator[BenchLooker]:
+    """Open the screen on the simulated bench."""
+    driver = BenchDriver()
+    app = BenchApp(driver, bench_project())
+    async with app.run_test(size=size) as pilot:
+        looker = BenchLooker(app, driver, pilot)
+        await looker.pictures()
+        yield looker
+    driver.console.bench.close()

@@ -1,0 +1,47 @@
+"""Where a byte of the past came from, in one line: the message first, as an engineer looks for that."""
+
+from __future__ import annotations
+
+from trcvtui.plc.project import Project
+from trcvtui.rig.history_window import JobSpan, MessageSpan, RecvSpan
+from trcvtui.tui.formatting import moment, plain
+
+Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
+
+
+def origin_words(place: int, values: tuple[int | None, int | None], labels: Labels, project: Project) -> str:
+    """Return value, message, job, field, recv call, scan and time of the byte at a position.
+
+    `values` are what it is and what stood there in the job before.
+    """
+    job, recv, message = labels
+    if job is None:
+        return ""
+    words = [_value_words(*values, job)]
+    if message is not None:
+        byte = message.first + place - message.position
+        words.append(f"{plain(message.peer)} #{message.number} byte {byte}")
+    byte = place - job.position
+    words.append(f"{plain(job.instance)} job {job.number} byte {byte}" if job.instance else "no job")
+    if job.done and (field := field_at(project, job.instance, byte)):
+        words.append(field)
+    if recv is not None and recv.number:
+        words += [f"recv {recv.number}", f"scan {recv.scan}", f"{moment(recv.t_ns)} s"]
+    if not job.done:
+        words.append(plain(job.reason))
+    return " · ".join(words)
+
+
+def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:
+    if value is None:
+        return "value not kept" if job.done else "dropped"
+    differs = was is not None and was != value
+    return f"16#{value:02X} = {value}" + (f" (was {was:02X})" if differs else "")
+
+
+def field_at(project: Project, instance: str, byte: int) -> str:
+    """Return the path of the member of an instance's DATA that holds a byte, "" for padding."""
+    data = next((decl.data for decl in project.instances if decl.name == instance), None)
+    declared = project.data_decl(data) if data else None
+    number = declared.layout.leaf_at(byte) if declared is not None else None
+    return plain(declared.layout.leaf(number).path) if declared is not None and number is not None else ""

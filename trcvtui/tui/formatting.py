@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Final
+
+from rich.cells import cell_len
 
 from trcvtui.errors import one_line
 
@@ -49,11 +52,32 @@ def short_time(ns: int) -> str:
     return f"{ns / MS:.1f} ms" if ns < 10 * MS else f"{ns // MS} ms"
 
 
+def cells(text: str) -> int:
+    """Return how many columns a text takes: a wide character two, a combining one none."""
+    return len(text) if text.isascii() else cell_len(text)
+
+
 def clip(text: str, width: int) -> str:
-    """Return text in at most `width` characters; what is cut is shown to be cut."""
-    if len(text) <= width:
+    """Return text in at most `width` columns; what is cut is shown to be cut."""
+    if cells(text) <= width:
         return text
-    return text[: max(0, width - 1)] + "…" if width > 0 else ""
+    return _fitting(text, width - 1) + "…" if width > 0 else ""
+
+
+def pad(text: str, width: int, right: bool = False) -> str:
+    """Return text with blanks to `width` columns behind it, or before it."""
+    blanks = " " * max(0, width - cells(text))
+    return blanks + text if right else text + blanks
+
+
+def _fitting(text: str, width: int) -> str:
+    """Return as much of the beginning as fits."""
+    if text.isascii():
+        return text[: max(0, width)]
+    end = used = 0
+    while end < len(text) and (used := used + cell_len(text[end])) <= width:
+        end += 1
+    return text[:end]
 
 
 def plain(text: str) -> str:
@@ -63,8 +87,26 @@ def plain(text: str) -> str:
 
 @lru_cache(maxsize=64)
 def wrapped(text: str, width: int) -> tuple[str, ...]:
-    """Return text broken at blanks into lines of at most `width` characters."""
-    return tuple(textwrap.wrap(plain(text), max(8, width))) or ("",)
+    """Return text broken at blanks into lines of at most `width` columns."""
+    text, width = plain(text), max(8, width)
+    lines = textwrap.wrap(text, width) if text.isascii() else _wrapped_wide(text, width)
+    return tuple(lines) or ("",)
+
+
+def _wrapped_wide(text: str, width: int) -> Iterator[str]:
+    line = ""
+    for word in text.split():
+        if cells(line) + cells(word) + bool(line) > width:
+            if line:
+                yield line
+            line = ""
+        while cells(word) > width:  # a script without blanks
+            piece = _fitting(word, width)
+            yield piece
+            word = word[len(piece) :]
+        line = f"{line} {word}" if line else word
+    if line:
+        yield line
 
 
 def bar(have: int, need: int, width: int) -> tuple[str, str]:

@@ -174,8 +174,8 @@ SITUATIONS = [
     pytest.param(
         (*UP, "peer P1 send random 92 seed=1", "run 200"), "X",
         "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
-        "LEN is 0 and DATA (rx) has 96 bytes, P1's only message was 92 bytes: LEN or DATA is 4 bytes too large "
-        "for this sender; 4 bytes short, for ever",
+        "LEN is 0 and DATA (rx) has 96 bytes, P1's only message was 92 bytes: LEN or DATA is 4 bytes too "
+        "large for this sender; 4 bytes short, for ever",
         id="a sender 4 bytes short",
     ),
     pytest.param(
@@ -201,8 +201,8 @@ SITUATIONS = [
     pytest.param(
         (*UP, "peer P1 send random 100 seed=1", "run 200"), "X",
         "stuck: 4 of 96 bytes are here, the last one came 1.9 s ago",
-        "P1's only message was 100 bytes, LEN is 0 and DATA (rx) has 96 bytes: 4 bytes of each message begin a "
-        "next frame",
+        "P1's only message was 100 bytes, LEN is 0 and DATA (rx) has 96 bytes: 4 bytes of each message begin "
+        "a next frame",
         id="a sender 4 bytes too long",
     ),
     pytest.param(
@@ -215,18 +215,20 @@ SITUATIONS = [
         (*UP, "peer P1 send random 96 seed=1 split=4 gap=T#100ms", "run 3", "set X EN_R=0", "run 2",
          "set X EN_R=1", "run 200"), "X",
         "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
-        "since scan 12 EN_R fell with 4 of 96 bytes collected: the stream is shifted; disconnect (CONT 0, then 1) "
-        "or COM_RST",
+        "since scan 12 EN_R fell with 4 of 96 bytes collected: the stream is shifted; disconnect "
+        "(CONT 0, then 1) or COM_RST",
         id="EN_R dropped in mid frame",
     ),
     pytest.param(
         (*UP, "peer P1 send random 96 seed=1 split=4 gap=T#100ms", "run 3", "set X EN_R=0", "run 3"), "X",
         "EN_R is 0",
-        "EN_R fell in scan 12 with 4 of 96 bytes collected; they are dropped, and the next frame begins in the middle",
+        "EN_R fell in scan 12 with 4 of 96 bytes collected; they are dropped, and the next frame begins "
+        "in the middle of a message",
         id="EN_R dropped, and not yet back",
     ),
     pytest.param(
-        (*UP, "peer P1 send random 64 seed=1", "run 3", "set X EN_R=0 ADHOC=1", "run 2", "set X EN_R=1", "run 9"),
+        (*UP, "peer P1 send random 64 seed=1", "run 3", "set X EN_R=0 ADHOC=1", "run 2", "set X EN_R=1",
+         "run 9"),
         "X",
         "armed for up to 96 bytes (ADHOC): none is here yet, the last one came 0.1 s ago",
         "",
@@ -260,8 +262,8 @@ SITUATIONS = [
     ),
     pytest.param(
         ("fault connect ECONNREFUSED on C2", "set Y CONT=1", "run 20"), "Y",
-        "waits for 10.0.0.9:32768 since scan 3, 0.1 s; refused once (ECONNREFUSED, injected, last in scan 4); "
-        "the next attempt in 0.8 s",
+        "waits for 10.0.0.9:32768 since scan 3, 0.1 s; refused once (ECONNREFUSED, injected, last in scan 4)"
+        "; the next attempt in 0.8 s",
         "a fault that was injected here did that, not the network: `fault clear`",
         id="refused by an injected fault",
     ),
@@ -346,7 +348,8 @@ def test_a_partner_that_does_not_read_is_named() -> None:
             "P1's only message was 92 bytes: LEN or DATA is 4 bytes too large for this sender",
         ),
         (
-            ("fault recv ECONNRESET on C1", "peer P1 send random 92 seed=1", "run 9"), Condition.RECEIVE_FAILED,
+            ("fault recv ECONNRESET on C1", "peer P1 send random 92 seed=1", "run 9"),
+            Condition.RECEIVE_FAILED,
             "a fault that was injected here did that, not the network: `fault clear`",
         ),
     ],
@@ -378,6 +381,14 @@ def test_a_reset_stream_is_not_called_shifted_any_more() -> None:
     assert not any("shifted" in check for check in told.of("X").checks)
 
 
+def test_each_later_frame_of_a_shifted_stream_names_the_scan_in_which_en_r_fell() -> None:
+    told = Told(*UP, "peer P1 send random 96 seed=1 split=4 gap=T#50ms", "run 3", "set X EN_R=0", "run 2")
+    told.do("set X EN_R=1", "peer P1 send random 96 seed=1 repeat=20 every=T#50ms", "run 300")
+    named = "since scan 12 EN_R fell with 4 of 96 bytes collected: the stream is shifted"
+    assert any(named in check for check in told.of("X").checks)
+    assert any(named in check for check in told.then("X", Condition.RECEIVED).checks)
+
+
 def test_a_frame_given_up_between_two_messages_shifts_nothing() -> None:
     told = Told(
         *UP, "peer P1 send random 48 seed=1", "run 3", "set X EN_R=0", "run 2", "set X EN_R=1", "run 2"
@@ -392,8 +403,8 @@ def test_a_partner_that_is_no_peer_is_known_by_its_bursts() -> None:
     stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
     checks = advice_on(stranger).checks
     assert (
-        "LEN is 0 and DATA (rx) has 96 bytes, bytes came once, 64: if that is the sender's message, LEN or DATA "
-        "is 32 too large" in checks
+        "LEN is 0 and DATA (rx) has 96 bytes, bytes came once, 64: if that is the sender's message, LEN or "
+        "DATA is 32 too large" in checks
     )
 
 

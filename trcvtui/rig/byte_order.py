@@ -73,6 +73,7 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
             clear += leaf.size >= 4
     if not clear or len(suspects) < min(2, asked):
         return None
+    suspects.sort(key=lambda suspect: not isinstance(suspect.as_read, float))  # the loudest first
     return Suspicion(order, OTHER[order], tuple(suspects))
 
 

@@ -57,8 +57,9 @@ class PinIs:
 
     def fires_by(self, event: Event) -> bool:
         """Return whether an event within a scan is what is waited for: a pin that rises and falls in it."""
-        same = isinstance(event, InputEdge) and (event.instance, event.pin) == (self.instance, self.pin)
-        return same and COMPARE[self.operator](event.value, self.value)
+        if not isinstance(event, InputEdge) or (event.instance, event.pin) != (self.instance, self.pin):
+            return False
+        return COMPARE[self.operator](event.value, self.value)
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ class Explainer:
         told = advice_on(evidence)
         checks = told.checks or tuple(notes_of(instance, scene.provenance))
         swapped = self._swapped(evidence)
-        return Advice(told.why, (*checks, swapped) if swapped else checks)
+        return Advice(told.why, (swapped, *checks) if swapped else checks)
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""

@@ -1,0 +1,220 @@
+"""Pane 3 on a true bench: three faults are named with their numbers; the view freezes by key or trigger."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+
+from tests.tui.fakes import bench_project, connecting, picture, receiving
+from tests.tui.looking import BOTH, SMALL, WIDE, FakeDriver, Looker, looking
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.triggers import Fired
+from trcvtui.tui.app import BenchApp
+
+SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
+UP = ("set TRCV_C_1 CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4")
+SWAPPED = struct.pack(">ihBxf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00\x00\x00"
+
+
+class Desk(Looker):
+    """The screen on a bench in this process; scans pass when they are asked for."""
+
+    bench: LocalDriver
+
+    async def do(self, *lines: str) -> None:
+        """Carry out bench commands; `run` lets scans pass. Then wait until the screen shows it."""
+        for line in lines:
+            if line.startswith("run "):
+                self.bench.scan(int(line.removeprefix("run ")))
+            else:
+                self.bench.submit(line)
+        await self.see()
+
+    async def see(self) -> None:
+        """Wait until a picture of now has been shown."""
+        for _ in range(2):
+            before = self.app.scene.live
+            while self.app.scene.live is before:
+                await self.pilot.pause(0.01)
+        await self.settle()
+
+    @property
+    def header(self) -> str:
+        """Return the first line."""
+        return self.text.splitlines()[0]
+
+    @property
+    def scan(self) -> int:
+        """Return how many scans have passed."""
+        return self.bench.console.bench.runtime.scans
+
+
+@asynccontextmanager
+async def at_the_desk(size: tuple[int, int], *lines: str) -> AsyncIterator[Desk]:
+    """Open the screen on the simulated network."""
+    project = bench_project()
+    driver = LocalDriver(Bench(project, "sim"))
+    app = BenchApp(driver, project)
+    async with app.run_test(size=size) as pilot:
+        desk = Desk(app, FakeDriver(), pilot)
+        desk.bench = driver
+        await desk.do(*lines)
+        yield desk
+
+
+# -- why: three faults ---------------------------------------------------------------------------------
+
+
+@SIZES
+async def test_a_sender_4_bytes_short_is_named(size: tuple[int, int]) -> None:
+    async with at_the_desk(size, *UP, "peer P1 send random 20 seed=1", "run 300") as desk:
+        await desk.press("3", "M")
+        card = desk.words("status").replace("│ │ ", "")
+        assert "stuck: 20 of 24 bytes are here, the last one came 2.9 s ago" in card
+        assert "LEN is 0 and DATA (rx) has 24 bytes, P1's only message was 20" in card
+        assert "4 bytes too large for this sender; 4 bytes" in card
+
+
+@SIZES
+async def test_swapped_members_are_named(size: tuple[int, int]) -> None:
+    send = f"peer P1 send hex {SWAPPED.hex(' ')}"
+    async with at_the_desk(size, *UP, send, "run 5") as desk:
+        await desk.press("3", "M")
+        card = desk.words("status")
+        assert "members look swapped: in big-endian speed = 1234.5 and id = 41" in card
+
+
+@SIZES
+async def test_an_en_r_that_fell_in_mid_frame_is_named(size: tuple[int, int]) -> None:
+    cut = ("peer P1 send random 24 seed=1 split=4 gap=T#100ms", "run 3", "set TRCV_C_1 EN_R=0", "run 2")
+    async with at_the_desk(size, *UP, *cut, "set TRCV_C_1 EN_R=1", "run 200") as desk:
+        await desk.press("3", "M")
+        card = desk.words("status")
+        assert "since scan 12 EN_R fell with 4 of 24 bytes collected: the stream is shifted" in card
+
+
+async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
+    lost = ("peer P1 send random 20 seed=1", "run 3", "peer P1 close", "run 300")
+    async with at_the_desk(WIDE, *UP, *lost) as desk:
+        await desk.press("4", "M", "down", "down", "3")
+        card = desk.words("status")
+        assert "in the past" in card
+        assert "closed (FIN) with 20 of 24 bytes of the job done" in card
+        assert "its messages are 20 bytes, the frame wants 24: 4 bytes" in card
+
+
+async def test_words_from_outside_are_never_markup() -> None:
+    cause = Cause(Why.PARTNER, "the partner reset", peer="[red]x\x1b[31m", have=1, need=8)
+    lost = replace(
+        receiving(), need=0, busy=False, condition=str(Condition.RECEIVE_FAILED), status=0x80AA, cause=cause
+    )
+    async with looking(WIDE, picture(lost, connecting())) as looker:
+        await looker.press("3", "M")
+        assert "[red]x" in looker.words("status")
+        assert "\x1b" not in looker.text
+
+
+# -- the frozen view -----------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_f_freezes_the_view_while_the_plc_runs_on(size: tuple[int, int]) -> None:
+    async with at_the_desk(size, *UP) as desk:
+        await desk.press("3", "F")
+        assert "FROZEN at scan 8" in desk.header
+        await desk.do("peer P1 send random 24 seed=1", "run 100")
+        assert "FROZEN at scan 8" in desk.header
+        assert desk.scan == 108, "the PLC has run on"
+        assert "none is here yet" in desk.words("status")
+        assert "none is here yet, the last one" not in desk.words("status")
+        await desk.press("F")
+        await desk.see()
+        assert "FROZEN" not in desk.header
+        assert "the last one came 0.9 s ago" in desk.words("status")
+
+
+async def test_no_edge_of_a_frozen_time_is_lost() -> None:
+    async with at_the_desk(WIDE, *UP) as desk:
+        await desk.press("F")
+        for _ in range(300):
+            desk.bench.submit("peer P1 send random 24 seed=1")
+            desk.bench.scan(4)
+        await desk.see()
+        frozen = len(desk.app.scene.history.of("TRCV_C_1"))
+        await desk.press("F")
+        await desk.see()
+        assert len(desk.app.scene.history.of("TRCV_C_1")) == frozen + 600
+        assert desk.app.scene.history.skipped == 0
+
+
+async def test_a_command_is_answered_while_the_view_is_frozen() -> None:
+    async with at_the_desk(WIDE, *UP) as desk:
+        await desk.press("F", "colon")
+        await desk.type("set TRCV_C_1 LEN=9")
+        await desk.press("enter")
+        await desk.see()
+        assert "set TRCV_C_1 LEN=9  ✓" in desk.text
+
+
+@BOTH
+async def test_a_trigger_freezes_the_view_in_its_scan_and_the_header_names_it(size: tuple[int, int]) -> None:
+    async with at_the_desk(size, *UP) as desk:
+        await desk.press("T")
+        await desk.type("TRCV_C_1 RCVD_LEN=24")
+        await desk.press("enter")
+        await desk.see()
+        assert "trigger armed: TRCV_C_1 RCVD_LEN=24" in desk.header
+        await desk.do("peer P1 send random 24 seed=1", "run 50")
+        assert "TRIGGER TRCV_C_1 RCVD_LEN=24" in desk.header
+        assert "FROZEN at scan 9" in desk.header
+        assert desk.scan == 58
+        await desk.press("3")
+        assert "16#7008" in desk.line("Frame received", "status"), "what shows for one scan stands still"
+        await desk.press("F")
+        await desk.see()
+        assert "TRIGGER" not in desk.header
+        assert "16#7006" in desk.line("Receiving", "status")
+
+
+async def test_a_trigger_with_hold_stops_the_scans_and_a_single_scan_goes_on_from_there() -> None:
+    async with at_the_desk(WIDE, *UP) as desk:
+        await desk.do("trigger TRCV_C_1 STATUS=7008 hold", "peer P1 send random 24 seed=1", "run 50")
+        assert desk.scan == 9
+        assert "HOLD" in desk.header
+        assert "FROZEN at scan 9" in desk.header
+        await desk.press("full_stop")
+        await desk.do("run 1")
+        assert desk.scan == 10
+        assert "FROZEN" not in desk.header
+        assert "scan 10" in desk.header
+
+
+async def test_t_opens_the_prompt_with_the_beginning_of_a_trigger() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("T")
+        await looker.type("off")
+        await looker.press("enter")
+        assert looker.lines == ["trigger off"]
+
+
+async def test_a_fresh_bench_is_not_frozen() -> None:
+    async with looking(WIDE, picture(fired_at := receiving(), connecting())) as looker:
+        fired = Fired(1, "TRCV_C_1 STATUS=7006", 920, 0)
+        await looker.show(replace(picture(fired_at, connecting()), fired=fired))
+        assert looker.app.scene.is_frozen
+        await looker.show(replace(picture(), bench=1))
+        assert not looker.app.scene.is_frozen
+
+
+@pytest.mark.parametrize("name", ["Freeze the view", "Trigger", "Trigger off"])
+async def test_the_palette_reaches_it(name: str) -> None:
+    async with looking(WIDE) as looker:
+        titles = [command.title for command in looker.app.get_system_commands(looker.app.screen)]
+        assert name in titles

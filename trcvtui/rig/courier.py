@@ -21,6 +21,7 @@ from typing import Any, Final
 from trcvtui.plc.ledger import Line
 from trcvtui.rig import clock
 from trcvtui.rig.picture import Picture
+from trcvtui.rig.wave_news import Change, WaveNews
 
 LINES_A_PIECE: Final = 32
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
@@ -71,7 +72,14 @@ class Courier:
         for first in range(0, len(picture.lines), LINES_A_PIECE):
             parts[-1].append(_dumps([_plain(line) for line in picture.lines[first : first + LINES_A_PIECE]]))
             yield b""
-        bare = replace(picture, lines=(), snapshot=replace(snapshot, instances=(), connections=(), data=()))
+        for news in picture.waves:
+            parts.append([_dumps(replace(news, changes=()))])
+            for first in range(0, len(news.changes), LINES_A_PIECE):
+                chunk = news.changes[first : first + LINES_A_PIECE]
+                parts[-1].append(_dumps([tuple(change) for change in chunk]))
+                yield b""
+        empty = replace(snapshot, instances=(), connections=(), data=())
+        bare = replace(picture, lines=(), waves=(), snapshot=empty)
         yield _dumps(_Packed(bare, *parts))
 
     def _piece(self, key: str, piece: object) -> bytes:
@@ -112,7 +120,12 @@ class _Packed:
 
 
 def _unpack(
-    bare: Picture, instances: list[bytes], connections: list[bytes], data: list[bytes], lines: list[bytes]
+    bare: Picture,
+    instances: list[bytes],
+    connections: list[bytes],
+    data: list[bytes],
+    lines: list[bytes],
+    *waves: list[bytes],
 ) -> Picture:
     snapshot = replace(
         bare.snapshot,
@@ -121,7 +134,14 @@ def _unpack(
         data=tuple(map(_known, data)),
     )
     news = chain.from_iterable(map(pickle.loads, lines))
-    return replace(bare, snapshot=snapshot, lines=tuple(starmap(_line, news)))
+    drawn = tuple(map(_wave, waves))
+    return replace(bare, snapshot=snapshot, lines=tuple(starmap(_line, news)), waves=drawn)
+
+
+def _wave(pieces: list[bytes]) -> WaveNews:
+    bare: WaveNews = pickle.loads(pieces[0])
+    changes = chain.from_iterable(map(pickle.loads, pieces[1:]))
+    return replace(bare, changes=tuple(starmap(Change, changes)))
 
 
 def _plain(line: Line) -> tuple[int, int, int, Any, Any]:

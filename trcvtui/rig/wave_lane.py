@@ -106,11 +106,16 @@ class Lane:
         return column
 
     def next_edge(self, scan: int, direction: int) -> int | None:
-        """Return the scan of the next change behind a scan, or of the last one before it."""
+        """Return the scan of the next change behind a scan, or of the last one before it.
+
+        What merely becomes known, or is no longer known, is no change.
+        """
         place = bisect_right(self.scans, scan) if direction > 0 else bisect_left(self.scans, scan) - 1
-        if not 0 <= place < len(self.scans) or self.scans[place] < 1:
-            return None
-        return self.scans[place]
+        while 0 < place < len(self.scans):
+            if self.values[place] is not None and self.values[place - 1] is not None:
+                return self.scans[place]
+            place += direction
+        return None
 
     def rises(self, first: int, last: int) -> int:
         """Return how often the pin became TRUE in these scans."""

@@ -63,6 +63,8 @@ def drawn(wave: Wave, name: str, window: Window) -> list[Piece]:
     if name == CODES:
         return _codes(wave, window)
     columns = wave.columns(lane_of(wave, name), window)
+    if name == "RCVD_LEN":
+        return list(_lengths(wave, window, columns))
     if pin_of(name) in WORDS:
         return list(_segments(wave, name, window, columns))
     return _merged(_level(wave, window, columns, x) for x in range(window.count))
@@ -111,7 +113,7 @@ def _segments(wave: Wave, name: str, window: Window, columns: list[Column | None
             continue
         label = value_text(pin, value) if value is not None else ""
         edge = "│" if value is not None else NOT_YET
-        text = edge + (label if len(label) < width else "")
+        text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
         is_word = pin == "STATUS" and not name.startswith(WATCH)
         style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
         yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
@@ -130,6 +132,22 @@ def _edge_kind(line: Line | None) -> str:
     if not isinstance(edge, StatusEdge):
         return ""
     return "error" if edge.error else "done" if edge.done else "busy" if edge.busy else ""
+
+
+def _lengths(wave: Wave, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+    """Yield RCVD_LEN, which is 0 but for one scan: its values where there is room up to the next one."""
+    pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
+    nexts = dict(zip(pulses, [*pulses[1:], window.count], strict=False))
+    x = 0
+    while x < window.count:
+        column = columns[x]
+        text = f"╵{column.high}" if column is not None and column.high else ""
+        if text and len(text) <= nexts[x] - x:
+            yield text, "done"
+            x += len(text)
+        else:
+            yield _level(wave, window, columns, x) if not text else (INSIDE, "pulse")
+            x += 1
 
 
 # -- codes that have no room in their segment -------------------------------------------------------------

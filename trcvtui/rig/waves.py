@@ -8,7 +8,7 @@ Rule 3: an instance that does not change costs nothing; a change costs about a m
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import islice
 from typing import Final
 
@@ -22,6 +22,7 @@ KEPT_IN_ALL: Final = 500_000
 LEAST_KEPT: Final = 1_000
 MOST_NEWS: Final = 1_000  # changes of one instance in one picture
 CREATED, DELETED, DOWNLOADED = "created", "deleted", "downloaded"
+NOTED: Final = frozenset({CREATED, DELETED, DOWNLOADED})
 
 
 class _Record:
@@ -75,17 +76,30 @@ class Waves:
         fresh = ledger.stamped_since(seen)
         if self._seen - len(fresh) > seen:
             self._lose(self._seen - len(fresh))
+        renewed: dict[str, Change] = {}
         for number, (scan, t_ns, event) in enumerate(fresh, self._seen - len(fresh) + 1):
             kind = type(event)
             if kind is StatusEdge or kind is InputEdge:
                 record = self._records.get(event.instance)  # type: ignore[union-attr]
                 if record is not None:
                     record.add(Change(number, scan, t_ns, event))  # type: ignore[arg-type]
-            elif kind is BenchNote and event.what in (CREATED, DELETED, DOWNLOADED):  # type: ignore[union-attr]
-                self._note(number, scan, t_ns, event, project)  # type: ignore[arg-type]
+                    if renewed and kind is StatusEdge:
+                        renewed.pop(event.instance, None)  # type: ignore[union-attr]
+            elif kind is BenchNote and event.what in NOTED:  # type: ignore[union-attr]
+                self._note(number, scan, t_ns, event, project, renewed)  # type: ignore[arg-type]
+        for name, change in renewed.items():
+            self._records[name].add(change)
 
-    def _note(self, number: int, scan: int, t_ns: int, note: BenchNote, project: Project) -> None:
-        """An instance begins or ends: its pins are what no edge tells."""
+    def _note(
+        self,
+        number: int,
+        scan: int,
+        t_ns: int,
+        note: BenchNote,
+        project: Project,
+        renewed: dict[str, Change],
+    ) -> None:
+        """An instance begins, ends, or is new: no edge tells its pins, unless it is called at once."""
         name, decl = note.subject, project.instance(note.subject)
         if note.what == CREATED and decl is not None:
             first = _first_pins(decl)
@@ -93,9 +107,11 @@ class Waves:
             record.add(Change(number, scan, t_ns, PinsAre(first)))
         elif name in self._records:
             record = self._records[name]
-            gone = note.what == DELETED
-            values = _unknown(record.pins()) if gone else tuple((pin, 0) for pin in _outputs(record.pins()))
-            record.add(Change(number, scan, t_ns, PinsAre(values)))
+            if note.what == DELETED:
+                record.add(Change(number, scan, t_ns, PinsAre(_unknown(record.pins()))))
+            else:
+                dark = tuple((pin, 0) for pin in record.pins() if pin in LAMPS or pin == "RCVD_LEN")
+                renewed[name] = Change(number, scan, t_ns, PinsAre(dark))
 
     def _lose(self, seq: int) -> None:
         """More came in one scan than the ledger keeps: nobody can say what the pins did."""
@@ -134,10 +150,6 @@ def _first_pins(decl: InstanceDecl) -> PinValues:
     given = dict(decl.inputs)
     inputs = [(pin.name, int(given.get(pin.name, 0))) for pin in parameters.inputs_of(decl.block)]
     return (*inputs, *((pin.name, None) for pin in parameters.outputs_of(decl.block)))
-
-
-def _outputs(pins: Iterable[str]) -> Iterator[str]:
-    return (pin for pin in pins if pin in LAMPS or pin == "RCVD_LEN")
 
 
 def _unknown(pins: Iterable[str]) -> PinValues:

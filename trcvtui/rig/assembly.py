@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from trcvtui.errors import mistake
@@ -17,6 +18,8 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
+from trcvtui.rig.peer_links import link_of
+from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.routine import SelfActing, read_replies, read_routines
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
 from trcvtui.rig.wire import set_link
@@ -51,6 +54,8 @@ class Bench:
             )
             for decl in project.peers
         }
+        self._links = [link_of(decl, project) for decl in project.peers]
+        self._down: set[str] = set()
         self._self_acting = [
             SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
         ]
@@ -100,6 +105,13 @@ class Bench:
             acting.step(self.now)
         for peer in self.peers.values():
             peer.step(self.now)
+
+    def peer_snapshots(self) -> tuple[PeerSnapshot, ...]:
+        """Return every peer, and whether its wire is down."""
+        return tuple(
+            replace(peer.snapshot(), link=link, silent=link in self._down)
+            for peer, link in zip(self.peers.values(), self._links, strict=True)
+        )
 
     # -- commands -------------------------------------------------------------------------------------
 
@@ -154,6 +166,7 @@ class Bench:
     def _link(self, command: words.Link) -> str:
         wrong, how = set_link(self._kernel, command.connect, command.up)
         if not wrong:
+            (self._down.discard if command.up else self._down.add)(command.connect)
             self._note(command.connect, "link up" if command.up else "link down", how)
         return wrong
 

@@ -58,11 +58,12 @@ def quoted(text: str) -> str:
 
 def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
     """Return the bytes of `{speed=1.5, st={x=1}}`, 0 where nothing is named; raise UserError."""
-    values = dict(_members(braces, where))
+    values = dict(members_of(braces, where))
     return _told(where, lambda: encode(layout, values))
 
 
-def _members(braces: str, where: str) -> list[tuple[str, str]]:
+def members_of(braces: str, where: str) -> list[tuple[str, str]]:
+    """Return `{speed=1.5, st={x=1}}` as paths and texts without quotes; raise UserError."""
     members, end = _read_braces(braces, 0, where)
     if end != len(braces):
         raise mistake(where, shown(braces[end:]), VALUES_FORM)

@@ -41,6 +41,10 @@ BYTES: Final = (
 PEER: Final = (
     ("m", "payload as hex, text or udt"),
     ("enter", "in the payload: send it"),
+    ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
+    ("e", "try every split of the message, as a table; enter in it takes the cut"),
+    ("o", "a UDT as a form: its members as fields"),
+    ("a d", "a reply rule more; no replies"),
     ("← → enter", "walk the buttons, press one"),
 )
 SCENARIOS: Final = (

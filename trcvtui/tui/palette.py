@@ -93,7 +93,7 @@ def _of_peer(bench: Reach) -> Iterator[SystemCommand]:
     peer = bench.scene.peer_snapshot
     if peer is None:
         return
-    for button in buttons_for(bool(bench.scene.snapshot and bench.scene.snapshot.faults)):
+    for button in buttons_for(bool(bench.scene.snapshot and bench.scene.snapshot.faults), peer):
         line = bench.main.peer.composer.line or "the payload" if button.letter == SEND else button.line(peer)
         press = partial(bench.main.peer.action_button, button.letter)
         yield SystemCommand(f"Peer {plain(peer.name)}: {button.label(peer)}", plain(line), press)

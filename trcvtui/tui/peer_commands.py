@@ -7,8 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from trcvtui.plc.project import Project
 from trcvtui.rig.picture import PeerSnapshot
 
+RECEIVES: Final = ("TRCV_C", "TRCV")
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"
 MODES: Final = (HEX, TEXT, UDT)
@@ -49,13 +51,38 @@ BUTTONS: Final = (
         lambda peer: f"peer {peer.name} {'resume' if peer.stalled else 'stall'}",
     ),
 )
+SILENCE: Final = Button(
+    "l",
+    lambda peer: "Wire up" if peer.silent else "Silence",
+    lambda peer: f"link {peer.link} {'up' if peer.silent else 'down'}",
+)
+EVERY_SPLIT, FORM = "e", "o"
+TRY: Final = Button(EVERY_SPLIT, _always("Every split"), _says("try-splits"))
+REPLY: Final = Button("a", _always("Reply …"), _says("reply on contains hex 05 send hex 06"), edit=True)
+NO_REPLY: Final = Button("d", _always("No replies"), _says("reply off"))
 FAULT: Final = Button("u", _always("Fault …"), _always("fault recv ECONNRESET on "), edit=True)
 CLEAR: Final = Button("u", _always("Clear faults"), _always("fault clear"))
 
 
-def buttons_for(faults: bool) -> tuple[Button, ...]:
-    """Return the buttons; an armed fault turns the last one into its end."""
-    return (*BUTTONS, CLEAR if faults else FAULT)
+def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button, ...]:
+    """Return the buttons that make sense for a peer; an armed fault turns its button into the end of it."""
+    silence = (SILENCE,) if peer is not None and peer.link else ()
+    tries = (TRY,) if peer is not None and not peer.udp else ()
+    replies = (REPLY, NO_REPLY) if peer is not None and peer.replies else (REPLY,)
+    return (*BUTTONS, *silence, CLEAR if faults else FAULT, *tries, *replies)
+
+
+def try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:
+    """Return the bench command that tries every split of a payload; of several pauses the first."""
+    options = f" gap={gap.split(',')[0].strip()}" if gap.strip() else ""
+    message = _quoted(payload) if mode == TEXT else payload.strip()
+    return f"peer {peer} try-splits {mode} {message} on {instance}{options} differ=any"
+
+
+def receiver_for(link: str, selected: str, project: Project) -> str:
+    """Return the instance that takes a peer's messages: the selected one, else the first on its CONNECT."""
+    names = [i.name for i in project.instances if i.connect == link and i.block in RECEIVES]
+    return selected if selected in names else next(iter(names), "")
 
 
 def send_line(peer: str, mode: str, payload: str, options: tuple[tuple[str, str], ...]) -> str:

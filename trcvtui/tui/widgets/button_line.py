@@ -1,4 +1,4 @@
-"""Buttons in one line: each with its letter, pressed by mouse, by letter or by enter."""
+"""Buttons in as few lines as they fit in: each with its letter, pressed by mouse, by letter or by enter."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import ClassVar
 from textual import events
 
 from trcvtui.tui.messages import ButtonPointed
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 
 
 class ButtonLine(LineView):
     """`labels` gives (letter, label) now, `press` is told the index; `chosen` is the one in force."""
 
-    DEFAULT_CSS = "ButtonLine { height: 1; }"
+    DEFAULT_CSS = "ButtonLine { height: auto; }"
     KEYS: ClassVar = (("←→", "button"), ("enter", "press"))
     BINDINGS: ClassVar = [
         ("left", "move(-1)", "left"),
@@ -45,15 +45,28 @@ class ButtonLine(LineView):
         super().show()
 
     def row_count(self) -> int:
-        """Return 1."""
-        return 1
+        """Return in how many lines they fit."""
+        return max((line for _, line, _, _ in self._places()), default=0) + 1
+
+    def _places(self) -> list[tuple[int, int, int, int]]:
+        """Return index, line, first column and width of each button."""
+        places, line, left = [], 0, 0
+        for index, (letter, label) in enumerate(self._labels()):
+            width = len(letter) + len(label) + (3 if letter else 2)
+            if left and left + width > self.line_width > 0:
+                line, left = line + 1, 0
+            places.append((index, line, left, width))
+            left += width + 1
+        return places
 
     def row_at(self, y: int) -> Row:
-        """Return the buttons."""
-        if y:
-            return EMPTY
+        """Return the buttons of one line."""
+        labels = self._labels()
         parts: list[Part] = []
-        for index, (letter, label) in enumerate(self._labels()):
+        for index, line, _, _ in self._places():
+            if line != y:
+                continue
+            letter, label = labels[index]
             style = self._style(index)
             parts += [("[", f"faint {style}"), (letter, f"key {style}")]
             parts += [(f" {label}" if letter else label, style), ("]", f"faint {style}"), (" ", "")]
@@ -101,12 +114,12 @@ class ButtonLine(LineView):
         self.show()
 
     def _index_at(self, event: events.MouseEvent) -> int | None:
-        place, left = self.place_of(event), 0
+        place = self.place_of(event)
         if place is None:
             return None
-        for index, (letter, label) in enumerate(self._labels()):
-            width = len(letter) + len(label) + (3 if letter else 2)
-            if left <= place[0] < left + width:
-                return index
-            left += width + 1
-        return None
+        found = (
+            index
+            for index, line, left, width in self._places()
+            if line == place[1] and left <= place[0] < left + width
+        )
+        return next(found, None)

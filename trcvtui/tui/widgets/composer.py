@@ -1,4 +1,4 @@
-"""What the peer shall send: hex, text or udt, in which chunks and how often; judged while typed."""
+"""What the peer shall send: hex, text or udt, where it is cut and how often; judged while typed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line
+from trcvtui.tui.cuts import Cuts, cuts_of
+from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.validity import fault_of
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.button_line import ButtonLine
+from trcvtui.tui.widgets.cut_row import CutRow
 
 OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every", "T#50ms"))
 EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
@@ -42,7 +44,7 @@ class Composer(Vertical):
     """The fields of `peer P send`; `line` is the command that they make."""
 
     DEFAULT_CSS = """
-    Composer { height: 2; background: $surface; }
+    Composer { height: 3; background: $surface; }
     Composer Horizontal { height: 1; }
     Composer #mode { width: 19; }
     Composer #payload { width: 1fr; }
@@ -67,13 +69,15 @@ class Composer(Vertical):
             "mode", lambda: [("", mode) for mode in MODES], self._to_mode, self._mode_now
         )
         self._payload = Field(self.send, "payload", EXAMPLES[HEX])
+        self.cut_row = CutRow(self._cut, self.send)
         self._options = [Field(self.send, f"option-{name}", example, "option") for name, example in OPTIONS]
 
     def compose(self) -> Iterator[Widget]:
-        """Compose two lines; what can be typed into comes right after the first frame."""
+        """Compose three lines; what can be typed into comes right after the first frame."""
         with self._above:
             yield self._modes
         yield self._below
+        yield self.cut_row
 
     async def prepare(self) -> None:
         """Put the payload above, its options below."""
@@ -101,9 +105,53 @@ class Composer(Vertical):
         self._seen = line
         self.fault = fault_of(line, self._scene.project) if line else ""
         bad_options = bool(self.fault) and not fault_of(self._without_options(), self._scene.project)
+        self._draw(line if not self.fault else self._without_options() if bad_options else "")
         self._payload.set_class(bool(self.fault) and not bad_options, "-bad")
         for field in self._options:
             field.set_class(bad_options and bool(field.value.strip()) and self._is_bad(field), "-bad")
+
+    def _draw(self, line: str) -> None:
+        from trcvtui.rig.bench import parse_line  # read at the first line, not before the first screen
+        from trcvtui.rig.bench_words import PeerSend
+
+        send = parse_line(line, self._scene.project, "message") if line else None
+        if isinstance(send, PeerSend):
+            self.cut_row.draw(send.payload, cuts_of(send))
+        else:
+            self.cut_row.draw(b"", Cuts())
+
+    def _cut(self, cuts: Cuts) -> None:
+        """Write the cuts into the fields, which are what is sent."""
+        for (name, _), field in zip(OPTIONS, self._options, strict=True):
+            if name in ("split", "gap"):
+                field.value = cuts.split if name == "split" else cuts.gap
+        self.judge()
+
+    def cut_at(self, place: int) -> None:
+        """Cut the message there alone, and go to it."""
+        self.cut_row.place = place
+        self._cut(Cuts().toggled(place))
+        self.screen.set_focus(self.cut_row)
+
+    def try_line(self, instance: str) -> str:
+        """Return the command that tries every split of the message, "" without one."""
+        if not self._payload.value.strip():
+            return ""
+        gap = next(
+            field.value for (name, _), field in zip(OPTIONS, self._options, strict=True) if name == "gap"
+        )
+        return try_line(self._scene.peer, self.mode, self._payload.value, instance, gap)
+
+    def put(self, mode: str, text: str) -> None:
+        """Put a payload in the place of the present one."""
+        self._to_mode(MODES.index(mode))
+        self._payload.value = text
+        self.judge()
+
+    @property
+    def text(self) -> str:
+        """Return the payload as it stands."""
+        return self._payload.value
 
     def _without_options(self) -> str:
         return send_line(self._scene.peer, self.mode, self._payload.value, ())

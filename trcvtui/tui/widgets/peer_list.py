@@ -48,7 +48,9 @@ class PeerList(LineView):
             *self._counters(peer),
         ]
         if peer.stalled:
-            parts.append((" STALLED ", "hold"))
+            parts += [(" ", ""), (" STALLED ", "hold")]
+        if peer.silent:
+            parts += [(" ", ""), (" SILENT ", "stop")]
         return row(*parts, style=style)
 
     def _ends(self, peer: PeerSnapshot) -> str:

@@ -3,52 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from textual.containers import Vertical
+from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
+from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.tui.form import form_of
 from trcvtui.tui.formatting import clip, plain
-from trcvtui.tui.peer_commands import SEND, Button, buttons_for
+from trcvtui.tui.peer_commands import EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.button_line import ButtonLine
 from trcvtui.tui.widgets.composer import Composer
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, pane_title, row
+from trcvtui.tui.widgets.line_view import pane_title
 from trcvtui.tui.widgets.peer_list import PeerList
+from trcvtui.tui.widgets.peer_notes import PeerNotes
 
+if TYPE_CHECKING:
+    from trcvtui.tui.screens.trial import TrialScreen
 
-class CommandPreview(LineView, can_focus=False):
-    """The bench command that the button under the mouse, under the cursor, or Send would give."""
-
-    DEFAULT_CSS = "CommandPreview { height: 1; }"
-
-    def __init__(self) -> None:
-        super().__init__(id="preview")
-        self.line = ""
-        self.fault = ""
-
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
-    def row_at(self, y: int) -> Row:
-        """Return the command, or what is wrong with it."""
-        if y:
-            return EMPTY
-        if self.fault:
-            return row(("✗ ", "error"), (clip(plain(self.fault), self.line_width - 2), "error"))
-        return row(("▸ ", "dim"), (clip(plain(self.line), self.line_width - 2), "dim"))
+LETTERS = "scfrhzulead"
 
 
 class PeerPanel(Vertical):
-    """List, composer, buttons, preview."""
+    """List, composer, buttons, notes; in the lower border the command that would be given."""
 
-    DEFAULT_CSS = "PeerPanel { background: $surface; }"
+    DEFAULT_CSS = "PeerPanel { background: $surface; border-subtitle-align: left; }"
     BINDINGS: ClassVar = [
-        *[(letter, f"button('{letter}')", "") for letter in "scfrhzu"],
+        *[(letter, f"button('{letter}')", "") for letter in LETTERS],
         ("m", "mode", "payload mode"),
+        ("o", "form", "members as fields"),
+        ("x", "cuts", "the cuts"),
         ("i", "payload", "edit the payload"),
     ]
 
@@ -60,7 +48,9 @@ class PeerPanel(Vertical):
         self.peers = PeerList(scene)
         self.composer = Composer(scene, voice)
         self._buttons = ButtonLine("buttons", self._labels, self._press)
-        self._preview = CommandPreview()
+        self._notes = PeerNotes(scene)
+        self._preview = "", ""
+        self._trial: TrialScreen | None = None
 
     def compose(self) -> Iterator[Widget]:
         """Compose the pane."""
@@ -68,7 +58,7 @@ class PeerPanel(Vertical):
         if self._scene.project.peers:
             yield self.composer
             yield self._buttons
-            yield self._preview
+            yield self._notes
 
     async def prepare(self) -> None:
         """Make the fields of the composer."""
@@ -84,23 +74,34 @@ class PeerPanel(Vertical):
         self.peers.show()
         if self._scene.project.peers:
             self._buttons.show()
+            self._notes.show()
             self._show_preview()
+        if self._trial is not None and self._trial.is_mounted:
+            self._trial.show()
 
     def _show_preview(self) -> None:
         button, peer = self._pointed_at(), self._scene.peer_snapshot
         send = button is None or button.letter == SEND
-        self._preview.fault = self.composer.fault if send else ""
         if peer is None:
-            self._preview.line = ""
+            self._preview = "", ""
+        elif send and self.composer.fault:
+            self._preview = "✗ ", self.composer.fault
         elif send or button is None:
-            self._preview.line = self.composer.line or f"peer {peer.name} send …"
+            self._preview = "▸ ", self.composer.line or f"peer {peer.name} send …"
+        elif button.letter == EVERY_SPLIT:
+            self._preview = "▸ ", self._try_line(peer) or f"{button.line(peer)} …"
         else:
-            self._preview.line = button.line(peer)
-        self._preview.show()
+            self._preview = "▸ ", button.line(peer)
+        self.border_subtitle = self._told(*self._preview)
+
+    def _told(self, sign: str, text: str) -> Content:
+        """Return the command, or what is wrong with it, as it stands in the lower border."""
+        style = "$error" if sign.startswith("✗") else "$text-muted"
+        return Content.assemble((sign + _shortened(plain(text), max(16, self.size.width - 6)), style))
 
     def _buttons_now(self) -> tuple[Button, ...]:
         snapshot = self._scene.snapshot
-        return buttons_for(bool(snapshot and snapshot.faults))
+        return buttons_for(bool(snapshot and snapshot.faults), self._scene.peer_snapshot)
 
     def _pointed_at(self) -> Button | None:
         index = self._buttons.pointed_at()
@@ -121,11 +122,43 @@ class PeerPanel(Vertical):
             return
         if button.letter == SEND:
             self.composer.send()
+        elif button.letter == EVERY_SPLIT:
+            self._try_splits(peer)
         elif button.edit:
-            connection = self._scene.connection
-            self._voice.open_prompt(button.line(peer) + (connection.name if connection else ""))
+            self._voice.open_prompt(button.line(peer) + self._aim(button))
         else:
             self._voice.submit(button.line(peer))
+
+    def _aim(self, button: Button) -> str:
+        connection = self._scene.connection
+        return connection.name if connection is not None and button is FAULT else ""
+
+    def _try_line(self, peer: PeerSnapshot) -> str:
+        instance = receiver_for(peer.link, self._scene.selected, self._scene.project)
+        return self.composer.try_line(instance) if instance else ""
+
+    def _try_splits(self, peer: PeerSnapshot) -> None:
+        """Try every split of the message and open the table; without a message, the table of the last one."""
+        trial = self._scene.picture.trial if self._scene.picture else None
+        line = self._try_line(peer)
+        if line and (trial is None or trial.state != "running"):
+            self._voice.submit(line)
+        elif not line and trial is None:
+            self.composer.edit()
+            return
+        self.open_trial()
+
+    def open_trial(self) -> None:
+        """Open the table of the trial."""
+        from trcvtui.tui.screens.trial import TrialScreen  # read when first asked for
+
+        self._trial = TrialScreen(self._scene, self._voice.submit)
+        self.app.push_screen(self._trial, self._trial_left)
+
+    def _trial_left(self, place: int | None) -> None:
+        self._trial = None
+        if place:
+            self.composer.cut_at(place)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Show the command that the fields make now."""
@@ -146,6 +179,27 @@ class PeerPanel(Vertical):
         """Write the payload in another way."""
         self.composer.next_mode()
 
+    def action_cuts(self) -> None:
+        """Go to the message drawn with its cuts."""
+        self.screen.set_focus(self.composer.cut_row)
+
+    def action_form(self) -> None:
+        """Open the members of a UDT as fields."""
+        found = form_of(self.composer.text, self.composer.mode, self._scene)
+        if found is not None:
+            self.app.push_screen(found, self._form_left)
+
+    def _form_left(self, payload: str | None) -> None:
+        if payload:
+            self.composer.put(UDT, payload)
+            self._show_preview()
+
     def action_payload(self) -> None:
         """Edit the payload."""
         self.composer.edit()
+
+
+def _shortened(text: str, width: int) -> str:
+    """Return a command in so many characters: its beginning, and its end with the options."""
+    tail = width // 2
+    return text if len(text) <= width else f"{clip(text, width - tail)}{text[-tail:]}"

@@ -1,0 +1,298 @@
+"""Pane 7 as a workbench: cuts drawn on the message, every split in a table, a UDT as a form, reply rules."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.rig.scenarios import CONFIGS
+from tests.tui.fakes import peers, picture
+from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, looking, screen_text
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.bench import parse_line
+from trcvtui.rig.bench_words import PeerSend
+from trcvtui.rig.console import fresh_bench
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.picture import Picture, ReplySnapshot
+from trcvtui.tui.app import BenchApp
+from trcvtui.tui.cuts import Cuts, cuts_of
+from trcvtui.tui.formatting import MS
+
+SIZES = pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
+RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
+
+
+def with_rules() -> Picture:
+    """Return a picture in which P1 has a rule and a wire that can be cut."""
+    one, two = peers()
+    return replace(picture(), peers=(replace(one, replies=(RULE,), link="C1"), replace(two, link="C1")))
+
+
+def same_pane(looker: Looker, id: str, name: str, kept: Path) -> None:
+    """Compare one pane with its picture in words; a difference keeps the screen as SVG in `kept`."""
+    region = looker.app.screen.query_one(f"#{id}").region
+    lines = screen_text(looker.app).splitlines()[region.y : region.bottom]
+    found = "\n".join(line[region.x : region.right].rstrip() for line in lines) + "\n"
+    path = SNAPSHOTS / f"{name}.txt"
+    if os.environ.get(UPDATE):
+        path.write_text(found, encoding="utf-8")
+    if found != (path.read_text(encoding="utf-8") if path.exists() else ""):
+        svg = kept / f"{name}.svg"
+        svg.write_text(looker.app.export_screenshot(), encoding="utf-8")
+        raise AssertionError(f"the pane changed; it is kept in {svg}; {UPDATE}=1 accepts it:\n{found}")
+
+
+async def compose(looker: Looker, payload: str) -> None:
+    """Type a payload and go to its cuts."""
+    await looker.press("7", "i")
+    await looker.type(payload)
+    await looker.press("escape", "x")
+
+
+# -- cuts ------------------------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_space_cuts_the_message_and_the_command_shows_it(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await compose(looker, "01 02 03 04 05")
+        await looker.press("right", "space")
+        assert "01 02╂03 04 05" in looker.text
+        assert "▸ peer P1 send hex 01 02 03 04 05 split=2 gap=T#20ms" in looker.text
+        await looker.press("enter")
+        assert looker.lines == ["peer P1 send hex 01 02 03 04 05 split=2 gap=T#20ms"]
+
+
+async def test_each_cut_has_its_own_pause() -> None:
+    async with looking(WIDE) as looker:
+        await compose(looker, "01 02 03 04 05")
+        await looker.press("space", "right", "right", "space", "plus", "plus")
+        assert "split=1,2 gap=T#20ms,T#50ms" in looker.text
+        assert "cut at 3, pause T#50ms" in looker.line("05  5 bytes")
+        await looker.press("minus", "minus")
+        assert "split=1,2 gap=T#20ms" in looker.text and "T#20ms," not in looker.text
+
+
+async def test_space_again_joins_and_delete_takes_all_cuts() -> None:
+    async with looking(WIDE) as looker:
+        await compose(looker, "01 02 03 04")
+        await looker.press("space", "right", "space", "space")
+        assert "split=1 gap" in looker.text
+        await looker.press("right", "space", "delete")
+        assert "split=" not in looker.text
+
+
+async def test_a_click_between_two_bytes_cuts_there() -> None:
+    async with looking(WIDE) as looker:
+        await compose(looker, "01 02 03 04")
+        await looker.press("7")
+        column = looker.line("01 02 03 04  4 bytes").index(" 03") - looker.line("01 02 03 04  4 bytes").index(
+            "01"
+        )
+        await looker.pilot.click("#cuts", offset=(column + 1, 0))
+        await looker.settle()
+        assert "split=2 gap=T#20ms" in looker.text
+
+
+async def test_cuts_typed_by_hand_are_drawn() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "i")
+        await looker.type("010203040506")
+        await looker.press("tab")
+        await looker.type("1,2,9")
+        assert "01┃02 03┃04 05 06" in looker.text
+        assert "in 3 pieces" in looker.text
+
+
+async def test_a_long_message_scrolls_with_the_cursor() -> None:
+    async with looking(SMALL) as looker:
+        await compose(looker, "".join(f"{n:02x}" for n in range(100)))
+        assert "63" not in looker.line("00╎01")
+        await looker.press("end", "space")
+        assert "62╂63" in looker.text and "split=99" in looker.text
+
+
+async def test_a_text_and_a_udt_are_drawn_as_their_bytes() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "m", "i")
+        await looker.type(r"ab\r\n")
+        assert "61 62 0D 0A  4 bytes" in looker.text
+        await looker.press("escape", "m", "i")
+        await looker.type("id=5")
+        assert "05 00 00 00" in looker.text
+
+
+async def test_a_message_that_is_none_has_no_cells() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "i")
+        await looker.type("01 zz")
+        assert "no message yet" in looker.text
+
+
+@given(st.binary(min_size=2, max_size=40), st.data())
+def test_drawn_cuts_come_back_from_the_command_that_they_make(payload: bytes, data: st.DataObject) -> None:
+    places = data.draw(st.sets(st.integers(1, len(payload) - 1), max_size=6))
+    cuts = Cuts({place: data.draw(st.sampled_from([0, 20 * MS, 50 * MS])) for place in sorted(places)})
+    gap = f" gap={cuts.gap}" if cuts.gap else ""
+    split = f" split={cuts.split}" if cuts.split else ""
+    project = load_project(CONFIGS / "passive.toml")
+    send = parse_line(f"peer P1 send hex {payload.hex()}{split}{gap}", project, "w")
+    assert isinstance(send, PeerSend) and cuts_of(send) == cuts
+
+
+# -- every split -----------------------------------------------------------------------------------------
+
+
+@asynccontextmanager
+async def bench(size: tuple[int, int], *lines: str) -> AsyncIterator[tuple[Looker, LocalDriver]]:
+    """Open the screen on TRCV_C_1, connected and armed, on the simulated network."""
+    project = load_project(CONFIGS / "passive.toml")
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    for line in ("set TRCV_C_1 CONT=1 EN_R=1", *lines):
+        driver.submit(line)
+    driver.scan(3)
+    driver.submit("peer P1 connect")
+    driver.scan(3)
+    app = BenchApp(driver, project)
+    async with app.run_test(size=size) as pilot:
+        looker = Looker(app, driver, pilot)  # type: ignore[arg-type]
+        await frames(looker)
+        yield looker, driver
+    driver.close()
+
+
+async def frames(looker: Looker) -> None:
+    """Let a few pictures come and be shown."""
+    await looker.pilot.pause(0.2)
+    await looker.settle()
+
+
+@SIZES
+async def test_every_split_is_tried_and_tabled(size: tuple[int, int], tmp_path: Path) -> None:
+    async with bench(size, "set TRCV_C_1 ADHOC=1") as (looker, driver):
+        await looker.press("7", "i")
+        await looker.type("01 02 03 04 05 06 07 08")
+        await looker.press("escape", "e")
+        driver.scan(20)
+        await frames(looker)
+        assert "running" in screen_text(looker.app)
+        driver.scan(80)
+        await frames(looker)
+        assert "7 of 7 splits differ from the whole message" in screen_text(looker.app)
+        same_pane(looker, "trial", f"trial-{size[0]}x{size[1]}", tmp_path)
+
+
+async def test_a_row_of_the_table_becomes_the_cut_of_the_message() -> None:
+    async with bench(WIDE, "set TRCV_C_1 ADHOC=1") as (looker, driver):
+        await looker.press("7", "i")
+        await looker.type("01 02 03 04")
+        await looker.press("escape", "e")
+        driver.scan(60)
+        await frames(looker)
+        await looker.press("down", "down", "enter")
+        assert "▸ peer P1 send hex 01 02 03 04 split=2 gap=T#20ms" in looker.text
+        assert "01 02╂03 04" in looker.text
+
+
+async def test_a_trial_can_be_stopped_from_its_table() -> None:
+    async with bench(SMALL) as (looker, driver):
+        await looker.press("7", "i")
+        await looker.type("01 02 03 04 05 06 07 08")
+        await looker.press("escape", "e")
+        driver.scan(10)
+        await looker.press("x")
+        driver.scan(10)
+        await frames(looker)
+        assert "cancelled" in screen_text(looker.app)
+        await looker.press("escape")
+        assert "cancelled" in looker.line("every split")
+
+
+async def test_without_a_message_the_key_goes_to_the_payload() -> None:
+    async with looking(WIDE, with_rules()) as looker:
+        await looker.press("7", "e")
+        assert looker.app.focused is looker.app.main.query_one("#payload")
+        assert looker.lines == []
+
+
+# -- the form of a UDT -----------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_the_members_of_a_udt_are_fields_and_make_the_payload(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        await looker.press("7", "o")
+        text = screen_text(looker.app)
+        for words in ("Telegram: 5 members", "id", "DINT", "speed", "REAL", "tag", "STRING[8]"):
+            assert words in text
+        await looker.type("42")
+        await looker.press("tab", "tab", "tab")
+        await looker.type("1.5")
+        await looker.press("tab")
+        await looker.type("a, b")
+        assert "▸ udt Telegram {id=42, speed=1.5, tag='a, b'}" in screen_text(looker.app)
+        await looker.press("enter")
+        assert "▸ peer P1 send udt Telegram {id=42, speed=1.5, tag='a, b'}" in looker.text
+
+
+async def test_a_member_that_is_none_says_so_and_is_not_taken() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "o")
+        await looker.type("4x")
+        text = screen_text(looker.app)
+        assert "✗" in text and "'4x'" in text
+        await looker.press("enter")
+        assert "Telegram: 5 members" in screen_text(looker.app)
+        await looker.press("escape")
+        assert "peer P1 send …" in looker.text
+
+
+async def test_the_form_opens_with_what_the_payload_holds() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "m", "m", "i")
+        await looker.type("speed=2.5, tag='x'")
+        await looker.press("escape", "o", "enter")
+        assert "▸ peer P1 send udt Telegram {speed=2.5, tag='x'}" in looker.text
+
+
+# -- replies and the wire --------------------------------------------------------------------------------
+
+
+async def test_rules_stand_with_their_hits() -> None:
+    async with looking(SMALL, with_rules()) as looker:
+        await looker.press("7")
+        line = looker.line("reply 1")
+        assert "12×" in line and "missed 3" in line and "contains hex 05 send hex 06 {n:2:big}" in line
+        await looker.press("d")
+        assert looker.lines == ["peer P1 reply off"]
+
+
+async def test_a_rule_is_completed_by_hand() -> None:
+    async with looking(WIDE, with_rules()) as looker:
+        await looker.press("7", "a", "enter")
+        assert looker.lines == ["peer P1 reply on contains hex 05 send hex 06"]
+
+
+async def test_the_wire_of_a_peer_goes_silent_and_speaks_again() -> None:
+    async with bench(SMALL) as (looker, _driver):
+        await looker.press("7", "l")
+        await frames(looker)
+        assert "l Wire up" in looker.text and "SILENT" in looker.line("▸ P1")
+        await looker.press("l")
+        await frames(looker)
+        assert "l Silence" in looker.text and "SILENT" not in looker.line("▸ P1")
+
+
+@SIZES
+async def test_the_workbench_stands_as_drawn(size: tuple[int, int], tmp_path: Path) -> None:
+    async with looking(size, with_rules()) as looker:
+        await compose(looker, "01 02 0A FF 05 06 07")
+        await looker.press("space", "right", "right", "space", "plus")
+        same_pane(looker, "peer", f"workbench-{size[0]}x{size[1]}", tmp_path)

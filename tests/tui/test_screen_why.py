@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from tests.tui.fakes import bench_project, connecting, picture, receiving
-from tests.tui.looking import BOTH, SMALL, WIDE, FakeDriver, Looker, looking
+from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving
+from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.assembly import Bench

@@ -105,7 +105,6 @@ class Facts:
     begins_in: Message | None = None  # the message that holds the first byte of the running job
     bursts: Sizes = Sizes()
     longest_gap_ns: int = 0  # between the last bursts
-    first_burst: Moment | None = None
     received: int = 0  # bytes of the stream so far
     job_offset: int | None = None
     job_began: Moment | None = None

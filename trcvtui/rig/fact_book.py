@@ -55,7 +55,6 @@ class _Bursts:
         self.count = self.size = self.scan = self.t_ns = 0
         self.last: deque[int] = deque(maxlen=KEPT_SIZES)
         self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
-        self.first: Moment | None = None
 
     def note(self, scan: int, t_ns: int, size: int) -> None:
         if self.size and scan - self.scan <= PAUSE_SCANS:
@@ -65,7 +64,6 @@ class _Bursts:
                 self.last.append(self.size)
                 self.gaps.append(t_ns - self.t_ns)
             self.count, self.size = self.count + 1, size
-            self.first = self.first or Moment(scan, t_ns)
         self.scan, self.t_ns = scan, t_ns
 
     @property
@@ -102,7 +100,7 @@ class FactBook:
 
     def __init__(self) -> None:
         self._links: dict[str, _Link] = {}
-        self._jobs: dict[str, tuple[Moment, JobStarted]] = {}
+        self._jobs: dict[str, tuple[int, int, JobStarted]] = {}
         self._sent: dict[tuple[str, str], _Sent] = {}
         self._takers: dict[type, Callable[[int, int, Any], None]] = {
             PeerSent: self._message,
@@ -135,17 +133,21 @@ class FactBook:
         sent.newest.append((event.message, event.offset, event.size))
 
     def _bytes(self, scan: int, t_ns: int, event: BytesReceived) -> None:
-        link = self._link(event.connection)
+        link = self._links.get(event.connection) or self._link(event.connection)
         link.received = event.offset + event.size
-        link.bursts.note(scan, t_ns, event.size)
+        bursts = link.bursts
+        if bursts.scan == scan:
+            bursts.size += event.size
+        else:
+            bursts.note(scan, t_ns, event.size)
 
     def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
-        self._jobs[event.instance] = Moment(scan, t_ns), event
+        self._jobs[event.instance] = scan, t_ns, event
 
     def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
         if event.done or not event.size:
             return
-        link, (_, started) = self._link(event.connection), self._jobs.get(event.instance, _NO_JOB)
+        link, (_, _, started) = self._link(event.connection), self._jobs.get(event.instance, _NO_JOB)
         if started.adhoc or event.incarnation != link.incarnation or link.up_since is None:
             return
         link.drops += 1
@@ -211,7 +213,6 @@ class FactBook:
         known = Facts(
             bursts=bursts.sizes,
             longest_gap_ns=max(bursts.gaps, default=0),
-            first_burst=bursts.first,
             received=link.received,
             drop=link.drop,
             drops=link.drops,
@@ -226,10 +227,10 @@ class FactBook:
         return self._with_messages(self._with_job(known, link, instance), link)
 
     def _with_job(self, known: Facts, link: _Link, instance: str) -> Facts:
-        began, job = self._jobs.get(instance, _NO_JOB)
+        scan, t_ns, job = self._jobs.get(instance, _NO_JOB)
         if job.incarnation != link.incarnation:
             return known
-        return replace(known, job_offset=job.offset, job_began=began)
+        return replace(known, job_offset=job.offset, job_began=Moment(scan, t_ns))
 
     def _with_messages(self, known: Facts, link: _Link) -> Facts:
         sent = self._sent.get(link.ends)
@@ -259,4 +260,4 @@ def _is_next(line: Line, edge: StatusEdge) -> bool:
     return isinstance(line.event, StatusEdge) and line.event.instance == edge.instance
 
 
-_NO_JOB: Final = Moment(), JobStarted("", 0, "", -1, 0, 0, False)
+_NO_JOB: Final = 0, 0, JobStarted("", 0, "", -1, 0, 0, False)

@@ -64,7 +64,6 @@ class Scene:
             self._take_project(picture.project)
         self._project_number = picture.project_number
         self.live = picture
-        self.waves.take(picture.waves, picture.snapshot.interval_ns)
         self.answers = {answer.number: answer for answer in picture.answers}
         if picture.fired is not None:
             self.is_frozen, self.fired = True, picture.fired
@@ -79,6 +78,7 @@ class Scene:
 
     def _show(self, picture: Picture) -> None:
         self.picture, self._thawing = picture, 0
+        self.waves.take(picture.waves, picture.snapshot.interval_ns)
         self.lines.extend(picture.lines)
         for line in picture.lines:
             self.provenance.note(line)

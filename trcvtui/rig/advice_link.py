@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.rig.evidence import Evidence, Failures
+from trcvtui.rig.evidence import Evidence
+from trcvtui.rig.facts import Failures
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.wording import age, count, times
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.rig.evidence import Drop, Evidence
+from trcvtui.rig.evidence import Evidence
+from trcvtui.rig.facts import Drop
 from trcvtui.rig.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one

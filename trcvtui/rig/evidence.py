@@ -1,7 +1,4 @@
-"""What the answer to "why?" may rest on: the facts of one CONNECT, and all that is known of one instance.
-
-Rule: only what was seen stands in here; a field that is empty or None is not known, and no rule may guess it.
-"""
+"""What the answer to "why?" rests on: all that is known of one instance, now or in a scan of the past."""
 
 from __future__ import annotations
 
@@ -12,112 +9,11 @@ from trcvtui.blocks.cause import Cause
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot
+from trcvtui.rig.facts import Facts, Moment
 from trcvtui.rig.picture import PeerSnapshot, Picture
 
 if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
     from trcvtui.plc.project import Project
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """A scan and its time in ns of the run."""
-
-    scan: int = 0
-    t_ns: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Message:
-    """One message of a peer: where it lies in the stream that this CONNECT receives, in bytes."""
-
-    number: int
-    offset: int
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
-class Sizes:
-    """How large things were: `last` are the newest sizes in bytes, oldest first; `count` counts all."""
-
-    count: int = 0
-    last: tuple[int, ...] = ()
-
-    @property
-    def only(self) -> int | None:
-        """Return the one size that all of the last had, None where they differ or there are none."""
-        return self.last[0] if self.last and min(self.last) == max(self.last) else None
-
-
-@dataclass(frozen=True, slots=True)
-class Drop:
-    """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
-
-    at: Moment
-    instance: str
-    reason: str
-    have: int
-    need: int
-    end: int
-
-
-@dataclass(frozen=True, slots=True)
-class Failures:
-    """Attempts that failed in one way since the connection was last up. `error` is `connect ECONNREFUSED`."""
-
-    error: str
-    count: int
-    last: Moment
-    injected: bool = False
-    peer: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class TurnedAway:
-    """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
-
-    count: int
-    peer: str
-    last: Moment
-
-
-@dataclass(frozen=True, slots=True)
-class Loss:
-    """The last time that a connection ended: in which word of the ledger, with which partner and error."""
-
-    at: Moment
-    what: str
-    peer: str = ""
-    error: str = ""
-    injected: bool = False
-    up_ns: int | None = None  # how long it had stood
-
-
-@dataclass(frozen=True, slots=True)
-class Facts:
-    """What the ledger has told of one CONNECT and one instance on it, however many lines have passed since.
-
-    `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of
-    any partner. Offsets count in the stream of the present connection.
-    """
-
-    sender: str = ""
-    messages: Sizes = Sizes()
-    begins_in: Message | None = None  # the message that holds the first byte of the running job
-    bursts: Sizes = Sizes()
-    longest_gap_ns: int = 0  # between the last bursts
-    received: int = 0  # bytes of the stream so far
-    job_offset: int | None = None
-    job_began: Moment | None = None
-    drop: Drop | None = None
-    drops: int = 0
-    drop_cuts: bool | None = None  # whether a message goes on behind the last drop
-    up_since: Moment | None = None
-    down_since: Moment | None = None
-    failures: tuple[Failures, ...] = ()
-    wrong_partner: TurnedAway | None = None
-    second_client: TurnedAway | None = None
-    loss: Loss | None = None
-    losses: int = 0
 
 
 NOTHING_KNOWN = Facts()
@@ -207,7 +103,7 @@ def _callers(project: Project, connect: str) -> tuple[str, ...]:
 def evidence_then(
     line: Line, edge: StatusEdge, facts: Facts, until: Moment, project: Project, interval_ns: int
 ) -> Evidence:
-    """Return what the ledger knows of an edge of the past; `facts` are those of the scan `until` it showed."""
+    """Return what the ledger knows of an edge of the past that showed `until` then, with its facts."""
     need = edge.cause.need or 0
     have = edge.cause.have or 0
     if edge.busy and need and facts.job_offset is not None:

@@ -14,7 +14,7 @@ from typing import Any, Final
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.notes import BytesReceived, ConnectionNote, What
 from trcvtui.plc.ledger import Event, Line, PeerSent, StatusEdge
-from trcvtui.rig.evidence import Drop, Facts, Failures, Loss, Message, Moment, Sizes, TurnedAway
+from trcvtui.rig.facts import Drop, Facts, Failures, Loss, Message, Moment, Sizes, TurnedAway
 
 KEPT_SIZES: Final = 40
 KEPT_MESSAGES: Final = 512

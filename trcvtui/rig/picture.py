@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
+from trcvtui.rig.facts import Facts, Fired
 from trcvtui.rig.history_window import HistoryRequest, HistoryWindow
 from trcvtui.rig.wave_news import WaveNews
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
     from trcvtui.plc.project import Project
-    from trcvtui.rig.evidence import Facts
-    from trcvtui.rig.triggers import Fired
 
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 

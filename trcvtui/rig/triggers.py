@@ -25,6 +25,7 @@ from trcvtui.rig.bench_data import base_name, read_target
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_values import pin_value
 from trcvtui.rig.conditions import pin_now
+from trcvtui.rig.facts import Fired
 from trcvtui.rig.member_values import leaf_bytes, leaf_value
 from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import Text
@@ -100,17 +101,6 @@ class Trigger:
 
     text: str
     condition: Condition
-    holds: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Fired:
-    """A trigger that has fired, and in which scan; `number` counts them on this bench from 1."""
-
-    number: int
-    text: str
-    scan: int
-    t_ns: int
     holds: bool = False
 
 

@@ -11,10 +11,10 @@ from typing import Final
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.evidence import Facts
 from trcvtui.rig.fact_book import FactBook
+from trcvtui.rig.facts import Facts, Fired
 from trcvtui.rig.picture import PeerSnapshot, Picture
-from trcvtui.rig.triggers import Fired, Watch, read_trigger
+from trcvtui.rig.triggers import Watch, read_trigger
 
 BEFORE: Final = 2000  # lines of the ledger that a picture of a trigger brings at most
 MOST_BYTES: Final = 262_144  # of all DATA in it: they cross in one piece

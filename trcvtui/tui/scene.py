@@ -6,20 +6,18 @@ Rule: frozen pictures come in by `take`, nothing else changes what is shown of t
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.rig.facts import Fired
 from trcvtui.rig.history_window import HistoryRequest, HistoryWindow
 from trcvtui.rig.picture import Answer, PeerSnapshot, Picture, PictureRequest
 from trcvtui.rig.wave import WaveShelf
 from trcvtui.tui.afterglow import Afterglow
 from trcvtui.tui.history import History
 from trcvtui.tui.provenance import Provenance
-
-if TYPE_CHECKING:
-    from trcvtui.rig.triggers import Fired
 
 MOST_LINES: Final = 400
 MOST_DRAWN: Final = 8  # instances over time at once

@@ -1,0 +1,121 @@
+"""What the ledger has told, kept small: the facts of one CONNECT, and a trigger that has fired.
+
+Rule: only what was seen stands in here; a field that is empty or None is not known, and no rule may guess it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A scan and its time in ns of the run."""
+
+    scan: int = 0
+    t_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message of a peer: where it lies in the stream that this CONNECT receives, in bytes."""
+
+    number: int
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """How large things were: `last` are the newest sizes in bytes, oldest first; `count` counts all."""
+
+    count: int = 0
+    last: tuple[int, ...] = ()
+
+    @property
+    def only(self) -> int | None:
+        """Return the one size that all of the last had, None where they differ or there are none."""
+        return self.last[0] if self.last and min(self.last) == max(self.last) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Drop:
+    """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
+
+    at: Moment
+    instance: str
+    reason: str
+    have: int
+    need: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Failures:
+    """Attempts that failed in one way since the connection was last up. `error` is `connect ECONNREFUSED`."""
+
+    error: str
+    count: int
+    last: Moment
+    injected: bool = False
+    peer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TurnedAway:
+    """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
+
+    count: int
+    peer: str
+    last: Moment
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """The last time that a connection ended: in which word of the ledger, with which partner and error."""
+
+    at: Moment
+    what: str
+    peer: str = ""
+    error: str = ""
+    injected: bool = False
+    up_ns: int | None = None  # how long it had stood
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What the ledger has told of one CONNECT and one instance on it, however many lines have passed since.
+
+    `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of
+    any partner. Offsets count in the stream of the present connection.
+    """
+
+    sender: str = ""
+    messages: Sizes = Sizes()
+    begins_in: Message | None = None  # the message that holds the first byte of the running job
+    bursts: Sizes = Sizes()
+    longest_gap_ns: int = 0  # between the last bursts
+    received: int = 0  # bytes of the stream so far
+    job_offset: int | None = None
+    job_began: Moment | None = None
+    drop: Drop | None = None
+    drops: int = 0
+    drop_cuts: bool | None = None  # whether a message goes on behind the last drop
+    up_since: Moment | None = None
+    down_since: Moment | None = None
+    failures: tuple[Failures, ...] = ()
+    wrong_partner: TurnedAway | None = None
+    second_client: TurnedAway | None = None
+    loss: Loss | None = None
+    losses: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Fired:
+    """A trigger that has fired, and in which scan; `number` counts them on this bench from 1."""
+
+    number: int
+    text: str
+    scan: int
+    t_ns: int
+    holds: bool = False

@@ -47,6 +47,16 @@ remote = "@C1"
 [[peer]]
 name = "P2"
 active = false
+[[message]]
+name = "hello"
+text = 'text "hello" split=2 gap=T#20ms'
+[[message]]
+name = "numbered"
+text = "hex 01 {n:2:big}"
+peer = "P1"
+[[sequence]]
+name = "start_up"
+steps = ["hello", "T#100ms", "numbered"]
 """
 
 

@@ -185,6 +185,8 @@ def test_every_command_has_a_line() -> None:
         'peer P1 reply on regex "id=[0-9]+ send" send hex 06',
         "peer P1 reply on field Telegram.pts[1].y = 7 send udt Telegram {id=1}",
         "peer P1 reply off 2",
+        "peer P1 send message hello",
+        "peer P1 play start_up",
         "peer P1 try-splits udt Telegram {id=1} on X gap=T#50ms differ=any",
         'expect peer P1 received text "ok" within T#1s',
         "wait rx hex 01 02 within T#3s",

@@ -109,7 +109,7 @@ MISTAKES = [
     (
         "peer P1",
         "w: found nothing more, expected one of connect, listen, close, rst, shutdown, "
-        "stall, resume, send, reply, try-splits",
+        "stall, resume, send, play, reply, try-splits",
     ),
     ("peer P1 conect", "w: found 'conect', expected connect"),
     (

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, looking, screen_text
+from trcvtui.plc.project import MessageDecl, SequenceDecl
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_words import PeerSend
@@ -296,3 +297,19 @@ async def test_the_workbench_stands_as_drawn(size: tuple[int, int], tmp_path: Pa
         await compose(looker, "01 02 0A FF 05 06 07")
         await looker.press("space", "right", "right", "space", "plus")
         same_pane(looker, "peer", f"workbench-{size[0]}x{size[1]}", tmp_path)
+
+
+# -- the library -----------------------------------------------------------------------------------------
+
+
+async def test_a_message_or_a_sequence_is_picked_from_the_library() -> None:
+    async with looking(SMALL) as looker:
+        named = (MessageDecl("hello", 'text "hello"'), MessageDecl("other", "hex 01", "P2"))
+        sequence = SequenceDecl("start_up", ("hello", "T#100ms", "hello"))
+        looker.app.scene.project = replace(looker.app.scene.project, messages=named, sequences=(sequence,))
+        await looker.press("7", "p")
+        text = screen_text(looker.app)
+        assert "Messages of P1" in text and "hello → T#100ms → hello" in text and "other" not in text
+        await looker.press("enter")
+        await looker.press("p", "down", "enter")
+        assert looker.lines == ["peer P1 send message hello", "peer P1 play start_up"]

@@ -85,6 +85,23 @@ class PeerDecl:
 
 
 @dataclass(frozen=True, slots=True)
+class MessageDecl:
+    """A named message, written as behind `peer P1 send`; with `peer` it is that one's alone."""
+
+    name: str
+    text: str
+    peer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceDecl:
+    """Messages over one connection: names, and pauses such as T#100ms between them."""
+
+    name: str
+    steps: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class SimDecl:
     """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports."""
 
@@ -117,6 +134,8 @@ class Project:
     sim: SimDecl = SimDecl()
     udp_configs: tuple[UdpConfig, ...] = ()
     addrs: tuple[AddrParam, ...] = ()
+    messages: tuple[MessageDecl, ...] = ()
+    sequences: tuple[SequenceDecl, ...] = ()
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""

@@ -15,6 +15,7 @@ from trcvtui.plc.toml_file import read_toml
 
 KEYS: Final = (
     "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
+    "message", "sequence",
     "start", "sim",
 )  # fmt: skip
 
@@ -107,4 +108,6 @@ def _checked(reader: Reader, top: Table) -> Project:
         sim=sim,
         udp_configs=body.udp_configs,
         addrs=body.addrs,
+        messages=body.messages,
+        sequences=body.sequences,
     )

@@ -64,6 +64,12 @@ class Names:
         else:
             _check(table, "remote", name, self.connects, "CONNECT")
 
+    def check_message(self, table: Table) -> None:
+        """Record a peer that does not exist."""
+        name = table.text("peer")
+        if name:
+            _check(table, "peer", name, self.peers, "peer")
+
     def check_instance(self, table: Table) -> None:
         """Record a CONNECT, DATA or task that does not exist."""
         uses = (

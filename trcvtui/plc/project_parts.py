@@ -14,7 +14,16 @@ from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, parse_reference
-from trcvtui.plc.project import DEFAULT_EVERY_NS, DEFAULT_INTERVAL_NS, InstanceDecl, PeerDecl, SimDecl, Task
+from trcvtui.plc.project import (
+    DEFAULT_EVERY_NS,
+    DEFAULT_INTERVAL_NS,
+    InstanceDecl,
+    MessageDecl,
+    PeerDecl,
+    SequenceDecl,
+    SimDecl,
+    Task,
+)
 from trcvtui.plc.tables import (
     ADDRESS,
     ADDRESSES,
@@ -24,6 +33,7 @@ from trcvtui.plc.tables import (
     MESSAGES,
     PORT,
     RULES,
+    STEPS,
     TEXT,
     TRUTH,
     Kind,
@@ -201,6 +211,23 @@ def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     if name is None:
         return None
     return PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote, replies=replies)
+
+
+def read_message(table: Table) -> MessageDecl | None:
+    """Return one named message."""
+    name = table.must("name", NAME)
+    text = table.must("text", TEXT)
+    peer = table.get("peer", TEXT, "")
+    table.finish()
+    return MessageDecl(name, text, peer) if name is not None and text is not None else None
+
+
+def read_sequence(table: Table) -> SequenceDecl | None:
+    """Return one sequence of messages."""
+    name = table.must("name", NAME)
+    steps = table.must("steps", STEPS)
+    table.finish()
+    return SequenceDecl(name, steps) if name is not None and steps is not None else None
 
 
 def read_sim(table: Table) -> SimDecl:

@@ -20,7 +20,7 @@ from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
-from trcvtui.plc.project import DataDecl, InstanceDecl, PeerDecl, SimDecl, Task
+from trcvtui.plc.project import DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl, SimDecl, Task
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
 from trcvtui.plc.tables import TEXT, Given, Table, shown
 from trcvtui.udt.formats import read_files
@@ -55,6 +55,8 @@ class Body:
     addrs: tuple[AddrParam, ...]
     instances: tuple[InstanceDecl, ...]
     peers: tuple[PeerDecl, ...]
+    messages: tuple[MessageDecl, ...]
+    sequences: tuple[SequenceDecl, ...]
 
 
 class Reader:
@@ -109,13 +111,16 @@ class Reader:
             addrs=_present([parts.read_addr(table) for table in tables["addr"]]),
             instances=self.instances(tables["instance"], head.dialect, tasks[0].name),
             peers=_present([parts.read_peer(table) for table in tables["peer"]]),
+            messages=_present([parts.read_message(table) for table in tables["message"]]),
+            sequences=_present([parts.read_sequence(table) for table in tables["sequence"]]),
         )
 
     def check_names(self, tables: Mapping[str, list[Table]]) -> None:
         find_duplicates([("task", tables["task"])])
         find_duplicates([("data", tables["data"]), ("instance", tables["instance"])], reserved=WORDS)
         find_duplicates([(key, tables[key]) for key in ("connect", "udp_config", "peer")])
-        find_duplicates([("addr", tables["addr"])])
+        for key in ("addr", "message", "sequence"):
+            find_duplicates([(key, tables[key])])
         kinds = ("task", "data", "connect", "peer", "udp_config", "addr")
         names = Names(*(_declared(tables[key]) for key in kinds))
         for table in tables["connect"]:
@@ -126,6 +131,8 @@ class Reader:
             names.check_instance(table)
         for table in tables["peer"]:
             names.check_peer(table)
+        for table in tables["message"]:
+            names.check_message(table)
 
     def types(self) -> TypeSet | None:
         """Return the UDTs of all files, None where a file cannot be read."""

@@ -112,9 +112,10 @@ ADDRESSES: Final = Kind(
 PORT: Final = whole(0, 65535)
 MESSAGES: Final = Kind('a list of messages such as ["hex 01 02", "random 8"]', _texts, lambda text: (text,))
 
-RULES: Final = Kind(
-    'a list of rules such as ["contains hex 05 send hex 06"]', _texts, lambda text: (text,)
+STEPS: Final = Kind(
+    'a list of message names and pauses such as ["hello", "T#100ms"]', _texts, lambda text: (text,)
 )
+RULES: Final = Kind('a list of rules such as ["contains hex 05 send hex 06"]', _texts, lambda text: (text,))
 
 
 class Table:

@@ -139,6 +139,7 @@ class Bench:
             words.PeerStall: lambda c: self.peers[c.peer].stall(),
             words.PeerResume: lambda c: self.peers[c.peer].resume(),
             words.PeerSend: lambda c: self.peers[c.peer].send(c, self.now),
+            words.PeerPlay: lambda c: self.peers[c.peer].play(c, self.now),
             words.TryStop: lambda c: "",  # a trial of a scenario has ended with its step
             words.ReplyOn: lambda c: self.peers[c.peer].replies.add(c),
             words.ReplyOff: lambda c: self.peers[c.peer].replies.remove(c.number, c.peer),

@@ -58,6 +58,8 @@ def _send(c: words.PeerSend) -> str:
 
 def message_text(c: words.PeerSend) -> str:
     """Return what stands behind `peer P1 send`."""
+    if c.text.startswith("message "):
+        return c.text  # the library has the rest
     parts = [c.text or f"hex {c.payload.hex(' ')}"]
     parts += [_fill(fill) for fill in c.fills if not (fill.hole and c.text)]
     if c.split:
@@ -172,6 +174,7 @@ LINES: Final[dict[type, Callable[[Any], str]]] = {
     words.PeerRst: lambda c: f"peer {c.peer} rst",
     words.PeerShutdown: lambda c: f"peer {c.peer} shutdown",
     words.PeerSend: _send,
+    words.PeerPlay: lambda c: f"peer {c.peer} play {c.name}",
     words.ReplyOn: lambda c: f"peer {c.peer} reply on {rule_text(c)}",
     words.ReplyOff: lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
     words.TrySplits: _try_splits,

@@ -9,8 +9,8 @@ from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import Project
 from trcvtui.plc.tables import shown
 from trcvtui.rig.bench_conditions import read_peer
+from trcvtui.rig.bench_library import read_any_send, read_play
 from trcvtui.rig.bench_reply import read_reply
-from trcvtui.rig.bench_send import read_send
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_trial import read_trial
 from trcvtui.rig.bench_words import (
@@ -34,7 +34,8 @@ SIMPLE: Final[dict[str, Callable[[str], BenchCommand]]] = {
     "resume": PeerResume,
 }
 TALKS: Final[dict[str, Callable[[Words, Project, str], BenchCommand]]] = {
-    "send": read_send,
+    "send": read_any_send,
+    "play": read_play,
     "reply": read_reply,
     "try-splits": read_trial,
 }

@@ -143,6 +143,15 @@ class PeerSend:
 
 
 @dataclass(frozen=True, slots=True)
+class PeerPlay:
+    """`peer P1 play start_up`: the messages of a sequence, each with the pause before it in ns."""
+
+    peer: str
+    name: str
+    steps: tuple[tuple[int, PeerSend], ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
 class ReplyOn:
     """`peer P1 reply on contains hex 05 send hex 06`: one more rule of what a peer answers."""
 
@@ -324,6 +333,7 @@ BenchCommand = (
     | PeerRst
     | PeerShutdown
     | PeerSend
+    | PeerPlay
     | ReplyOn
     | ReplyOff
     | TrySplits

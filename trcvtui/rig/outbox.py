@@ -19,16 +19,21 @@ MOST_WAITING: Final = 256  # answers of a peer whose partner asks and does not r
 class _Sending:
     """One `send` in progress: which message of its repetitions, which chunk, what is left of it."""
 
-    def __init__(self, send: PeerSend, now: int, number: int) -> None:
+    def __init__(self, send: PeerSend, now: int, number: int, pause_ns: int) -> None:
         self.send = send
+        self._pause_ns = pause_ns
         self._number = number  # of the running message, for what is filled in
         self._gaps = send.gaps_ns or (send.gap_ns,)
         self.left = send.repeat  # messages to come, the running one included
-        self.due = self.began = now
+        self.due = self.began = now + pause_ns
         self._pieces = self._filled()
         self._piece = 0
         self.rest = self._pieces[0]
         self.is_fresh = True  # nothing of the running message has gone yet
+
+    def comes_next(self, now: int) -> None:
+        """Plan from now on: what went before it is over."""
+        self.due = self.began = max(self.due, now + self._pause_ns)
 
     def taken(self, count: int, now: int) -> None:
         """Count bytes that the stack took, and plan what comes next."""
@@ -70,12 +75,12 @@ class Outbox:
     def __init__(self) -> None:
         self._sendings: deque[_Sending] = deque()
 
-    def put(self, send: PeerSend, now: int, number: int = 0) -> None:
+    def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
         """Take one send command; its first chunk is due now, behind what waits already.
 
-        `number` is that of its first message, for what is filled in.
+        `number` is that of its first message, for what is filled in; `pause_ns` comes before it.
         """
-        self._sendings.append(_Sending(send, now, number))
+        self._sendings.append(_Sending(send, now, number, pause_ns))
 
     @property
     def room(self) -> int:
@@ -101,8 +106,7 @@ class Outbox:
         if not first.left:
             self._sendings.popleft()
             if self._sendings:
-                waiting = self._sendings[0]
-                waiting.due = waiting.began = max(waiting.due, now)
+                self._sendings[0].comes_next(now)
 
     def clear(self) -> int:
         """Drop everything; return how many bytes will not be sent."""

@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.net.kernel import Accepted, Endpoint, Fault, Handle, Kernel, SocketOptions
 from trcvtui.plc.ledger import BenchNote, Event
 from trcvtui.plc.project import PeerDecl
-from trcvtui.rig.bench_words import PeerSend
+from trcvtui.rig.bench_words import PeerPlay, PeerSend
 from trcvtui.rig.peer_traffic import FIN, PeerTraffic
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.replies import Replies
@@ -221,14 +221,31 @@ class Peer:
 
         `number` is filled in where the message has a place for it.
         """
-        self._now = now
+        wrong = self._obstacle()
+        if not wrong:
+            self.traffic.put(send, now, number)
+            self._go_on(now)
+        return wrong
+
+    def play(self, sequence: PeerPlay, now: int) -> str:
+        """Send the messages of a sequence one after the other, each behind its pause."""
+        wrong = self._obstacle()
+        if not wrong:
+            for pause_ns, send in sequence.steps:
+                self.traffic.put(send, now, pause_ns=pause_ns)
+            self._go_on(now)
+        return wrong
+
+    def _obstacle(self) -> str:
+        """Return what keeps a message from being sent, or ""."""
         if self._handle is None:
             return f"{self.decl.name} is {self.state}, not connected"
-        if self._half_closed:
-            return f"{self.decl.name} has shut down its sending side"
-        self.traffic.put(send, now, number)
+        return f"{self.decl.name} has shut down its sending side" if self._half_closed else ""
+
+    def _go_on(self, now: int) -> None:
+        self._now = now
+        assert self._handle is not None
         self._send_due(self._handle)
-        return ""
 
     def end(self) -> None:
         """Free every socket; the run is over."""

@@ -67,9 +67,9 @@ class PeerTraffic:
         for send, number in self.replies.take(arrived, now, room):
             self._outbox.put(send, now, number)
 
-    def put(self, send: PeerSend, now: int, number: int) -> None:
+    def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
         """Take one send command, behind those that are not finished."""
-        self._outbox.put(send, now, number)
+        self._outbox.put(send, now, number, pause_ns)
 
     def send_due(self, handle: Handle, now: int) -> Fault | None:
         """Send what is due as far as the stack takes it; return the Fault that ends the connection."""

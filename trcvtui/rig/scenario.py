@@ -13,6 +13,7 @@ from trcvtui.plc.project_file import load_project, load_scenario_document
 from trcvtui.plc.tables import TEXT, Table
 from trcvtui.rig.bench import parse_script
 from trcvtui.rig.bench_instances import after
+from trcvtui.rig.bench_library import check_library
 from trcvtui.rig.bench_words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, TrySplits, Wait
 from trcvtui.rig.routine import read_replies, read_routines
 
@@ -44,6 +45,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     start = _collected(problems, lambda: start_steps(project)) or ()
     _collected(problems, lambda: read_routines(project))
     _collected(problems, lambda: read_replies(project))
+    _collected(problems, lambda: check_library(project))
     # A file named in a step stands beside the scenario, also where the project stands elsewhere.
     here = replace(project, base=path.parent)
     for step in start:
@@ -70,6 +72,7 @@ def load_bench(path: Path) -> Project:
     _collected(problems, lambda: start_steps(project))
     _collected(problems, lambda: read_routines(project))
     _collected(problems, lambda: read_replies(project))
+    _collected(problems, lambda: check_library(project))
     if problems:
         raise UserError(problems)
     return project

@@ -13,7 +13,7 @@ from typing import Final
 from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, Kernel
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
 from trcvtui.plc.project import PeerDecl
-from trcvtui.rig.bench_words import PeerSend
+from trcvtui.rig.bench_words import PeerPlay, PeerSend
 from trcvtui.rig.inbox import Inbox
 from trcvtui.rig.outbox import Outbox
 from trcvtui.rig.payload import chunks
@@ -158,6 +158,14 @@ class UdpPeer:
         if largest > LARGEST:
             return f"{self.decl.name}: a datagram of {largest} bytes; at most {LARGEST}, so use split="
         self._outbox.put(send, now, number)
+        return self._send_due(self._handle, now)
+
+    def play(self, sequence: PeerPlay, now: int) -> str:
+        """Send the messages of a sequence one after the other, each behind its pause."""
+        if self._handle is None:
+            return f"{self.decl.name} is closed"
+        for pause_ns, send in sequence.steps:
+            self._outbox.put(send, now, pause_ns=pause_ns)
         return self._send_due(self._handle, now)
 
     def connect(self, now: int) -> str:

@@ -37,6 +37,7 @@ class PeerPanel(Vertical):
         ("m", "mode", "payload mode"),
         ("o", "form", "members as fields"),
         ("x", "cuts", "the cuts"),
+        ("p", "library", "named messages"),
         ("i", "payload", "edit the payload"),
     ]
 
@@ -182,6 +183,17 @@ class PeerPanel(Vertical):
     def action_cuts(self) -> None:
         """Go to the message drawn with its cuts."""
         self.screen.set_focus(self.composer.cut_row)
+
+    def action_library(self) -> None:
+        """Open the named messages and sequences of the project."""
+        from trcvtui.tui.screens.messages import MessagesScreen  # read when first asked for
+
+        if self._scene.peer:
+            self.app.push_screen(MessagesScreen(self._scene.peer, self._scene.project), self._picked)
+
+    def _picked(self, line: str | None) -> None:
+        if line:
+            self._voice.submit(line)
 
     def action_form(self) -> None:
         """Open the members of a UDT as fields."""

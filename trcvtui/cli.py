@@ -26,6 +26,7 @@ WRONG_INPUT: Final = 2
 INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
 PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
 KERNELS: Final = ("sim", "live")
+LOOKS: Final = ("dark", "light", "ansi")
 
 Command = Callable[[argparse.Namespace], int]
 
@@ -101,14 +102,14 @@ def _forget_stdout() -> None:
 def _demo(args: argparse.Namespace) -> int:
     from trcvtui.rig import demo_path
 
-    return _open_screen(demo_path(), "live")
+    return _open_screen(demo_path(), "live", theme=args.theme)
 
 
 def _run(args: argparse.Namespace) -> int:
-    return _open_screen(_path(args.project), args.kernel, args.netns)
+    return _open_screen(_path(args.project), args.kernel, args.netns, args.theme)
 
 
-def _open_screen(path: Path, kernel: str, netns: bool = False) -> int:
+def _open_screen(path: Path, kernel: str, netns: bool = False, theme: str | None = None) -> int:
     import os
 
     if netns:
@@ -125,7 +126,7 @@ def _open_screen(path: Path, kernel: str, netns: bool = False) -> int:
         project = _load_bench(path)
         from trcvtui.tui.app import run_app
 
-        return run_app(driver, project)
+        return run_app(driver, project, theme)
     finally:
         driver.close()
 
@@ -283,6 +284,7 @@ def _parser() -> _Parser:
     )
     parser.set_defaults(command=_demo)
     parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")
+    _add_theme(parser, None)
     commands = parser.add_subparsers(metavar="COMMAND")
     _add_run(commands.add_parser("run", help="open the screen on a project"))
     _add_scenario(commands.add_parser("scenario", help="run without a screen"))
@@ -297,6 +299,11 @@ def _add_run(parser: _Parser) -> None:
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
+    _add_theme(parser, argparse.SUPPRESS)
+
+
+def _add_theme(parser: _Parser, default: str | None) -> None:
+    parser.add_argument("--theme", choices=LOOKS, default=default, help="default: dark; ansi: 16 colours")
 
 
 def _add_scenario(parser: _Parser) -> None:

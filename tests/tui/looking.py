@@ -15,6 +15,8 @@ from textual.pilot import Pilot
 from tests.tui.fakes import FakeDriver, bench_project, picture
 from trcvtui.rig.picture import Picture
 from trcvtui.tui.app import BenchApp
+from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.settings import load_settings
 
 WIDE, SMALL = (140, 45), (80, 24)
 BOTH = pytest.mark.parametrize("size", [WIDE, SMALL], ids=["140x45", "80x24"])
@@ -99,10 +101,13 @@ def screen_text(app: App[None]) -> str:
 
 
 @asynccontextmanager
-async def looking(size: tuple[int, int] = WIDE, *pictures: Picture) -> AsyncIterator[Looker]:
-    """Open the screen; without pictures the usual one is shown."""
+async def looking(
+    size: tuple[int, int] = WIDE, *pictures: Picture, theme: str | None = None
+) -> AsyncIterator[Looker]:
+    """Open the screen as the user has set it; without pictures the usual one is shown."""
     driver = FakeDriver()
-    app = BenchApp(driver, bench_project())
+    settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
+    app = BenchApp(driver, bench_project(), settings)
     async with app.run_test(size=size) as pilot:
         looker = Looker(app, driver, pilot)
         await looker.show(*(pictures or (picture(),)))

@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
@@ -20,7 +21,8 @@ from trcvtui.rig.picture import Picture
 from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.main import SCENARIOS, MainScreen
-from trcvtui.tui.theme import DARK, LIGHT
+from trcvtui.tui.settings import Settings, load_settings
+from trcvtui.tui.theme import THEMES
 
 if TYPE_CHECKING:
     from trcvtui.tui.screens.scenarios import ScenariosScreen
@@ -37,10 +39,13 @@ class BenchApp(App[None]):
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
-    BINDINGS: ClassVar = [Binding("P", "picture", show=False)]
+    BINDINGS: ClassVar = [Binding("P", "picture", show=False, id="picture")]
 
-    def __init__(self, driver: Driver, project: Project) -> None:
-        super().__init__()
+    def __init__(self, driver: Driver, project: Project, settings: Settings | None = None) -> None:
+        super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
+        self._settings = settings or Settings()
+        self.key_names = self._settings.names
+        self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
         self._home = project.path
         self.scene = Scene(project)
@@ -49,15 +54,19 @@ class BenchApp(App[None]):
         self._scenario: Path | None = None  # the one that was chosen last
         self.last_words = ""
         self._early_keys: list[events.Key] | None = []
-        self.register_theme(DARK)
-        self.register_theme(LIGHT)
-        # Without its watcher: every rule would be read twice before the first frame.
-        self.set_reactive(BenchApp.theme, DARK.name)
-        self.stylesheet.set_variables(self.get_css_variables())
+        for theme in THEMES.values():
+            self.register_theme(theme)
+        theme = THEMES[self._settings.theme]
+        if not theme.ansi:
+            # Without its watcher: every rule would be read twice before the first frame.
+            self.set_reactive(BenchApp.theme, theme.name)
+            self.stylesheet.set_variables(self.get_css_variables())
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
         # Not as the default screen: an input field in that one fails at start (Textual issue 6444).
+        if THEMES[self._settings.theme].ansi:
+            self.theme = THEMES[self._settings.theme].name  # with its watcher: native colours need it
         self.push_screen(self.main)
         self._frame()
         self.set_interval(FRAME_S, self._frame)
@@ -82,6 +91,9 @@ class BenchApp(App[None]):
         while self._early_keys:
             await self._obey_early(self._early_keys.pop(0))
         self._early_keys = None
+        if self._settings.problems:
+            first, *more = self._settings.problems
+            self.main.prompt.complain(first + (f" (and {len(more)} more)" if more else ""))
         _quiet_collector()
 
     async def _obey_early(self, event: events.Key) -> None:
@@ -170,6 +182,10 @@ class BenchApp(App[None]):
 
         take_picture(self, self.main.prompt.tell if self.screen is self.main else self._notify)
 
+    def _with_the_users_key(self, command: SystemCommand) -> SystemCommand:
+        about, mark, key = command.help.rpartition("key ")
+        return command._replace(help=about + mark + self.key_names.get(key, key))
+
     def _notify(self, text: str) -> None:
         self.notify(text, markup=False)
 
@@ -180,7 +196,11 @@ class BenchApp(App[None]):
         if self.scenarios is not None:
             yield from self.scenarios.commands()
         else:
-            yield from commands(Reach(self.scene, self.main, self.submit))
+            for command in commands(Reach(self.scene, self.main, self.submit)):
+                yield self._with_the_users_key(command)
+        for name, theme in THEMES.items():
+            look = "the terminal's own 16 colours" if theme.ansi else f"the {name} one"
+            yield SystemCommand(f"Theme {name}", look, partial(setattr, self, "theme", theme.name))
         yield SystemCommand("Theme", "another look", self.action_change_theme)
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
@@ -194,10 +214,10 @@ def _quiet_collector() -> None:
     gc.set_threshold(50_000, 20, 100)
 
 
-def run_app(driver: Driver, project: Project) -> int:
+def run_app(driver: Driver, project: Project, theme: str | None = None) -> int:
     """Open the screen on a bench; return 0, or 1 when the engine ended by itself."""
     gc.disable()  # until the first frame stands: what is made on the way to it stays
-    app = BenchApp(driver, project)
+    app = BenchApp(driver, project, load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme))
     app.run()
     if app.last_words:
         sys.stderr.write(f"{app.last_words.rstrip()}\n")

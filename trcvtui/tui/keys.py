@@ -55,7 +55,14 @@ SCENARIOS: Final = (
     ("r", "all steps that are left; simulated ones as fast as they go"),
     ("esc or q", "leave: the project that was opened begins afresh"),
 )
-SECTIONS: Final = (
+KeyTable = tuple[tuple[str, str], ...]
+# Which table is about a pane, by the id of it or of what it stands in.
+SECTION_OF: Final = {
+    "instances": "Block", "block": "Block", "status": "Bytes and past", "history": "Bytes and past",
+    "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "peer": "Peer",
+    "scenarios": "Scenarios", "text": "Scenarios", "traces": "Scenarios",
+}  # fmt: skip
+SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Everywhere", EVERYWHERE),
     ("Block", PINS),
     ("Bytes and past", BYTES),

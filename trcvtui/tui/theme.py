@@ -1,4 +1,4 @@
-"""The two looks of the bench: a calm dark one, the default, and its light twin."""
+"""The looks of the bench: a calm dark one, the default, its light twin, and one of the terminal's 16 colours."""
 
 from __future__ import annotations
 
@@ -56,3 +56,38 @@ LIGHT: Final = Theme(
         "scrollbar-corner-color": "#fbfaf7",
     },
 )
+# The terminal's own 16 colours on its own background: for consoles that have no more, and under NO_COLOR.
+ANSI: Final = Theme(
+    name="bench-ansi",
+    primary="ansi_blue",
+    secondary="ansi_magenta",
+    warning="ansi_yellow",
+    error="ansi_red",
+    success="ansi_green",
+    accent="ansi_cyan",
+    foreground="ansi_default",
+    background="ansi_default",
+    surface="ansi_default",
+    panel="ansi_default",
+    boost="ansi_default",
+    dark=True,
+    ansi=True,
+    luminosity_spread=0.15,
+    text_alpha=0.95,
+    variables={
+        "ansi-background": "ansi_black",
+        "ansi-foreground": "ansi_white",
+        "border": "ansi_cyan",
+        "border-blurred": "ansi_bright_black",
+        "block-cursor-foreground": "ansi_black",
+        "block-cursor-background": "ansi_white",
+        "input-cursor-background": "ansi_white",
+        "input-cursor-foreground": "ansi_black",
+        "input-cursor-text-style": "none",
+        "input-selection-background": "ansi_bright_blue",
+        "input-selection-foreground": "ansi_black",
+        "screen-selection-background": "ansi_bright_blue",
+        "screen-selection-foreground": "ansi_black",
+    },
+)
+THEMES: Final = {"dark": DARK, "light": LIGHT, "ansi": ANSI}

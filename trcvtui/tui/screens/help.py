@@ -10,7 +10,7 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 
 from trcvtui.tui.formatting import plain, wrapped
-from trcvtui.tui.keys import SECTIONS
+from trcvtui.tui.keys import SECTION_OF, SECTIONS, KeyTable
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
@@ -28,9 +28,10 @@ SIGNS: Final = (
 class HelpText(LineView):
     """All of it as one scrolling text."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, focused: Widget | None) -> None:
         super().__init__(id="help")
         self._scene = scene
+        self._focused = focused
         self._rows: list[Row] = []
 
     def on_resize(self) -> None:
@@ -48,9 +49,11 @@ class HelpText(LineView):
 
     def _keys(self) -> list[Row]:
         rows: list[Row] = []
-        for title, table in (*SECTIONS, ("Signs", SIGNS)):
+        names: dict[str, str] = getattr(self.app, "key_names", {})
+        for title, table in sections_for(self._focused):
             rows.append(row((title, "strong")))
-            for key, what in table:
+            for shown, what in table:
+                key = names.get(shown.split(" or ")[0], shown)
                 first, *rest = wrapped(what, self.line_width - KEY - 2)
                 rows.append(row((f"  {key:<{KEY}}", "key"), (first, "")))
                 rows += [row((" " * (KEY + 2), ""), (line, "")) for line in rest]
@@ -85,10 +88,26 @@ class HelpText(LineView):
         ]
 
 
+def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
+    """Return the tables of keys, that of the pane with the focus first."""
+    sections: list[tuple[str, KeyTable]] = [*SECTIONS, ("Signs", SIGNS)]
+    around = [widget.id for widget in focused.ancestors_with_self] if focused is not None else []
+    title = next((SECTION_OF[id] for id in around if id in SECTION_OF), None)
+    here = focused.keys() if isinstance(focused, LineView) else ()
+    table = dict(sections).get(title or "", ())
+    if not here and not table:
+        return sections
+    first = (f"Here: {title}" if title else "Here", (*here, *table))
+    return [first, *(section for section in sections if section[0] != title)]
+
+
 class HelpScreen(ModalScreen[None]):
     """Closed by the keys that opened it, and by escape."""
 
-    BINDINGS: ClassVar = [Binding("escape,q,question_mark,f1", "app.pop_screen", show=False)]
+    BINDINGS: ClassVar = [
+        Binding("escape,q", "app.pop_screen", show=False),
+        Binding("question_mark,f1", "app.pop_screen", show=False, id="help"),
+    ]
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     DEFAULT_CSS = """
     HelpScreen { align: center middle; background: $background 60%; }
@@ -97,12 +116,13 @@ class HelpScreen(ModalScreen[None]):
     }
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, focused: Widget | None = None) -> None:
         super().__init__()
         self._scene = scene
+        self._focused = focused
 
     def compose(self) -> Iterator[Widget]:
         """Compose the text."""
-        text = HelpText(self._scene)
+        text = HelpText(self._scene, self._focused)
         text.set_title(None, "Help", "↑↓ and page keys scroll, esc closes")
         yield text

@@ -279,7 +279,7 @@ class ScenariosScreen(Screen[Path | None]):
         """Open the help."""
         from trcvtui.tui.screens.help import HelpScreen  # read when first asked for
 
-        self.app.push_screen(HelpScreen(self._scene))
+        self.app.push_screen(HelpScreen(self._scene, self.focused))
 
     def action_leave(self) -> None:
         """Bring the project back that was opened, and go back to it."""

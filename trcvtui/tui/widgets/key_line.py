@@ -32,11 +32,14 @@ class KeyLine(LineView, can_focus=False):
         self._actions = actions
         self._local: Keys = ()
         self._holding = False
+        self._names: Mapping[str, str] = {}  # of keys that the user has changed
         self.mouse_is_away = False
 
     def show_keys(self, local: Keys, holding: bool) -> None:
         """Name these keys."""
         self._local, self._holding = local, holding
+        if self._actions is ACTIONS:
+            self._names = getattr(self.app, "key_names", {})
         self.show()
 
     def row_count(self) -> int:
@@ -47,6 +50,7 @@ class KeyLine(LineView, can_focus=False):
         keys = [("U", "mouse back"), *self._local] if self.mouse_is_away else list(self._local)
         for key, label in self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
+        keys = [(self._names.get(key, key), label) for key, label in keys]
         # The last ones, help and quit, stay; what does not fit goes from the middle.
         while len(keys) > 3 and sum(len(k) + len(label) + 3 for k, label in keys) - 2 > self.line_width:
             del keys[-3]
@@ -64,8 +68,10 @@ class KeyLine(LineView, can_focus=False):
     def on_click(self, event: events.Click) -> None:
         """Act as if the key had been pressed."""
         place, left = self.place_of(event), 0
+        old = {name: key for key, name in self._names.items()}
         for key, label in self._keys():
             width = len(key) + len(label) + 3
-            if place is not None and left <= place[0] < left + width - 2 and key in self._actions:
-                self.post_message(KeyClicked(self._actions[key]))
+            action = self._actions.get(old.get(key, key))
+            if place is not None and left <= place[0] < left + width - 2 and action:
+                self.post_message(KeyClicked(action))
             left += width

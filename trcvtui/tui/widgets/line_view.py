@@ -17,6 +17,7 @@ from textual.geometry import Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from trcvtui.tui.formatting import cells
 from trcvtui.tui.styles import composed
 
 Part = tuple[str, str]
@@ -34,7 +35,7 @@ EMPTY = Row()
 
 def ruled(width: int, *parts: Part) -> Row:
     """Return a row of these parts with a rule to the end of the line."""
-    used = sum(len(text) for text, _ in parts)
+    used = sum(cells(text) for text, _ in parts)
     return Row((*parts, ("─" * max(0, width - used), "faint")))
 
 
@@ -118,7 +119,7 @@ class LineView(ScrollView, can_focus=True):
 
     @property
     def line_width(self) -> int:
-        """Return how many characters a row has room for, beside a scrollbar."""
+        """Return how many columns a row has room for, beside a scrollbar."""
         return self.scrollable_content_region.width
 
     def _strip(self, line: Row) -> Strip:

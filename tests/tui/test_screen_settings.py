@@ -1,0 +1,271 @@
+"""At home in any terminal: the user's keys and look, no colour, wide characters, help where one is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.tui.fakes import TELEGRAM, bench_project, picture
+from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from trcvtui.rig.picture import Answer
+from trcvtui.tui.app import BenchApp
+from trcvtui.tui.formatting import cells, clip, pad, wrapped
+from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.settings import Settings, load_settings
+from trcvtui.tui.widgets.line_view import ruled
+
+LARGE = (200, 60)
+SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), LARGE], ids=["80x24", "120x40", "200x60"])
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    """Return the folder of the user's settings."""
+    folder = tmp_path / "config" / "trcvtui"
+    folder.mkdir(parents=True)
+    return folder
+
+
+def settings(theme: str | None = None) -> Settings:
+    return load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
+
+
+def colours(looker: Looker) -> set[str]:
+    """Return the names of all colours on the screen."""
+    found = set()
+    for strip in looker.app.screen._compositor.render_strips():
+        for segment in strip:
+            for colour in (segment.style.color, segment.style.bgcolor) if segment.style else ():
+                found.add(colour.name if colour is not None else "default")
+    return found
+
+
+# -- keys ----------------------------------------------------------------------------------------------
+
+
+async def test_without_settings_nothing_is_said() -> None:
+    assert settings() == Settings()
+
+
+async def test_a_key_of_the_users_own_does_the_action_and_the_old_one_no_longer(config: Path) -> None:
+    (config / "keys.toml").write_text('hold = "f6"\nzoom = ["f11", "Z"]\nprompt = "ctrl+k"\n')
+    async with looking(WIDE) as looker:
+        await looker.press("space")
+        assert looker.lines == []
+        await looker.press("f6")
+        assert looker.lines == ["hold"]
+        await looker.press("4", "Z")
+        assert "1 Instances" not in looker.text
+        await looker.press("f11", "ctrl+k")
+        await looker.type("plc stop")
+        await looker.press("enter")
+        assert looker.lines == ["hold", "plc stop"]
+
+
+async def test_keys_that_come_in_one_batch_obey_the_users_keymap(config: Path) -> None:
+    (config / "keys.toml").write_text('prompt = ";"\n')
+    async with looking(SMALL) as looker:
+        for key in ("semicolon", *"mark"):
+            await looker.pilot.press(key)
+        await looker.press("enter")
+        assert looker.lines == ["mark"]
+
+
+async def test_footer_help_and_palette_name_the_users_keys(config: Path) -> None:
+    (config / "keys.toml").write_text('hold = "f6"\nhelp = "f12"\n')
+    async with looking(WIDE) as looker:
+        assert "F6 hold" in looker.line("F12 help")
+        place = looker.line("F6 hold").index("F6")
+        await looker.pilot.click("#keys", offset=(place, 0))
+        await looker.settle()
+        assert looker.lines == ["hold"]
+        abouts = {c.title: c.help for c in looker.app.get_system_commands(looker.app.screen)}
+        assert abouts["Hold the scans"] == "hold · key F6"
+        await looker.press("f12")
+        assert "F6 " in looker.line("hold the scans, let them go on")
+        await looker.press("f12")
+        assert "1 Instances" in looker.text
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ('hld = "f6"', "found 'hld', expected hold"),
+        ('hold = "n"', "hold: found 'n', which pins and panes have, expected another key"),
+        ('hold = "tab"', "hold: found 'tab', which pins and panes have, expected another key"),
+        ('hold = "7"', "hold: found '7', which pins and panes have, expected another key"),
+        ('hold = "S"', "hold: found 'S', which scenarios has, expected another key"),
+        ('hold = "F6"', "hold: found 'F6', expected one character, or a key such as f5, ctrl+k or pageup"),
+        (
+            "hold = 6",
+            "hold: found 6, expected one character, or a key such as f5, ctrl+k or pageup, or a list",
+        ),
+        ("hold = []", "hold: found "),
+        ("hold =", "expected TOML"),
+    ],
+)
+def test_a_wrong_entry_gives_one_clear_line_and_the_rest_holds(config: Path, line: str, told: str) -> None:
+    (config / "keys.toml").write_text(f'zoom = "f11"\n{line}\n')
+    found = settings()
+    (problem,) = found.problems
+    assert problem.startswith(str(config / "keys.toml")) and told in problem
+    assert found.keymap == ({} if line == "hold =" else {"zoom": "f11"})
+
+
+def test_two_actions_can_change_places(config: Path) -> None:
+    (config / "keys.toml").write_text('freeze = "K"\nmark = "F"\n')
+    assert settings().keymap == {"freeze": "K", "mark": "F"}
+    assert settings().problems == ()
+
+
+async def test_a_mistake_in_the_settings_is_shown_on_the_screen(config: Path) -> None:
+    (config / "keys.toml").write_text('hold = "n"\nnothing = "f6"\n')
+    async with looking(WIDE) as looker:
+        words = " ".join(looker.text.split())
+        assert "hold: found 'n', which pins and panes have, expected another key (and 1 more)" in words
+        await looker.press("n")
+        assert looker.lines == ["set TRCV_C_1 EN_R=0"]
+
+
+# -- looks ---------------------------------------------------------------------------------------------
+
+
+def test_the_command_line_wins_over_the_config(config: Path) -> None:
+    (config / "config.toml").write_text('theme = "light"\n')
+    assert settings().theme == "light"
+    assert settings("ansi").theme == "ansi"
+
+
+@pytest.mark.parametrize("text", ['theme = "pink"', "theme = 1", 'colour = "red"'])
+def test_a_look_that_is_none_is_told_and_the_dark_one_stands(config: Path, text: str) -> None:
+    (config / "config.toml").write_text(text)
+    found = settings()
+    assert found.theme == "dark"
+    assert len(found.problems) == 1
+
+
+@pytest.mark.parametrize("look", ["light", "ansi"])
+@SIZES
+async def test_another_look_changes_no_word(size: tuple[int, int], look: str) -> None:
+    async with looking(size) as looker:
+        words = looker.text
+    async with looking(size, theme=look) as looker:
+        assert looker.text == words
+
+
+@BOTH
+async def test_the_16_colour_look_uses_no_other_colour(size: tuple[int, int]) -> None:
+    sixteen = {f"color({number})" for number in range(16)} | {"default"}
+    async with looking(size, theme="ansi") as looker:
+        for key in "12345678":
+            await looker.press(key)
+            assert colours(looker) <= sixteen
+        assert len(colours(looker)) > 3
+
+
+@BOTH
+async def test_no_color_is_honoured_and_the_words_stay(
+    size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with looking(size) as looker:
+        words = looker.text
+    monkeypatch.setenv("NO_COLOR", "1")
+    async with looking(size, theme="light") as looker:
+        assert looker.text == words
+        assert colours(looker) == {"default"}
+        await looker.press("2", "down", "down")
+        reversed_ = [
+            segment.text
+            for strip in looker.app.screen._compositor.render_strips()
+            for segment in strip
+            if segment.style and segment.style.reverse
+        ]
+        assert reversed_, "the cursor shows without a colour"
+
+
+async def test_the_palette_changes_the_look() -> None:
+    async with looking(WIDE) as looker:
+        (light,) = (c for c in looker.app.get_system_commands(looker.app.screen) if c.title == "Theme light")
+        light.callback()
+        await looker.settle()
+        assert looker.app.theme == "bench-light"
+
+
+# -- wide characters -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "shown"),
+    [
+        ("测量值", 6, "测量值"),
+        ("测量值", 5, "测量…"),
+        ("测量值", 4, "测…"),
+        ("测量值", 1, "…"),
+        ("测量值", 0, ""),
+        ("e\u0301tat", 4, "e\u0301tat"),
+        ("🙂🙂", 3, "🙂…"),
+    ],
+)
+def test_a_cut_counts_columns_not_characters(text: str, width: int, shown: str) -> None:
+    assert clip(text, width) == shown
+    assert cells(clip(text, width)) <= width
+
+
+def test_padding_counts_columns() -> None:
+    assert pad("测", 4) == "测  "
+    assert pad("测", 4, right=True) == "  测"
+    assert pad("测量", 3) == "测量"
+
+
+def test_a_text_without_blanks_is_broken_where_the_columns_end() -> None:
+    assert wrapped("连接被对方关闭 ok", 9) == ("连接被对", "方关闭 ok")
+    assert all(cells(line) <= 9 for line in wrapped("a连接 被对方关闭了吗 🙂🙂🙂🙂🙂🙂", 9))
+
+
+def test_a_rule_ends_where_the_line_ends() -> None:
+    assert sum(cells(text) for text, _ in ruled(20, ("测量值 ", "")).parts) == 20
+
+
+@SIZES
+async def test_wide_characters_push_no_frame_out_of_its_place(size: tuple[int, int]) -> None:
+    answer = Answer(1, 'peer P1 send text "测量值🙂"', "对方没有连接 " * 9)
+    wide = TELEGRAM[:14] + "温度测量".encode() + TELEGRAM[26:]
+    async with looking(size, picture(data=wide, answers=[answer])) as looker:
+        for strip in looker.app.screen._compositor.render_strips():
+            assert strip.cell_length == size[0]
+        assert "测量值" in looker.text
+
+
+async def test_a_project_with_a_wide_name_fits_its_header() -> None:
+    async with looking(SMALL) as looker:
+        project = replace(bench_project(), path=Path("/tmp/灌装线测试项目二号机组.toml"))
+        await looker.show(replace(picture(), project=project, project_number=1))
+        header = looker.app.screen._compositor.render_strips()[0]
+        assert header.cell_length == SMALL[0]
+
+
+# -- help where one is -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("pane", "title", "says"),
+    [
+        ("2", "Here: Block", "walk the pins of the block"),
+        ("5", "Here: Bytes and past", "byte by byte"),
+        ("7", "Here: Peer", "walk the buttons"),
+        ("8", "Here: Timing", "edge by edge"),
+    ],
+)
+@BOTH
+async def test_help_begins_with_the_keys_of_the_focused_pane(
+    size: tuple[int, int], pane: str, title: str, says: str
+) -> None:
+    async with looking(size) as looker:
+        await looker.press(pane, "question_mark")
+        lines = [line.strip(" │") for line in looker.text.splitlines()]
+        at = next(number for number, line in enumerate(lines) if title in line)
+        assert at <= 4, "the first thing that stands there"
+        assert says in looker.text
+        assert looker.text.count(title.removeprefix("Here: ") + " ") <= 2, "it does not come again below"

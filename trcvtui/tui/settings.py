@@ -1,0 +1,146 @@
+"""What the user has set in the config folder: the look, and which key does what; a mistake is told in a line.
+
+config.toml: theme = "dark" | "light" | "ansi". keys.toml: action = "key", or a list of keys. Lower-case
+letters belong to the pins and the panes, so no action can take one that it has not by itself.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from textual.binding import Binding, BindingType
+from textual.keys import Keys, _character_to_key, format_key
+
+from trcvtui.plc.names import expected_name
+from trcvtui.plc.tables import shown
+from trcvtui.tui.theme import THEMES
+
+MOST_BYTES: Final = 65_536
+CONFIG, KEYMAP = "config.toml", "keys.toml"
+FIXED: Final = frozenset((
+    *("tab", "shift+tab", "enter", "escape", "up", "down", "left", "right", "backspace", "ctrl+q", "ctrl+c"),
+    *"0123456789",
+))  # fmt: skip
+KEY_NAMES: Final = frozenset(key.value for key in Keys if not key.value.startswith("<"))
+EXPECTED: Final = "one character, or a key such as f5, ctrl+k or pageup"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """`keymap` is action to keys, `names` what to call a key that is no longer the one it was."""
+
+    theme: str = "dark"
+    keymap: Mapping[str, str] = field(default_factory=dict)
+    names: Mapping[str, str] = field(default_factory=dict)
+    problems: tuple[str, ...] = ()
+
+
+def config_folder() -> Path:
+    """Return where the user's settings are."""
+    from platformdirs import user_config_path  # read when first asked for
+
+    return user_config_path("trcvtui", appauthor=False)
+
+
+def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> Settings:
+    """Return what is set; `theme` is that of the command line and wins."""
+    own = [binding for binding in bindings if isinstance(binding, Binding)]
+    folder, problems = config_folder(), list[str]()
+    told = _table(folder / CONFIG, problems)
+    chosen = theme or _theme(told, folder / CONFIG, problems)
+    keymap = _keymap(_table(folder / KEYMAP, problems), folder / KEYMAP, own, problems)
+    names = {_name(b.key): _name(keymap[b.id]) for b in own if b.id in keymap}
+    return Settings("ansi" if "NO_COLOR" in os.environ else chosen, keymap, names, tuple(problems))
+
+
+def _table(path: Path, problems: list[str]) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except FileNotFoundError:
+        return {}
+    except OSError as failed:
+        problems.append(f"{path}: found {failed.strerror}, expected a file that can be read")
+        return {}
+    if len(content) > MOST_BYTES:
+        problems.append(f"{path}: found a larger file, expected at most {MOST_BYTES} bytes")
+        return {}
+    try:
+        return tomllib.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as wrong:
+        problems.append(f"{path}: found {wrong}, expected TOML")
+        return {}
+
+
+def _theme(told: Mapping[str, Any], path: Path, problems: list[str]) -> str:
+    for key in told:
+        if key != "theme":
+            problems.append(f"{path}: found {shown(key)}, expected theme")
+    theme = told.get("theme", "dark")
+    if isinstance(theme, str) and theme in THEMES:
+        return theme
+    problems.append(f"{path}: theme: found {shown(theme)}, expected one of {', '.join(THEMES)}")
+    return "dark"
+
+
+# -- keys --------------------------------------------------------------------------------------------------
+
+
+def _keymap(
+    told: Mapping[str, Any], path: Path, bindings: list[Binding], problems: list[str]
+) -> dict[str, str]:
+    own: dict[str, set[str]] = {}
+    for binding in bindings:
+        for key in binding.key.split(",") if binding.id else ():
+            own.setdefault(str(binding.id), set()).add(_key(key) or key)
+    keymap: dict[str, str] = {}
+    for action, given in told.items():
+        if action not in own:
+            problems.append(f"{path}: found {shown(action)}, expected {expected_name(action, own, 'action')}")
+            continue
+        kept = {key: other for other in own if other not in told for key in own[other]}
+        kept |= {key: other for other, keys in keymap.items() for key in keys.split(",")}
+        try:
+            keymap[action] = ",".join(_keys(given, own[action], kept))
+        except ValueError as wrong:
+            problems.append(f"{path}: {action}: {wrong}")
+    return keymap
+
+
+def _keys(given: object, own: set[str], kept: Mapping[str, str]) -> list[str]:
+    texts: list[Any] = given if isinstance(given, list) else [given]
+    if not texts or not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"found {shown(given)}, expected {EXPECTED}, or a list of such")
+    keys = []
+    for text in texts:
+        key = _key(text)
+        if key is None:
+            raise ValueError(f"found {shown(text)}, expected {EXPECTED}")
+        if key in FIXED or (len(key) == 1 and key.islower() and key not in own):
+            raise ValueError(f"found {shown(text)}, which pins and panes have, expected another key")
+        if key in kept:
+            raise ValueError(f"found {shown(text)}, which {kept[key]} has, expected another key")
+        keys.append(key)
+    return keys
+
+
+def _key(text: str) -> str | None:
+    """Return the name of a key as events carry it; None where there is no such key."""
+    if len(text) == 1:
+        return _character_to_key(text) if text.isprintable() and not text.isspace() else None
+    if text in KEY_NAMES or text in ("full_stop", "colon", "backslash", "question_mark"):
+        return text
+    plain = re.fullmatch(r"(?:(?:ctrl|shift|alt)\+)+([a-z0-9])", text)
+    return text if plain else None
+
+
+def _name(keys: str) -> str:
+    """Return what the screen calls the first of these keys."""
+    name = format_key(keys.split(",")[0])
+    return name.upper() if re.fullmatch(r"f\d+", name) else name

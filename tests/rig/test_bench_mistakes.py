@@ -109,7 +109,7 @@ MISTAKES = [
     (
         "peer P1",
         "w: found nothing more, expected one of connect, listen, close, rst, shutdown, "
-        "stall, resume, send, play, reply, try-splits",
+        "stall, resume, send, play, reply, check, try-splits",
     ),
     ("peer P1 conect", "w: found 'conect', expected connect"),
     (
@@ -197,6 +197,15 @@ MISTAKES = [
         'peer P1 reply on contains hex 05 send text "{n:x}"',
         "w: found '{n:x}', expected {n} or {n:3}, three digits",
     ),
+    # self-checking traffic
+    ("peer P1 check", "w: found nothing more, expected on or off"),
+    ("peer P1 check on size=9", "w: found size='9', expected a whole number from 10 to 65507"),
+    (
+        "peer P1 check on often",
+        "w: found 'often', expected size=64, every=T#100ms, on and an instance, or the end of the command",
+    ),
+    ("peer P1 check on on Y", "w: found 'Y', a TRCV_C, expected an instance that receives, with DATA"),
+    ("peer P1 check off now", "w: found 'now', expected the end of the command"),
     # every split
     ("peer P1 try-splits", f"w: found nothing more, expected {FORMS}"),
     (

@@ -310,9 +310,9 @@ def test_keys_that_a_udp_peer_does_not_have_are_one_line_each(
 
 WORDS: Final = {
     "peer P1 connect": "w: found connect of the UDP peer 'P1', which has no connection, "
-    "expected one of listen, close, stall, resume, send, play, reply",
+    "expected one of listen, close, stall, resume, send, play, reply, check",
     "peer P1 rst": "w: found rst of the UDP peer 'P1', which has no connection, "
-    "expected one of listen, close, stall, resume, send, play, reply",
+    "expected one of listen, close, stall, resume, send, play, reply, check",
     "wait peer P1 connected": "w: found 'connected' of the UDP peer 'P1', which has no connection, "
     "expected listening, closed or received",
 }

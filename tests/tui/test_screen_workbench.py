@@ -21,7 +21,7 @@ from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_words import PeerSend
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.picture import Picture, ReplySnapshot
+from trcvtui.rig.picture import CheckSnapshot, Picture, ReplySnapshot, Tally
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.cuts import Cuts, cuts_of
 from trcvtui.tui.formatting import MS
@@ -313,3 +313,14 @@ async def test_a_message_or_a_sequence_is_picked_from_the_library() -> None:
         await looker.press("enter")
         await looker.press("p", "down", "enter")
         assert looker.lines == ["peer P1 send message hello", "peer P1 play start_up"]
+
+
+async def test_self_checking_traffic_stands_on_the_line_of_its_peer() -> None:
+    one, two = peers()
+    good = CheckSnapshot(120, Tally(119, 0, 0, 0, 0), Tally(0, 0, 0, 0, 0))
+    bad = CheckSnapshot(120, Tally(110, 4, 0, 2, 9), Tally(100, 0, 3, 0, 0))
+    checked = replace(picture(), peers=(replace(one, check=good), replace(two, check=bad)))
+    async with looking(WIDE, checked) as looker:
+        await looker.press("7")
+        assert "✓ check 120: DATA 119" in looker.line("▸ P1")
+        assert "✗ check 120: DATA 110 lost 4 shift 2, echo 100 double 3" in looker.line("P2 passive")

@@ -18,6 +18,7 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
+from trcvtui.rig.checking import Checking
 from trcvtui.rig.peer_links import link_of
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.routine import SelfActing, read_replies, read_routines
@@ -56,6 +57,7 @@ class Bench:
         }
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
+        self._checks: dict[str, Checking] = {}
         self._self_acting = [
             SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
         ]
@@ -97,19 +99,36 @@ class Bench:
             self._sim.advance(self.now)
         self.step_peers()
         self.runtime.scan(self.now)
+        if self._checks:
+            self._check_data()
         self.step_peers()
+
+    def _check_data(self) -> None:
+        """Let the self-checking traffic judge every frame that this scan has brought."""
+        for out in self.runtime.called if any(check.instance for check in self._checks.values()) else ():
+            for check in self._checks.values() if out.done else ():
+                decl = self.project.instance(out.instance)
+                if check.instance == out.instance and decl is not None and decl.data is not None:
+                    check.received(self.runtime.data(decl.data)[: out.rcvd_len])
 
     def step_peers(self) -> None:
         """Let every peer take what has arrived and send what is due."""
         for acting in self._self_acting:
             acting.step(self.now)
+        for check in self._checks.values():
+            check.step(self.now)
         for peer in self.peers.values():
             peer.step(self.now)
 
     def peer_snapshots(self) -> tuple[PeerSnapshot, ...]:
         """Return every peer, and whether its wire is down."""
         return tuple(
-            replace(peer.snapshot(), link=link, silent=link in self._down)
+            replace(
+                peer.snapshot(),
+                link=link,
+                silent=link in self._down,
+                check=self._checks[peer.decl.name].snapshot() if peer.decl.name in self._checks else None,
+            )
             for peer, link in zip(self.peers.values(), self._links, strict=True)
         )
 
@@ -140,6 +159,8 @@ class Bench:
             words.PeerResume: lambda c: self.peers[c.peer].resume(),
             words.PeerSend: lambda c: self.peers[c.peer].send(c, self.now),
             words.PeerPlay: lambda c: self.peers[c.peer].play(c, self.now),
+            words.CheckOn: self._check_on,
+            words.CheckOff: self._check_off,
             words.TryStop: lambda c: "",  # a trial of a scenario has ended with its step
             words.ReplyOn: lambda c: self.peers[c.peer].replies.add(c),
             words.ReplyOff: lambda c: self.peers[c.peer].replies.remove(c.number, c.peer),
@@ -162,6 +183,16 @@ class Bench:
                 self.runtime.submit(commands.BlinkInput(command.instance, pin))
             else:
                 self.runtime.submit(commands.SetInput(command.instance, pin, value))
+        return ""
+
+    def _check_on(self, command: words.CheckOn) -> str:
+        self._checks[command.peer] = Checking(self.peers[command.peer], command)
+        return ""
+
+    def _check_off(self, command: words.CheckOff) -> str:
+        check = self._checks.pop(command.peer, None)
+        if check is not None:
+            check.end()
         return ""
 
     def _link(self, command: words.Link) -> str:

@@ -98,6 +98,11 @@ def match_text(match: Match) -> str:
             return f"field {type_name}.{path} = {value_text(value)}"
 
 
+def _check(c: words.CheckOn) -> str:
+    parts = [f"peer {c.peer} check on size={c.size} every={format_time(c.every_ns)}"]
+    return " ".join(parts + [f"on {c.instance}"] * bool(c.instance))
+
+
 def _try_splits(c: words.TrySplits) -> str:
     parts = [f"peer {c.peer} try-splits {c.text or 'hex ' + c.payload.hex(' ')} on {c.instance}"]
     if c.gap_ns:
@@ -175,6 +180,8 @@ LINES: Final[dict[type, Callable[[Any], str]]] = {
     words.PeerShutdown: lambda c: f"peer {c.peer} shutdown",
     words.PeerSend: _send,
     words.PeerPlay: lambda c: f"peer {c.peer} play {c.name}",
+    words.CheckOn: _check,
+    words.CheckOff: lambda c: f"peer {c.peer} check off",
     words.ReplyOn: lambda c: f"peer {c.peer} reply on {rule_text(c)}",
     words.ReplyOff: lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
     words.TrySplits: _try_splits,

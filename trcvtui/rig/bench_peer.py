@@ -8,6 +8,7 @@ from typing import Final
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import Project
 from trcvtui.plc.tables import shown
+from trcvtui.rig.bench_check import read_check
 from trcvtui.rig.bench_conditions import read_peer
 from trcvtui.rig.bench_library import read_any_send, read_play
 from trcvtui.rig.bench_reply import read_reply
@@ -37,6 +38,7 @@ TALKS: Final[dict[str, Callable[[Words, Project, str], BenchCommand]]] = {
     "send": read_any_send,
     "play": read_play,
     "reply": read_reply,
+    "check": read_check,
     "try-splits": read_trial,
 }
 VERBS: Final = (*SIMPLE, *TALKS)

@@ -15,6 +15,8 @@ from trcvtui.rig.trace_pattern import TracePattern
 from trcvtui.udt.coding import Value
 
 DEFAULT_LIMIT_NS: Final = 10_000_000_000
+DEFAULT_CHECK_NS: Final = 100_000_000
+DEFAULT_CHECK_SIZE: Final = 64
 FOREVER: Final = 0  # FaultOn.times
 PEER_STATES: Final = ("connected", "listening", "closed", "reset", "refused")
 
@@ -149,6 +151,23 @@ class PeerPlay:
     peer: str
     name: str
     steps: tuple[tuple[int, PeerSend], ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOn:
+    """`peer P1 check on size=64 every=T#100ms on TRCV_C_1`: numbered frames, judged where they arrive."""
+
+    peer: str
+    size: int = DEFAULT_CHECK_SIZE
+    every_ns: int = DEFAULT_CHECK_NS
+    instance: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOff:
+    """`peer P1 check off`: no more frames."""
+
+    peer: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,6 +353,8 @@ BenchCommand = (
     | PeerShutdown
     | PeerSend
     | PeerPlay
+    | CheckOn
+    | CheckOff
     | ReplyOn
     | ReplyOff
     | TrySplits

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.rig.check_frames import Checker
+
 KEPT_BYTES: Final = 65536  # one job of the largest LEN
 
 
@@ -16,18 +18,23 @@ class Inbox:
         self._last = bytearray()
         self._told = 0  # the count up to which an expectation has held
         self._held: tuple[bytes, int] | None = None
+        self.checker: Checker | None = None  # of self-checking traffic
 
     def begin(self) -> None:
         """Begin with a new connection."""
         self.count = self._told = 0
         self._held = None
         self._last.clear()
+        if self.checker is not None:
+            self.checker.begin()
 
     def take(self, arrived: memoryview) -> None:
         """Append what has arrived."""
         self.total += len(arrived)
         self.count += len(arrived)
         self._last += arrived
+        if self.checker is not None:
+            self.checker.take(bytes(arrived))
         if len(self._last) > 2 * KEPT_BYTES:
             del self._last[:-KEPT_BYTES]
 

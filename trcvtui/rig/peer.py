@@ -13,6 +13,7 @@ from trcvtui.net.kernel import Accepted, Endpoint, Fault, Handle, Kernel, Socket
 from trcvtui.plc.ledger import BenchNote, Event
 from trcvtui.plc.project import PeerDecl
 from trcvtui.rig.bench_words import PeerPlay, PeerSend
+from trcvtui.rig.inbox import Inbox
 from trcvtui.rig.peer_traffic import FIN, PeerTraffic
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.replies import Replies
@@ -82,6 +83,11 @@ class Peer:
     def has_received(self, payload: bytes) -> bool:
         """Return whether exactly these bytes came on this connection, or since this last was true."""
         return self.traffic.inbox.is_exactly(payload)
+
+    @property
+    def inbox(self) -> Inbox:
+        """Return what it has received."""
+        return self.traffic.inbox
 
     @property
     def unsent(self) -> int:

@@ -45,6 +45,31 @@ class ReplySnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class Tally:
+    """What a receiver of checked frames has seen; `shifts` are places where the stream lost its beat."""
+
+    frames: int
+    lost: int
+    doubled: int
+    shifts: int
+    strange: int  # bytes that were no frame
+
+    @property
+    def is_good(self) -> bool:
+        """Return whether nothing is wrong."""
+        return not (self.lost or self.doubled or self.shifts)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckSnapshot:
+    """Self-checking traffic: frames sent, what DATA has shown of them, and what has come back."""
+
+    sent: int
+    data: Tally | None
+    echo: Tally
+
+
+@dataclass(frozen=True, slots=True)
 class PeerSnapshot:
     """One peer. `state` is closed, listening, connecting, connected, reset or refused; counters in bytes."""
 
@@ -64,6 +89,7 @@ class PeerSnapshot:
     replies: tuple[ReplySnapshot, ...] = ()
     link: str = ""  # the CONNECT that it talks to, "" where none is known
     silent: bool = False  # that wire is down
+    check: CheckSnapshot | None = None
 
 
 @dataclass(frozen=True, slots=True)

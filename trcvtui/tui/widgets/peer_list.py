@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textual import events
 
-from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.picture import CheckSnapshot, PeerSnapshot, Tally
 from trcvtui.tui.formatting import clip, count, plain
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.scene import Scene
@@ -47,6 +47,8 @@ class PeerList(LineView):
             (self._ends(peer), "dim"),
             *self._counters(peer),
         ]
+        if peer.check is not None:
+            parts.append(_checked(peer.check))
         if peer.stalled:
             parts += [(" ", ""), (" STALLED ", "hold")]
         if peer.silent:
@@ -99,3 +101,17 @@ def _ends(peer: PeerSnapshot, roomy: bool) -> str:
         return f"→ {peer.remote}" if peer.active else f"at {peer.local}"
     local = f"{peer.local} " if roomy else ""
     return f"{local}→ {peer.remote}" if peer.active else f"{local}← {peer.remote}"
+
+
+def _checked(check: CheckSnapshot) -> Part:
+    """Return how the self-checking traffic stands: in DATA, and what came back of it."""
+    tallies = [("DATA", check.data)] if check.data is not None else []
+    tallies += [("echo", check.echo)] if check.echo.frames or check.echo.shifts or not tallies else []
+    is_good = all(tally.is_good for _, tally in tallies)
+    told = ", ".join(f"{name} {_tally(tally)}" for name, tally in tallies)
+    return f"  {'✓' if is_good else '✗'} check {check.sent}: {told}", "done" if is_good else "error"
+
+
+def _tally(tally: Tally) -> str:
+    wrong = (("lost", tally.lost), ("double", tally.doubled), ("shift", tally.shifts))
+    return " ".join([str(tally.frames), *(f"{word} {number}" for word, number in wrong if number)])

@@ -93,6 +93,26 @@ local = "10.0.0.9:0"
 name = "P3"
 active = true
 remote = "@C3"
+[[peer]]
+name = "P4"
+active = true
+remote = "@C1"
+[[udp_config]]
+name = "U1"
+LocalAddress = "10.0.0.1"
+[[addr]]
+name = "A1"
+[[instance]]
+name = "U"
+block = "URECV_C"
+config = "U1"
+data = "rx"
+addr = "A1"
+[[peer]]
+name = "P5"
+udp = true
+local = "10.0.0.9:0"
+remote = "@U1"
 """
 UP = ("set X CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4")
 
@@ -212,6 +232,13 @@ SITUATIONS = [
         id="messages of many sizes",
     ),
     pytest.param(
+        (*UP, "peer P1 send random 96 seed=1 repeat=3", "run 30", "peer P1 send random 92 seed=1", "run 200"),
+        "X",
+        "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
+        "P1's newest message was 92 bytes, those before it 96: it is 4 bytes short of a frame",
+        id="one message 4 bytes short",
+    ),
+    pytest.param(
         (*UP, "peer P1 send random 96 seed=1 split=4 gap=T#100ms", "run 3", "set X EN_R=0", "run 2",
          "set X EN_R=1", "run 200"), "X",
         "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
@@ -272,6 +299,24 @@ SITUATIONS = [
         "waits for 10.0.0.50:2000 since scan 3, 2.9 s; SYN unanswered in attempt 1",
         "no answer from 10.0.0.50:2000 yet: `nc -vz 10.0.0.50 2000` from this machine",
         id="a SYN without answer",
+    ),
+    pytest.param(
+        ("fault bind EADDRINUSE on C1", "set X CONT=1", "run 3"), "X",
+        "injected fault: bind gave EADDRINUSE",
+        "another program or CONNECT has 10.0.0.1:0: `ss -ltnp` names it",
+        id="the port is taken",
+    ),
+    pytest.param(
+        (*UP, "peer P4 connect", "run 3"), "X",
+        "armed for 96 bytes: none is here yet; the link is up since scan 5, 0.0 s",
+        "was turned away once (last in scan 9): a CONNECT has one partner at a time",
+        id="a second client",
+    ),
+    pytest.param(
+        ("set U CONT=1 EN_R=1", "run 4", "peer P5 send hex 01 02 03", "run 200"), "U",
+        "armed for 96 bytes: none is here yet, the last one came 1.9 s ago",
+        "not stuck: the last frame (3 bytes) was delivered in scan 5",
+        id="a datagram is whole, whatever its size",
     ),
     pytest.param(
         (*UP, "peer P1 rst", "run 9"), "X",

@@ -43,7 +43,7 @@ _LOST: Final = dict.fromkeys(
     link.LOST,
 )
 NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
-    Condition.RECEIVING: receive.RECEIVING,
+    Condition.RECEIVING: (*receive.RECEIVING, link.second_client),
     Condition.RECEIVED: receive.RECEIVED,
     Condition.ESTABLISHING: link.ESTABLISHING,
     Condition.NOT_CONNECTED: link.NOT_CONNECTED,

@@ -23,10 +23,10 @@ FAILED: Final = {
     "connect ENETUNREACH": "no route leads to {peer}: look at LocalAddress, the mask and the gateway",
     "connect EADDRNOTAVAIL": "no local end is free towards {peer}: LocalPort is fixed and still in TIME_WAIT",
     "connect EADDRINUSE": "LocalPort is fixed and in use towards {peer}: LocalPort 0 takes a free one",
-    "bind EADDRINUSE": "another program or CONNECT listens on the local port: `ss -ltnp` names it",
-    "listen EADDRINUSE": "another program or CONNECT listens on the local port: `ss -ltnp` names it",
-    "bind EACCES": "ports below 1024 are not for every user: take a larger LocalPort",
-    "bind EADDRNOTAVAIL": "LocalAddress belongs to no interface of this machine: `ip -br address`",
+    "bind EADDRINUSE": "another program or CONNECT has {local}: `ss -ltnp` names it",
+    "listen EADDRINUSE": "another program or CONNECT has {local}: `ss -ltnp` names it",
+    "bind EACCES": "{local}: ports below 1024 are not for every user, take a larger LocalPort",
+    "bind EADDRNOTAVAIL": "{local} belongs to no interface of this machine: `ip -br address`",
     "socket EMFILE": "the process has no descriptor left",
 }
 
@@ -95,7 +95,8 @@ def what_failed(e: Evidence) -> str:
     failed = max(e.facts.failures, key=lambda f: f.last.scan, default=None)
     error = f"{e.cause.call} {e.cause.error}" if e.cause.call else failed.error if failed else ""
     peer = e.cause.peer or (failed.peer if failed else "") or "the partner"
-    told = FAILED.get(error, "").format(peer=peer)
+    local = e.config.local if e.config is not None else "the local port"
+    told = FAILED.get(error, "").format(peer=peer, local=local)
     if failed is None or failed.error != error or failed.count < 2 or not told:
         return told
     return f"{told} ({times(failed.count)}, last in scan {failed.last.scan})"

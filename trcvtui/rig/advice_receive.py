@@ -168,10 +168,22 @@ def too_long_a_sender(e: Evidence) -> str:
     )
 
 
+def one_odd_message(e: Evidence) -> str:
+    """The newest message has another size than the frame, which all before it filled."""
+    sizes = e.facts.messages.last
+    if e.adhoc or len(sizes) < 2 or not e.need or sizes[-1] == e.need or set(sizes[:-1]) != {e.need}:
+        return ""
+    odd = sizes[-1] - e.need
+    which = (
+        f"{count(-odd, 'byte')} short of a frame" if odd < 0 else f"{count(odd, 'byte')} more than a frame"
+    )
+    return f"{e.facts.sender}'s newest message was {sizes[-1]} bytes, those before it {e.need}: it is {which}"
+
+
 def messages_of_many_sizes(e: Evidence) -> str:
     """Messages differ in size, and a static frame has one."""
     sizes = e.facts.messages.last
-    if e.adhoc or not sizes or e.facts.messages.only is not None or not e.need:
+    if e.adhoc or not sizes or e.facts.messages.only is not None or not e.need or one_odd_message(e):
         return ""
     return (
         f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}: "
@@ -185,6 +197,8 @@ def bursts_do_not_fill(e: Evidence) -> str:
     size = facts.bursts.only
     if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:
         return ""
+    if e.config is None:
+        return ""  # a datagram is whole, whatever its size
     if e.need % size == 0 and state(e) != STUCK:
         return ""
     each = "" if facts.bursts.count == 1 else "each time "
@@ -235,9 +249,9 @@ def at_rest(e: Evidence) -> str:
 
 RECEIVING: Final = (
     shifted_by_a_drop, shifted, too_short_a_sender, several_messages_a_frame, too_long_a_sender,
-    messages_of_many_sizes, bursts_do_not_fill, ad_hoc_hint, nothing_sent, at_rest,
+    one_odd_message, messages_of_many_sizes, bursts_do_not_fill, ad_hoc_hint, nothing_sent, at_rest,
 )  # fmt: skip
 RECEIVED: Final = (
-    shifted_by_a_drop, shifted, too_short_a_sender, too_long_a_sender, messages_of_many_sizes,
-    parts_of_a_message,
+    shifted_by_a_drop, shifted, too_short_a_sender, too_long_a_sender, one_odd_message,
+    messages_of_many_sizes, parts_of_a_message,
 )  # fmt: skip

@@ -10,6 +10,8 @@ from typing import Final
 from rich.cells import cell_len
 
 from trcvtui.errors import one_line
+from trcvtui.rig.wording import age as age
+from trcvtui.rig.wording import count as count
 
 US: Final = 1_000
 MS: Final = 1_000_000
@@ -26,18 +28,6 @@ def status_word(status: int) -> str:
 def lamp(on: bool, glowing: bool = False) -> str:
     """Return the glyph of a lamp: lit, lit a moment ago, dark."""
     return ON if on else GLOW if glowing else OFF
-
-
-def age(ns: int) -> str:
-    """Return how long ago something was, as coarse as a glance needs: `1.2 s`, `48 s`, `12 min`, `3 h`."""
-    seconds = max(0, ns) / SECOND
-    if seconds < 10:
-        return f"{int(seconds * 10) / 10:.1f} s"
-    if seconds < 100:
-        return f"{int(seconds)} s"
-    if seconds < 6000:
-        return f"{int(seconds / 60)} min"
-    return f"{int(seconds / 3600)} h"
 
 
 def moment(ns: int) -> str:
@@ -115,8 +105,3 @@ def bar(have: int, need: int, width: int) -> tuple[str, str]:
     if have and not filled:
         filled = 1
     return "━" * filled, "─" * (width - filled)
-
-
-def count(number: int, one: str, many: str = "") -> str:
-    """Return `1 byte`, `2 bytes`."""
-    return f"{number} {one if number == 1 else many or one + 's'}"

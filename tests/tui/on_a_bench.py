@@ -13,6 +13,8 @@ from trcvtui.rig.console import Console, fresh_bench
 from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
 from trcvtui.tui.app import BenchApp
 
+MOST_PAUSES = 500
+
 
 class BenchDriver(FakeDriver):
     """Drives a simulated bench; every request is answered at once."""
@@ -63,8 +65,11 @@ class BenchLooker(Looker):
     async def pictures(self, count: int = 3) -> None:
         """Let so many requests be answered and shown."""
         wanted = len(self.driver.requests) + count
-        while len(self.driver.requests) < wanted:
+        for _ in range(MOST_PAUSES):
+            if len(self.driver.requests) >= wanted:
+                break
             await self.pilot.pause(0.01)
+        assert len(self.driver.requests) >= wanted, "the screen asks no more"
         await self.settle()
 
 

@@ -30,7 +30,7 @@ from trcvtui.udt.byte_search import all_in
 
 MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
 RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
-LEAST_DIGITS: Final = 6
+LEAST_DIGITS: Final = 5
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
 
@@ -195,6 +195,10 @@ class StreamView(LineView):
     def _column(self, index: int) -> int:
         return 3 * index + (1 if self.per_row == WIDE and index >= NARROW else 0)
 
+    @property
+    def _width(self) -> int:
+        return self._column(self.per_row - 1) + 2
+
     def _bytes(self, start: int) -> Row:
         stop = min(start + self.per_row, self.window.end)
         if start >= stop:
@@ -203,15 +207,13 @@ class StreamView(LineView):
         begins = {m.position for m in rulers.within(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), _mark(start, marks, begins)]
-        width = 0
         for index, position in enumerate(range(start, stop)):
             byte = self._byte(position)
             parts.append((GHOST_HEX if byte is None else HEX_OF[byte], styles[index]))
-            gap = self._column(index + 1) - self._column(index) - 3
-            parts.append((" " * gap, ""))
-            parts.append(_mark(position + 1, marks, begins) if position + 1 < stop else (" ", ""))
-            width = self._column(index + 1)
-        parts.append((" " * (self._column(self.per_row) - width), ""))
+            if position + 1 < stop:
+                parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
+                parts.append(_mark(position + 1, marks, begins))
+        parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
         text = [self._character(position) for position in range(start, stop)]
         parts += [(" │", "faint"), *zip(text, styles, strict=True)]
         return Row(tuple(merged([part for part in parts if part[0]])))
@@ -245,7 +247,7 @@ class StreamView(LineView):
         stop = min(start + self.per_row, self.window.end)
         if start >= stop:
             return EMPTY
-        width = self._column(self.per_row)
+        width = self._width
         head: Part = (f"{track:>{self.digits}} ", "faint")
         if track == WAS:
             return Row((head, (" ", ""), (self._was(start, stop), "warn")))
@@ -256,7 +258,7 @@ class StreamView(LineView):
         return Row((head, first, *self._with_cuts(parts, marks, start, width), ("  ", ""), (side, "dim")))
 
     def _drawn_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
-        window, width = self.window, self._column(self.per_row)
+        window, width = self.window, self._width
         column = self._column
         if track == MESSAGES:
             marks = sorted(rulers.cuts(window, start, stop))
@@ -283,7 +285,7 @@ class StreamView(LineView):
 
     def _was(self, start: int, stop: int) -> str:
         """Return the bytes of the job before, where they differ."""
-        line = [" "] * self._column(self.per_row)
+        line = [" "] * self._width
         for index, position in enumerate(range(start, stop)):
             before, now = self._before.get(position), self._byte(position)
             if before is not None and before != now:
@@ -376,7 +378,7 @@ class StreamView(LineView):
         if place is None:
             return
         column, row = place[0] - self.digits - 2, place[1] // self.lines
-        text = self._column(self.per_row) + 2
+        text = self._width + 2
         index = column - text if column >= text else self._index(column)
         if column >= 0 and 0 <= index < self.per_row:
             self._select(self._base + row * self.per_row + index)

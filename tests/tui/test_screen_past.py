@@ -1,0 +1,268 @@
+"""Pane 5 as a stream (`H`): every byte received so far, with its message, recv call, job, scan and member."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from tests.tui.looking import same_as_snapshot
+from tests.tui.on_a_bench import BenchLooker, on_a_bench
+
+WIDE, SMALL, LARGE, MIDDLE = (140, 45), (80, 24), (200, 60), (120, 40)
+SIZES = pytest.mark.parametrize("size", [SMALL, MIDDLE, LARGE], ids=["80x24", "120x40", "200x60"])
+FRAME = bytes(range(0x40, 0x58))  # 24 bytes: as many as a Telegram has
+
+
+async def connected(looker: BenchLooker) -> None:
+    """Let P1 be connected and TRCV_C_1 receive."""
+    looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
+    looker.bench.scan(5)
+    looker.bench.do("peer P1 connect")
+    looker.bench.scan(6)
+
+
+async def shifted(looker: BenchLooker) -> None:
+    """Let a sender be four bytes short, then EN_R fall in mid frame; the stream is open."""
+    await connected(looker)
+    looker.bench.do(f"peer P1 send hex {FRAME[:20].hex()}")
+    looker.bench.scan(4)
+    looker.bench.do(f"peer P1 send hex {FRAME.hex()} split=10 gap=T#50ms")
+    looker.bench.scan(12)
+    looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
+    looker.bench.scan(5)
+    looker.bench.do("set TRCV_C_1 EN_R=0")
+    looker.bench.scan(2)
+    looker.bench.do("set TRCV_C_1 EN_R=1", f"peer P1 send hex {FRAME.hex()}")
+    looker.bench.scan(5)
+    await looker.press("5", "H")
+    await looker.pictures()
+
+
+async def press(looker: BenchLooker, *keys: str) -> None:
+    """Press keys, each behind the picture that the one before has asked for."""
+    for key in keys:
+        await looker.press(key)
+        await looker.pictures(2)
+
+
+@SIZES
+async def test_the_stream_looks_as_it_did(size: tuple[int, int], tmp_path: Path) -> None:
+    async with on_a_bench(size) as looker:
+        await shifted(looker)
+        await press(looker, "left_square_bracket", "right", "right", "right", "d")
+        same_as_snapshot(looker, f"stream-{size[0]}x{size[1]}", tmp_path)
+
+
+@SIZES
+async def test_a_job_that_cuts_a_message_is_marked_by_a_stroke(size: tuple[int, int]) -> None:
+    async with on_a_bench(size) as looker:
+        await shifted(looker)
+        await press(looker, "g")
+        assert "╱44 45 46 47" in looker.line("00010 ", "received"), "job 2 begins with byte 4 of message 2"
+        assert "╱ #2 cut at 4" in looker.text
+        assert "▕40 41 42 43" in looker.line("00010 ", "received"), "message 2 begins where message 1 ends"
+
+
+async def test_rulers_name_messages_recv_calls_and_jobs_with_their_scans() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await shifted(looker)
+        await press(looker, "g")
+        rows = looker.pane("received")
+        for words in (
+            "P1 #1 20 B",
+            "recv 1 scan 12",
+            "TRCV_C_1 job 1 scan 16",
+            "r2 s16",
+            "DONE 0.150",
+            "+40 ms",
+        ):
+            assert words in rows
+
+
+async def test_dropped_bytes_stand_in_the_stream_with_their_reason() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await shifted(looker)
+        assert "20 B dropped: EN_R fell" in looker.text
+        await press(looker, "g", *["down"] * 3)
+        assert "dropped · P1 #3 byte 4" in looker.words("origin-line")
+        assert "EN_R fell" in looker.words("origin-line")
+
+
+async def test_the_selected_byte_tells_where_it_came_from() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await shifted(looker)
+        await press(looker, "g", "down", *["right"] * 12)
+        assert looker.words("origin-line") == (
+            "16#48 = 72 (was 38) · P1 #2 byte 8 · TRCV_C_1 job 2 byte 4 · state · recv 3 · scan 17 · 0.160 s"
+        ).replace("(was 38)", "(was 44)")
+
+
+async def test_a_byte_of_the_past_is_decoded_and_a_member_finds_its_bytes() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await shifted(looker)
+        await press(looker, "g", "right")
+        table, stream = looker.app.main.table, looker.app.main.received.stream
+        assert "job 1 of the past, 24 B" in looker.text
+        assert table.past == (1, FRAME[:20] + FRAME[:4])
+        await press(looker, "6", "down", "down", "down")
+        assert stream.cursor == 8
+        assert stream.link == range(8, 12)
+        await press(looker, "5")
+        assert looker.app.focused is stream
+        assert "speed" in looker.words("origin-line")
+
+
+async def test_brackets_jump_from_done_to_done_also_out_of_what_is_in_view() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await connected(looker)
+        for _ in range(40):
+            looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
+            looker.bench.scan(3)
+        await looker.press("5")
+        await press(looker, "left_square_bracket")
+        stream = looker.app.main.received.stream
+        assert (looker.app.focused, stream.cursor) == (stream, 39 * 24), "it opens the stream"
+        await press(looker, "left_square_bracket", "left_square_bracket")
+        assert stream.cursor == 37 * 24
+        await press(looker, "right_square_bracket")
+        assert stream.cursor == 38 * 24
+        await press(looker, "g", "right_square_bracket")
+        assert stream.cursor == 24
+
+
+@pytest.mark.parametrize(
+    ("text", "places"),
+    [("50 51 52 53 40", [16]), ('"STUVW"', [39, 87]), ("=1145324356", []), ("=1463828802", [43])],
+)
+async def test_hex_text_and_numbers_are_found_across_jobs(text: str, places: list[int]) -> None:
+    async with on_a_bench(WIDE) as looker:
+        await shifted(looker)
+        await press(looker, "g", "slash")
+        await looker.type(text)
+        await press(looker, "enter")
+        stream = looker.app.main.received.stream
+        if not places:
+            assert "not found" in looker.words("origin-line")
+        for place in places:
+            assert stream.cursor == place
+            assert place in stream._matched
+            await press(looker, "n")
+        for place in reversed(places[:-1]):
+            await press(looker, "N")
+            assert stream.cursor == place
+
+
+async def test_what_cannot_be_looked_for_says_why_while_it_is_typed() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await shifted(looker)
+        await looker.press("slash")
+        await looker.type("4x")
+        assert "✗ find, position 2" in looker.text
+        await looker.press("enter")
+        assert "✗ find, position 2" in looker.text, "it stays open"
+        await looker.press("escape")
+        assert looker.app.focused is looker.app.main.received.stream
+
+
+async def test_n_toggles_en_r_again_once_nothing_is_looked_for() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await shifted(looker)
+        await press(looker, "slash", "4", "0", "enter", "n")
+        assert looker.lines == []
+        await press(looker, "escape", "n")
+        assert looker.lines == ["set TRCV_C_1 EN_R=0"]
+
+
+async def test_bytes_are_found_and_compared_in_data_now_as_well() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await connected(looker)
+        for payload in (FRAME, FRAME[:8] + b"\x00\xff" + FRAME[10:]):
+            looker.bench.do(f"peer P1 send hex {payload.hex()}")
+            looker.bench.scan(4)
+        await press(looker, "5", "d")
+        assert looker.line("was", "received").split() == ["was", "48", "49"]
+        await press(looker, "slash", "f", "f", "enter")
+        assert looker.app.main.received.data.cursor == 9
+        await press(looker, "n")
+        assert "not found further on" in looker.text
+
+
+async def test_the_stream_follows_the_newest_byte_until_something_is_selected() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await connected(looker)
+        await press(looker, "5", "H")
+        stream = looker.app.main.received.stream
+        for number in range(30):
+            looker.bench.do(f"peer P1 send hex {FRAME[:23].hex()} {number:02x}")
+            looker.bench.scan(3)
+        await looker.pictures()
+        assert stream.window.stop == stream.window.end == 30 * 24
+        assert "57" not in looker.pane("stream") and " 1d " in looker.pane("stream")
+        await press(looker, "g")
+        looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
+        looker.bench.scan(3)
+        await looker.pictures()
+        assert "00000 " in looker.pane("stream")
+        await press(looker, "G")
+        assert f"{30 * 24 + 16:05x}" in looker.pane("stream")
+
+
+@SIZES
+async def test_received_bytes_change_nothing_but_the_bytes(size: tuple[int, int]) -> None:
+    nasty = [
+        bytes(range(n, n + 24)) for n in range(0, 256 - 23, 24)
+    ] + [bytes(range(232, 256))]  # fmt: skip
+    nasty += [
+        b"\x1b[31;1m\x1b]0;x\x07\x1b[2J\x9b1mabcd"[:24],
+        "[red]א‮ב⁦漢字\U0001f600[/]".encode()[:24],
+    ]
+    async with on_a_bench(size) as looker:
+        await connected(looker)
+        await press(looker, "5", "H")
+        shown = []
+        for payload in (bytes(24), *nasty):
+            looker.bench.do(f"peer P1 send hex {payload.ljust(24, b'.').hex()}")
+            looker.bench.scan(3)
+            await looker.pictures(2)
+            assert all(c.isprintable() for line in looker.text.splitlines() for c in line)
+            assert "\x1b" not in looker.text
+            shown.append(looker.text.splitlines())
+            assert all(len(line) <= size[0] for line in shown[-1])
+        stream = looker.app.main.query_one("#stream").region
+        pane = looker.app.main.query_one("#received").region
+        frames = [
+            [line[: stream.x] + line[stream.right : pane.right] for line in lines[stream.y : stream.bottom]]
+            for lines in shown
+        ]
+        assert all(frame == frames[0] for frame in frames), "the frame stands where it stood"
+
+
+async def test_16_mib_scroll_from_end_to_end() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await connected(looker)
+        jobs = looker.bench.console._jobs
+        stream = jobs._stream("C1")
+        from trcvtui.rig.history_window import JobSpan, RecvSpan
+        from trcvtui.rig.job_stream import Chunk
+
+        size = 65_536
+        content = random.Random(1).randbytes(size)
+        for number in range(300):
+            place = stream.end
+            span = JobSpan(place, size, "TRCV_C_1", number, number, number, True, whole=size)
+            recvs = (RecvSpan(place, size, number, number, number, place),)
+            jobs._add(stream, Chunk(span, "C1", 1, content, recvs))
+        looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
+        looker.bench.scan(3)
+        await press(looker, "5", "H")
+        view = looker.app.main.received.stream
+        assert view.window.end - view.window.begin <= 16 * 1024 * 1024
+        assert view.window.begin > 0
+        await press(looker, "g")
+        assert view.cursor == view.window.begin
+        assert f"{view.cursor:07x}"[:6] in looker.pane("stream")
+        await press(looker, "pagedown", "pagedown", "G")
+        assert view.cursor == view.window.end - 1
+        assert len(view.window.content) < 4096, "only what is in view crosses the pipe"

@@ -1,4 +1,4 @@
-"""The only door: run, scenario, status, st, udt. Arguments, exit codes; stdout is data, stderr is talk.
+"""The only door: run, serve, scenario, status, st, udt. Arguments, exit codes; stdout is data.
 
 Rule 1: a command imports what it needs inside its own function, so that headless commands start fast.
 Rule 2: the screen library is imported by `run` alone, and only after the engine process has been started.
@@ -106,17 +106,28 @@ def _demo(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    return _open_screen(_path(args.project), args.kernel, args.netns, args.theme)
+    return _open_screen(_path(args.project), args.kernel, args.netns, args.theme, args.read_only)
 
 
-def _open_screen(path: Path, kernel: str, netns: bool = False, theme: str | None = None) -> int:
+def _serve(args: argparse.Namespace) -> int:
+    path = _path(args.project)
+    _load_bench(path)
+    from trcvtui.tui.served import serve
+
+    serve(path, args.kernel, args.port, args.write, args.theme)
+    return GOOD
+
+
+def _open_screen(
+    path: Path, kernel: str, netns: bool = False, theme: str | None = None, read_only: bool = False
+) -> int:
     import os
 
     if netns:
         from trcvtui.rig.wire import enter_own_network
 
         enter_own_network(kernel)  # found out here, where there is no screen yet
-    if not (os.isatty(0) and os.isatty(1)):
+    if not (os.isatty(0) and os.isatty(1)) and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
         _load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     from trcvtui.rig.driver import start_engine
@@ -126,7 +137,7 @@ def _open_screen(path: Path, kernel: str, netns: bool = False, theme: str | None
         project = _load_bench(path)
         from trcvtui.tui.app import run_app
 
-        return run_app(driver, project, theme)
+        return run_app(driver, project, theme, read_only)
     finally:
         driver.close()
 
@@ -287,6 +298,7 @@ def _parser() -> _Parser:
     _add_theme(parser, None)
     commands = parser.add_subparsers(metavar="COMMAND")
     _add_run(commands.add_parser("run", help="open the screen on a project"))
+    _add_serve(commands.add_parser("serve", help="the screen in a browser on this machine"))
     _add_scenario(commands.add_parser("scenario", help="run without a screen"))
     _add_status(commands.add_parser("status", help="explain a STATUS code"))
     _add_st(commands.add_parser("st", help="print instances as their calls in Structured Text"))
@@ -299,6 +311,16 @@ def _add_run(parser: _Parser) -> None:
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
+    parser.add_argument("--read-only", action="store_true", help="look, command nothing")
+    _add_theme(parser, argparse.SUPPRESS)
+
+
+def _add_serve(parser: _Parser) -> None:
+    parser.set_defaults(command=_serve)
+    parser.add_argument("project", metavar="PROJECT.toml")
+    parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
+    parser.add_argument("--port", type=int, default=0, help="on 127.0.0.1; default 0: any that is free")
+    parser.add_argument("--write", action="store_true", help="let the browser command the bench")
     _add_theme(parser, argparse.SUPPRESS)
 
 

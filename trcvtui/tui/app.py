@@ -31,6 +31,8 @@ FRAME_S: Final = 1 / 20
 HANG_UP_S: Final = 1.0
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 ENGINE_ENDED: Final = 1
+HARMLESS: Final = frozenset(("expect", "find"))  # for a screen that only looks
+READ_ONLY: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
 
 
 class BenchApp(App[None]):
@@ -41,9 +43,12 @@ class BenchApp(App[None]):
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
     BINDINGS: ClassVar = [Binding("P", "picture", show=False, id="picture")]
 
-    def __init__(self, driver: Driver, project: Project, settings: Settings | None = None) -> None:
+    def __init__(
+        self, driver: Driver, project: Project, settings: Settings | None = None, read_only: bool = False
+    ) -> None:
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
         self._settings = settings or Settings()
+        self._read_only = read_only
         self.key_names = self._settings.names
         self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
@@ -70,7 +75,7 @@ class BenchApp(App[None]):
         self.push_screen(self.main)
         self._frame()
         self.set_interval(FRAME_S, self._frame)
-        if not self.is_headless:
+        if not self.is_headless and not self.is_web:
             self.set_interval(HANG_UP_S, self._leave_a_dead_terminal)
         self.call_after_refresh(self._after_the_first_frame)
 
@@ -91,6 +96,8 @@ class BenchApp(App[None]):
         while self._early_keys:
             await self._obey_early(self._early_keys.pop(0))
         self._early_keys = None
+        if self._read_only:
+            self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self._settings.problems:
             first, *more = self._settings.problems
             self.main.prompt.complain(first + (f" (and {len(more)} more)" if more else ""))
@@ -135,8 +142,13 @@ class BenchApp(App[None]):
 
     def submit(self, line: str) -> None:
         """Send one bench command line to the engine, while there is one; `scenarios` is for this screen."""
+        if self._read_only and line.strip().partition(" ")[0] not in HARMLESS:
+            self.main.prompt.did(line, "", READ_ONLY)
+            return
         if line == SCENARIOS:
             self._open_scenarios()
+            return
+        if self.main.obeys(line):
             return
         number = self._say(line)
         if number is not None:
@@ -214,10 +226,11 @@ def _quiet_collector() -> None:
     gc.set_threshold(50_000, 20, 100)
 
 
-def run_app(driver: Driver, project: Project, theme: str | None = None) -> int:
+def run_app(driver: Driver, project: Project, theme: str | None = None, read_only: bool = False) -> int:
     """Open the screen on a bench; return 0, or 1 when the engine ended by itself."""
     gc.disable()  # until the first frame stands: what is made on the way to it stays
-    app = BenchApp(driver, project, load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme))
+    settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
+    app = BenchApp(driver, project, settings, read_only)
     app.run()
     if app.last_words:
         sys.stderr.write(f"{app.last_words.rstrip()}\n")

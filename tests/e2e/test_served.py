@@ -1,0 +1,188 @@
+"""The screen in a browser: on loopback, read-only unless told otherwise; a real Chromium toggles EN_R."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from aiohttp import ClientSession, ClientWebSocketResponse
+
+from tests.tui.looking import SMALL, WIDE, looking
+from trcvtui.cli import main
+from trcvtui.tui.served import command_line
+
+PROJECT = Path(__file__).parents[2] / "configs" / "passive.toml"
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+PATIENCE_S = 60
+
+
+@contextmanager
+def served(folder: Path, *options: str) -> Iterator[str]:
+    """Serve a project; give the page's address, which is the first line on stdout."""
+    home = {"XDG_STATE_HOME": str(folder / "state"), "XDG_CONFIG_HOME": str(folder / "config")}
+    words = [sys.executable, "-m", "trcvtui", "serve", str(PROJECT), "--kernel", "sim", *options]
+    process = subprocess.Popen(
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **home}
+    )
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().strip()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+
+
+def fetched(address: str, **headers: str) -> tuple[int, str]:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=30) as page:
+            return page.status, page.read().decode()
+    except urllib.error.HTTPError as refused:
+        return refused.code, refused.read().decode()
+
+
+def test_the_page_is_there_on_loopback_alone_and_for_nobody_elses_page(tmp_path: Path) -> None:
+    with served(tmp_path) as address:
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+", address)
+        status, page = fetched(address)
+        assert status == 200
+        assert "textual" in page and "trcvtui passive.toml" in page
+        assert fetched(address, Host="evil.example")[0] == 403
+        assert fetched(f"{address}/ws", Origin="http://evil.example")[0] == 403
+
+
+def test_a_wrong_project_is_told_before_anything_is_served(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["serve", str(tmp_path / "none.toml")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_port_that_is_no_port_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["serve", str(PROJECT), "--port", "70000"]) == 2
+    assert capsys.readouterr().err.startswith("--port: found 70000: ")
+
+
+def test_without_textual_serve_one_line_says_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "textual_serve.server", None)
+    assert main(["serve", str(PROJECT)]) == 2
+    assert capsys.readouterr().err == (
+        "trcvtui serve: found no textual-serve, expected it: pip install 'trcvtui[serve]'\n"
+    )
+
+
+def test_a_served_screen_is_read_only_unless_told_otherwise() -> None:
+    path = Path("a folder/it's.toml")
+    assert command_line(path, "live", False, None).endswith("--kernel live --read-only")
+    written = command_line(path, "sim", True, "light")
+    assert "--read-only" not in written and written.endswith("--theme light")
+    assert "'a folder/it'\"'\"'s.toml'" in written, "a shell reads it as one word"
+
+
+@pytest.mark.parametrize("size", [SMALL, WIDE], ids=["80x24", "140x45"])
+async def test_a_read_only_screen_commands_nothing(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        looker.app._read_only = True
+        await looker.press("n", "space", "K", "S", "7", "r")
+        assert looker.lines == []
+        assert "this screen is read-only" in " ".join(looker.text.split())
+        await looker.press("4", "colon")
+        await looker.type("save scenario x.toml")
+        await looker.press("enter")
+        assert looker.lines == []
+        await looker.press("colon")
+        await looker.type("expect TRCV_C_1 EN_R=1")
+        await looker.press("enter")
+        assert looker.lines == ["expect TRCV_C_1 EN_R=1"], "to look is allowed"
+
+
+# -- a real browser --------------------------------------------------------------------------------------
+
+
+class Tab:
+    """One page of a Chromium, spoken to by its debugging protocol."""
+
+    def __init__(self, socket: ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self._number = 0
+
+    async def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Say one thing and wait for its answer."""
+        self._number += 1
+        await self._socket.send_json({"id": self._number, "method": method, "params": parameters})
+        async for message in self._socket:
+            answer = json.loads(message.data)
+            if answer.get("id") == self._number:
+                assert "error" not in answer, answer
+                return dict(answer["result"])
+        raise AssertionError("the browser has gone")
+
+    async def is_true(self, script: str) -> bool:
+        """Return what a script of the page says."""
+        answer = await self.ask("Runtime.evaluate", expression=script, returnByValue=True)
+        return answer["result"].get("value") is True
+
+    async def type(self, text: str) -> None:
+        """Press the keys of a text; a line end is enter."""
+        for character in text:
+            key = {"key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13} if character == "\n" else {}
+            written = "\r" if character == "\n" else character
+            await self.ask(
+                "Input.dispatchKeyEvent", type="keyDown", text=written, **(key or {"key": character})
+            )
+            await self.ask("Input.dispatchKeyEvent", type="keyUp", **(key or {"key": character}))
+
+
+@asynccontextmanager
+async def chromium(folder: Path, address: str) -> AsyncIterator[Tab]:
+    """Open a page in a headless Chromium of its own."""
+    assert CHROMIUM is not None
+    words = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0", address]
+    profile = folder / "profile"
+    process = await asyncio.create_subprocess_exec(
+        CHROMIUM, *words, f"--user-data-dir={profile}", stderr=asyncio.subprocess.PIPE, limit=1 << 20
+    )
+    try:
+        assert process.stderr is not None
+        found = None
+        while found is None:
+            line = (await asyncio.wait_for(process.stderr.readline(), PATIENCE_S)).decode(errors="replace")
+            assert line, "Chromium ended"
+            found = re.search(r"DevTools listening on ws://([\d.:]+)/", line)
+        async with ClientSession() as session:
+            async with session.get(f"http://{found[1]}/json") as answer:
+                page = next(each for each in await answer.json() if each["type"] == "page")
+            async with session.ws_connect(page["webSocketDebuggerUrl"], max_msg_size=0) as socket:
+                yield Tab(socket)
+    finally:
+        process.kill()
+        await process.wait()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
+async def test_a_browser_toggles_en_r(tmp_path: Path) -> None:
+    saved = tmp_path / "seen.toml"
+    with served(tmp_path, "--write") as address:
+        async with chromium(tmp_path, address) as tab, asyncio.timeout(PATIENCE_S):
+            while not await tab.is_true("document.body.classList.contains('-first-byte')"):
+                await asyncio.sleep(0.1)
+            await tab.ask("Runtime.evaluate", expression="document.querySelector('textarea').focus()")
+            while not saved.exists():  # the first keys may come before the screen does
+                await tab.type("n")
+                await tab.type(f":save scenario {saved}\n")
+                await asyncio.sleep(0.5)
+    assert re.search(r"^set TRCV_C_1 EN_R=[01]$", saved.read_text(encoding="utf-8"), re.MULTILINE)

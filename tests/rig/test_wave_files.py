@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import cast
 
 import pytest
-from vcdvcd import VCDVCD
+from vcdvcd import VCDVCD  # type: ignore[import-untyped]
 
 from tests.rig.wave_runs import RECEIVER, SENDER, Run, connected, random_run
 from trcvtui.errors import UserError

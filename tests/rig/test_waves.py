@@ -82,8 +82,8 @@ def test_a_lane_drawn_while_it_grows_is_drawn_as_at_the_end(steps: list[tuple[in
         growing.columns(Window(0, scan // zoom + 1, zoom), scan)
     window = Window(0, scan // zoom + 1, zoom)
     fresh = Lane()
-    for at, t_ns, value in zip(growing.scans, growing.times, growing.values, strict=True):
-        fresh.add(at, t_ns, value)
+    for at, t_ns, kept in zip(growing.scans, growing.times, growing.values, strict=True):
+        fresh.add(at, t_ns, kept)
     assert growing.columns(window, scan) == fresh.columns(window, scan)
 
 

@@ -9,8 +9,9 @@ from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.console import Console
 from trcvtui.rig.picture import EngineTiming, PictureRequest
-from trcvtui.rig.wave import Wave, WaveShelf
+from trcvtui.rig.wave import Wave
 from trcvtui.rig.wave_lane import Lane
+from trcvtui.rig.wave_shelf import WaveShelf
 
 RECEIVER, SENDER = "TRCV_C_1", "TSEND_C_1"
 LINES = (

@@ -110,11 +110,6 @@ class Ledger:
         newest_first = islice(reversed(self._stamped), fresh)
         return tuple([Line(self.last_seq - n, *stamped) for n, stamped in enumerate(newest_first)][::-1])
 
-    def unread(self, seq: int) -> list[tuple[int, int, Event]]:
-        """Return (scan, time, event) of every kept line after `seq`, oldest first, without making lines."""
-        fresh = min(self.last_seq - seq, len(self._stamped))
-        return list(islice(reversed(self._stamped), fresh))[::-1]
-
     def stamped_since(self, seq: int) -> list[tuple[int, int, Event]]:
         """Return (scan, t_ns, event) of what was written after `seq`, oldest first: cheaper than lines."""
         fresh = min(self.last_seq - seq, len(self._stamped))

@@ -12,7 +12,6 @@ from trcvtui.rig.wave_news import Change, PinValues, WaveNews, pins_of
 
 WATCHED: Final = ("STATUS", "DONE")  # what the ghost rows show
 MOST_GAPS: Final = 200
-MOST_WAVES: Final = 16  # instances that the screen remembers
 
 
 class Wave:
@@ -132,27 +131,3 @@ class Wave:
             if isinstance(line.event, StatusEdge) and holds(line.event):
                 return line.scan
         return None
-
-
-class WaveShelf:
-    """The waves of the instances that were looked at, the newest few."""
-
-    def __init__(self) -> None:
-        self._waves: dict[str, Wave] = {}
-
-    def of(self, instance: str) -> Wave:
-        """Return the wave of an instance."""
-        wave = self._waves.pop(instance, None) or Wave(instance)
-        self._waves[instance] = wave
-        if len(self._waves) > MOST_WAVES:
-            del self._waves[next(iter(self._waves))]
-        return wave
-
-    def asked(self, instances: Iterable[str]) -> tuple[tuple[str, int], ...]:
-        """Return what to ask the engine for: each instance with the last change that is known."""
-        return tuple((name, self.of(name).number) for name in instances)
-
-    def take(self, news: Iterable[WaveNews], interval_ns: int) -> None:
-        """Append what is new."""
-        for fresh in news:
-            self.of(fresh.instance).take(fresh, interval_ns)

@@ -202,17 +202,23 @@ def _words(x: float, y: float, text: str, colour: str) -> str:
 FORMATS: Final = {"vcd": ".vcd", "svg": ".svg", "text": ".txt"}
 
 
+def known_format(format: str) -> str:
+    """Return the format; raise UserError where there is none of that name."""
+    if format not in FORMATS:
+        raise mistake("export timing", f"'{format}'", ", ".join(FORMATS))
+    return format
+
+
 def free_path(folder: Path, name: str, format: str) -> Path:
     """Return a path in a folder under which nothing stands yet."""
     plain = _vcd_name(name) or "timing"
-    names = (f"{plain}{'' if n == 1 else f'-{n}'}{FORMATS[format]}" for n in range(1, 100_000))
+    names = (f"{plain}{'' if n == 1 else f'-{n}'}{FORMATS[known_format(format)]}" for n in range(1, 100_000))
     return next(folder / name for name in names if not (folder / name).exists())
 
 
 def write_waves(path: Path, format: str, waves: Sequence[Wave], span: Span, zoom: int) -> int:
     """Write a file that is not there yet; return its size; raise UserError where it cannot be written."""
-    if format not in FORMATS:
-        raise mistake("export timing", f"'{format}'", ", ".join(FORMATS))
+    known_format(format)
     if not any(wave.lanes for wave in waves):
         raise mistake("export timing", "no scan yet", "a bench that has scanned")
     texts = {

@@ -15,7 +15,7 @@ class Window(NamedTuple):
     """The columns that are drawn: column n is the scans n * zoom + 1 to (n + 1) * zoom."""
 
     first: int
-    count: int
+    width: int
     zoom: int
 
     def scans_of(self, column: int) -> tuple[int, int]:
@@ -65,8 +65,7 @@ class Lane:
         self.times.append(t_ns)
         self.values.append(value)
         if len(self.scans) > 2 * KEPT:
-            for kept in (self.scans, self.times, self.values):
-                del kept[:KEPT]  # type: ignore[attr-defined]
+            del self.scans[:KEPT], self.times[:KEPT], self.values[:KEPT]
             self.forgotten += KEPT
             self._columns.clear()
 
@@ -89,9 +88,9 @@ class Lane:
 
     def columns(self, window: Window, until: int) -> list[Column | None]:
         """Return the columns of a window, None for those behind scan `until`; what is over is found once."""
-        if self._zoom != window.zoom or len(self._columns) > 8 * window.count + 1024:
+        if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
-        return [self._column(window, number, until) for number in range(window.count)]
+        return [self._column(window, number, until) for number in range(window.width)]
 
     def _column(self, window: Window, number: int, until: int) -> Column | None:
         key = window.first + number

@@ -67,7 +67,7 @@ def drawn(wave: Wave, name: str, window: Window) -> list[Piece]:
         return list(_lengths(wave, window, columns))
     if pin_of(name) in WORDS:
         return list(_segments(wave, name, window, columns))
-    return _merged(_level(wave, window, columns, x) for x in range(window.count))
+    return _merged(_level(wave, window, columns, x) for x in range(window.width))
 
 
 # -- levels -----------------------------------------------------------------------------------------------
@@ -137,9 +137,9 @@ def _edge_kind(line: Line | None) -> str:
 def _lengths(wave: Wave, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
     """Yield RCVD_LEN, which is 0 but for one scan: its values where there is room up to the next one."""
     pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
-    nexts = dict(zip(pulses, [*pulses[1:], window.count], strict=False))
+    nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
     x = 0
-    while x < window.count:
+    while x < window.width:
         column = columns[x]
         text = f"╵{column.high}" if column is not None and column.high else ""
         if text and len(text) <= nexts[x] - x:
@@ -166,14 +166,14 @@ def _codes(wave: Wave, window: Window) -> list[Piece]:
                 best = min(edges, key=lambda line: RANK[_edge_kind(line)])
                 found.append((RANK[_edge_kind(best)], x, best, len({_status(line) for line in edges}) > 1))
     taken: dict[int, tuple[str, str]] = {}
-    free = [True] * (window.count + 1)
+    free = [True] * (window.width + 1)
     for _, x, line, more in sorted(found, key=lambda place: place[:2]):
         text = f"╵{value_text('STATUS', _status(line))}" + "+" * more
         end = x + len(text)
-        if end <= window.count and all(free[x : end + 1]):
+        if end <= window.width and all(free[x : end + 1]):
             free[x:end] = [False] * len(text)
             taken[x] = text, _edge_kind(line)
-    return _placed(taken, window.count)
+    return _placed(taken, window.width)
 
 
 def _status(line: Line) -> int:
@@ -204,16 +204,16 @@ def _placed(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
 
 def ruler(window: Window, until: int, marks: Iterable[Mark]) -> list[Piece]:
     """Return the scans as ticks, and the marks over them."""
-    signs = [" "] * window.count
-    for x in range(-window.first % TICK, window.count, TICK):
+    signs = [" "] * window.width
+    for x in range(-window.first % TICK, window.width, TICK):
         first = window.scans_of(x)[0]
         for offset, sign in enumerate(f"╷{first}" if 0 < first <= until else ""):
-            if x + offset < window.count:
+            if x + offset < window.width:
                 signs[x + offset] = sign
     pieces: list[Piece] = [(sign, "") for sign in signs]
     for mark in marks:
         x = window.column_of(mark.scan)
-        if 0 <= x < window.count:
+        if 0 <= x < window.width:
             pieces[x] = mark.sign, "mark"
     return _merged(pieces)
 

@@ -49,7 +49,7 @@ class _Record:
     def since(self, number: int, most: int) -> tuple[int, tuple[Change, ...]]:
         """Return the oldest `most` changes after `number`, and the number of the first of them."""
         dropped = self.total - len(self._changes)
-        skip = max(0, number - dropped)
+        skip = min(len(self._changes), max(0, number - dropped))
         if skip > len(self._changes) // 2:
             newest = islice(reversed(self._changes), len(self._changes) - skip)
             found = list(newest)[::-1][:most]

@@ -8,12 +8,14 @@ from typing import Final
 from textual.suggester import Suggester
 
 from trcvtui.plc.project import Project
+from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
 
+PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
-    "scenarios",
+    "scenarios", "export timing", "find", "create", "delete", "download", "resize", "mark", "save scenario",
 )  # fmt: skip
-PEER_VERBS: Final = ("send", "connect", "listen", "close", "rst", "shutdown", "stall", "resume")
+TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
 SEND_OPTIONS: Final = ("split=", "gap=T#", "repeat=", "every=T#")
 CALLS: Final = (
@@ -60,7 +62,7 @@ def _after_peer(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return (peer.name for peer in project.peers)
     if len(words) == 2:
-        return PEER_VERBS
+        return PEER_COMMANDS
     if words[2] != "send":
         return ()
     if len(words) == 3:
@@ -100,6 +102,29 @@ def _after_trigger(words: list[str], project: Project) -> Iterable[str]:
     return (f"{pin.name}{'' if pin.is_bool else '='}" for pin in pins)
 
 
+def _after_create(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return project.dialect.blocks
+    if len(words) == 2:
+        return (
+            f"{words[1]}_{number}" for number in range(2, 100) if not project.instance(f"{words[1]}_{number}")
+        )
+    named = (
+        ("connect", project.connects), ("data", project.data), ("task", project.tasks),
+        ("config", project.udp_configs), ("addr", project.addrs),
+    )  # fmt: skip
+    given = {word.partition("=")[0] for word in words}
+    pins = (f"{pin.name}=" for pin in project.pins(words[1]) if pin.direction != "out")
+    links = (f"{key}={each.name}" for key, declared in named if key not in given for each in declared)
+    return (*links, *pins)
+
+
+def _after_resize(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return (data.name for data in project.data)
+    return (*project.types.names(), *TYPES) if len(words) == 2 else ("OF ",)
+
+
 def _instances(project: Project) -> Iterable[str]:
     return (instance.name for instance in project.instances)
 
@@ -121,6 +146,11 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "write": _after_write,
     "expect": _after_expect,
     "trigger": _after_trigger,
+    "create": _after_create,
+    "delete": lambda words, project: _instances(project) if len(words) == 1 else (),
+    "download": lambda words, project: _instances(project) if len(words) == 1 else (),
+    "resize": _after_resize,
+    "save": lambda words, project: ("scenario",) if len(words) == 1 else (),
     "plc": lambda words, project: ("stop", "run"),
 }
 

@@ -10,7 +10,7 @@ PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "L
 TAKEN: Final = frozenset("hjkqgbpvy")
 
 EVERYWHERE: Final = (
-    ("1 … 7", "go to a pane; on a small screen its tab opens"),
+    ("1 … 8", "go to a pane; on a small screen its tab opens"),
     ("tab, shift+tab", "next, previous pane or field"),
     ("M or \\", "the pane alone on the screen, and back"),
     ("space", "hold the scans, let them go on (the network goes on)"),
@@ -37,6 +37,20 @@ BYTES: Final = (
     ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
     ("v", "members of DATA, or of what the running job has collected so far"),
     ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
+    ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
+    ("[ ]", "the DONE before, the next one"),
+    ("/, n N", 'find hex, "text" or =number in either byte order; next, previous; esc ends it'),
+    ("d, u", "the job before where it differs; fewer rulers"),
+)
+TIMING: Final = (
+    ("← →, shift", "scan by scan; edge by edge of any pin"),
+    ("↑ ↓, n N", "choose a row; next and previous edge of that pin"),
+    ("! and /", "next ERROR; next edge to a code, as in `find 7008`"),
+    ("+ -, wheel", "fewer or more scans a column; a pulse stays visible"),
+    ("m", "first and second marker: the distance in scans and ms stands in the title"),
+    ("f, esc", "follow or stand; back to now"),
+    ("c", "the other instances of this CONNECT, too"),
+    ("e", "export as VCD (GTKWave, PulseView), SVG or text"),
 )
 PEER: Final = (
     ("m", "payload as hex, text or udt"),
@@ -66,6 +80,7 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Everywhere", EVERYWHERE),
     ("Block", PINS),
     ("Bytes and past", BYTES),
+    ("Timing", TIMING),
     ("Peer", PEER),
     ("Scenarios", SCENARIOS),
 )

@@ -16,6 +16,7 @@ from trcvtui.tui.screens.main import MainScreen
 
 PANES: Final = {
     1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",
+    8: "Timing",
 }  # fmt: skip
 
 
@@ -116,6 +117,9 @@ def _of_instances(bench: Reach) -> Iterator[SystemCommand]:
 def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     for digit, name in PANES.items():
         yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
+    for format, what in (("vcd", "VCD, for GTKWave and PulseView"), ("svg", "SVG"), ("text", "text")):
+        line, about = f"export timing {format}", f"export timing {format} · pane 8, key e"
+        yield SystemCommand(f"Export timing as {what}", about, partial(bench.submit, line))
     yield SystemCommand(
         "Members of DATA or of the job", "decode the other bytes · key v", bench.main.action_members
     )

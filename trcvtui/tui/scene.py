@@ -14,7 +14,7 @@ from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.rig.facts import Fired
 from trcvtui.rig.history_window import HistoryRequest, HistoryWindow
 from trcvtui.rig.picture import Answer, PeerSnapshot, Picture, PictureRequest
-from trcvtui.rig.wave import WaveShelf
+from trcvtui.rig.wave_shelf import WaveShelf
 from trcvtui.tui.afterglow import Afterglow
 from trcvtui.tui.history import History
 from trcvtui.tui.provenance import Provenance

@@ -12,7 +12,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 Keys = tuple[tuple[str, str], ...]
 GLOBAL: Final = (
-    (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("1-7", "pane"),
+    (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("1-8", "pane"),
     ("M", "zoom"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
 ACTIONS: Final = {

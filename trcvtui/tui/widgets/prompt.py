@@ -181,13 +181,22 @@ class Prompt(Vertical):
 
     # -- lines and answers --------------------------------------------------------------------------
 
-    def sent(self, line: str, number: int) -> None:
-        """Take note of a line that was sent, from here or from a toggle or button."""
+    def remember(self, line: str) -> None:
+        """Keep a line for the history of the prompt."""
         if not self._lines or self._lines[-1] != line:
             self._lines.append(line)
             del self._lines[:-KEPT_LINES]
+
+    def sent(self, line: str, number: int) -> None:
+        """Take note of a line that was sent, from here or from a toggle or button."""
+        self.remember(line)
         self._last = number
         self._echo.say(line, waits=True)
+
+    def did(self, line: str, told: str, error: str = "") -> None:
+        """Show a line that the screen has carried out by itself."""
+        self.remember(line)
+        self._echo.say(line, error, told=told)
 
     def answered(self, answers: dict[int, Answer]) -> None:
         """Show what became of the last line, or of any that was refused."""

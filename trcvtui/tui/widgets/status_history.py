@@ -15,6 +15,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 WORD: Final = 26
 LAMP: Final = 12
+LEAST_WHY: Final = 10  # characters; less would say nothing
 
 
 class StatusHistory(LineView):
@@ -76,15 +77,21 @@ class StatusHistory(LineView):
 
     def _head(self) -> Row:
         scan, time = self._widths()
+        why = "why" if self._room() >= LEAST_WHY else ""
         return row(
-            (f"{'scan':>{scan}}  {'t in s':>{time}}  {'STATUS':<{WORD}}  {'lamp':<{LAMP}}  why", "dim")
+            (f"{'scan':>{scan}}  {'t in s':>{time}}  {'STATUS':<{WORD}}  {'lamp':<{LAMP}}  {why}", "dim")
         )
+
+    def _room(self) -> int:
+        """Return how many characters the reason may have."""
+        return self.line_width - sum(self._widths()) - WORD - LAMP - 8
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
         style = "error" if edge.error else "done" if edge.done else "busy" if edge.busy else ""
         word = f"{status_word(edge.status)} {clip(edge.condition, 18)}"
-        reason = clip(plain(why(edge)), self.line_width - scan - time - WORD - LAMP - 8)
+        room = self._room()
+        reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
         return [
             (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
             (word.ljust(WORD + 2), style),

@@ -7,7 +7,9 @@ from textual import events
 from trcvtui.tui.messages import PaneWanted
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
-TABS = ((2, "Block"), (3, "STATUS"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"))
+TABS = (
+    (2, "Block"), (3, "STATUS"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"), (8, "Timing"),
+)  # fmt: skip
 
 
 class TabLine(LineView, can_focus=False):

@@ -4,43 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar, Final, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.rig.wave import Wave
-from trcvtui.rig.wave_lane import Window
-from trcvtui.rig.wave_text import (
-    WATCH,
-    Mark,
-    Piece,
-    drawn,
-    lane_of,
-    pin_of,
-    row_names,
-    ruler,
-    split_at,
-    value_text,
-)
 from trcvtui.tui.formatting import MS, SECOND, US, count, plain
 from trcvtui.tui.messages import EdgeSelected
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.tui.widgets.timing_view import TimingView
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row
+from trcvtui.tui.widgets.timing_view import LABEL, TimingView
 
-LABEL: Final = 20  # mark, name, value under the cursor
-HIGH_STYLES: Final = {"DONE": "done", "ERROR": "error", "BUSY": "busy"}
-STYLES: Final = {"": "faint", "pulse": "glow", "gap": "warn", "mark": "key", "high": "strong"}
+if TYPE_CHECKING:  # what draws is read when the pane is first in sight: the first frame does not wait for it
+    from trcvtui.rig.wave import Wave
+    from trcvtui.rig.wave_lane import Lane, Window
+    from trcvtui.tui.widgets.timing_rows import Drawn
+
+
 ASKED: Final = "write as   v VCD   s SVG   t text   esc not at all"
-
-
-class _Drawn(NamedTuple):
-    """One row of one instance; without a name it is the head of that instance."""
-
-    wave: Wave
-    name: str
 
 
 class Timing(LineView):
@@ -75,8 +57,9 @@ class Timing(LineView):
         self._scene = scene
         self._voice = voice
         self.view = TimingView()
-        self._rows: list[_Drawn] = []
+        self._rows: list[Drawn] = []
         self._chosen = 0
+        self._ready: dict[int, Row] = {}
         self._asks = False
         self._note = ""
         self._last_code = ""
@@ -107,12 +90,11 @@ class Timing(LineView):
 
     def show(self) -> None:
         """Repaint what changed."""
+        self._ready.clear()
         if self.size.height:
-            waves = self.waves
-            heads = len(waves) > 1
-            self._rows = [
-                _Drawn(wave, name) for wave in waves for name in ([""] if heads else []) + row_names(wave)
-            ]
+            from trcvtui.tui.widgets.timing_rows import rows_of
+
+            self._rows = rows_of(self.waves)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
             self.set_title(8, "Timing", self._detail())
             self._set_subtitle()
@@ -142,13 +124,13 @@ class Timing(LineView):
 
     def _distance(self, first: int, last: int) -> str:
         (begin, exact), (end, also) = self.wave.time_at(first), self.wave.time_at(last)
-        ends = "1→2" if len(self.view.markers) == 2 else "1→cursor"
+        ends = "1 to 2" if len(self.view.markers) == 2 else "1 to cursor"
         sign = "" if exact and also else "≈"
-        return f"{ends} {count(last - first, 'scan')}, {sign}{(end - begin) / MS:.3f} ms"
+        return f"{ends}: {count(abs(last - first), 'scan')}, {sign}{abs(end - begin) / MS:.3f} ms"
 
     def _what_a_watch_table_saw(self) -> str:
         window = self._window
-        first, last = window.scans_of(0)[0], window.scans_of(window.count - 1)[1]
+        first, last = window.scans_of(0)[0], window.scans_of(window.width - 1)[1]
         done = self.wave.lane("DONE").rises(first, last)
         seen = self.wave.polled("DONE").rises(first, last)
         return f"a 100 ms watch table saw {seen} of {done} DONE" if done else ""
@@ -158,41 +140,27 @@ class Timing(LineView):
         return len(self._rows) + 1
 
     def row_at(self, y: int) -> Row:
-        """Return the ruler or one row."""
-        window = self._window
+        """Return the ruler or one row, drawn once for each picture."""
+        if y not in self._ready:
+            self._ready[y] = self._row(y)
+        return self._ready[y]
+
+    def _row(self, y: int) -> Row:
+        from trcvtui.tui.widgets.timing_rows import ruler_row, wave_row
+
         if y == 0:
-            pieces = ruler(window, self._until, self._marks())
-            return row(("".ljust(LABEL), ""), *[(text, STYLES.get(kind, kind)) for text, kind in pieces])
+            return ruler_row(self._window, self._until, self.view)
         if y > len(self._rows):
             return EMPTY
-        wave, name = self._rows[y - 1]
-        if not name:
-            return row((f" {plain(wave.instance)} ", "label"), ("─" * self.line_width, "faint"))
-        return row(*self._label(wave, name, y - 1 == self._chosen), *self._parts(wave, name, window))
+        style = ("cursor" if self.has_focus else "cursor-blurred") if y - 1 == self._chosen else None
+        return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style)
 
-    def _marks(self) -> list[Mark]:
-        marks = [Mark(scan, sign) for scan, sign in zip(self.view.markers, "12", strict=False)]
-        return marks if self.view.cursor is None else [*marks, Mark(self.view.cursor, "▼")]
+    def _lane(self) -> Lane | None:
+        """Return the lane of the chosen row."""
+        from trcvtui.rig.wave_text import lane_of
 
-    def _label(self, wave: Wave, name: str, is_chosen: bool) -> list[Part]:
-        at = self._until if self.view.cursor is None else self.view.cursor
-        pin = pin_of(name)
-        value = "" if name == "codes" else value_text(pin, lane_of(wave, name).at(at))
-        style = ("cursor" if self.has_focus else "cursor-blurred") if is_chosen else ""
-        ghost = "ghost" if name.startswith(WATCH) else "label"
-        sign = "▸" if is_chosen else " "
-        return [(f"{sign}{name:<12}", f"{ghost} {style}"), (f"{value:>6} ", style)]
-
-    def _parts(self, wave: Wave, name: str, window: Window) -> list[Part]:
-        pieces: list[Piece] = drawn(wave, name, window)
-        high = "ghost" if name.startswith(WATCH) else HIGH_STYLES.get(name, "strong")
-        parts = [(text, high if kind == "high" else STYLES.get(kind, kind)) for text, kind in pieces]
-        if name.startswith(WATCH):
-            parts = [(text, "ghost") for text, _ in parts]
-        if self.view.cursor is not None:
-            x = window.column_of(self.view.cursor)
-            parts = split_at(parts, x, lambda style: f"{style} byte-cursor")
-        return parts
+        shown = self._rows[self._chosen] if self._rows else None
+        return lane_of(*shown) if shown is not None and shown.name else None
 
     # -- moving -------------------------------------------------------------------------------------
 
@@ -220,10 +188,9 @@ class Timing(LineView):
 
     def action_row_edge(self, direction: int) -> None:
         """Go to the next change of the row's pin."""
-        drawn_row = self._rows[self._chosen] if self._rows else None
-        if drawn_row is not None and drawn_row.name:
-            edge = lane_of(*drawn_row).next_edge(self._here, direction)
-            self.go_to(edge, f"no further edge of {pin_of(drawn_row.name)} is known")
+        lane = self._lane()
+        if lane is not None:
+            self.go_to(lane.next_edge(self._here, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
         """Go to the next ERROR; from the present to the newest one, behind the last to the first."""
@@ -312,12 +279,12 @@ class Timing(LineView):
             return
         self._chosen = max(0, place[1] - 1)
         window, x = self._window, place[0] - LABEL
-        if not 0 <= x < window.count or not self._rows:
+        if not 0 <= x < window.width or not self._rows:
             self.show()
             return
         first, last = window.scans_of(x)
-        wave, name = self._rows[self._chosen]
-        edge = lane_of(wave, name).next_edge(first - 1, 1) if name and window.zoom > 1 else None
+        lane = self._lane()
+        edge = lane.next_edge(first - 1, 1) if lane is not None and window.zoom > 1 else None
         self.go_to(edge if edge is not None and edge <= last else first)
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:

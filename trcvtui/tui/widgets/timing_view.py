@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from trcvtui.rig.wave_lane import Window
+if TYPE_CHECKING:
+    from trcvtui.rig.wave_lane import Window
 
 ZOOMS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+LABEL: Final = 20  # columns: mark, name, value under the cursor
 MARGIN: Final = 4  # columns between the cursor and the edge, where there is room
 
 
@@ -28,6 +30,8 @@ class TimingView:
 
     def window(self, count: int, until: int) -> Window:
         """Return the columns to draw in a pane of this width; `until` is the newest scan."""
+        from trcvtui.rig.wave_lane import Window  # read when first drawn
+
         self._count = max(1, count)
         if self.follows:
             self._first = max(0, self._column(until) - self._count + 1)

@@ -1,0 +1,341 @@
+"""Pane 8: pins over scans, on a simulated bench in this process: cursor, markers, searches, files."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from textual import events
+from textual.app import App
+from textual.pilot import Pilot
+
+from tests.rig.scenarios import CONFIGS
+from tests.tui.looking import SMALL, WIDE, same_screen, screen_text
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.tui.app import BenchApp
+from trcvtui.tui.theme import LIGHT
+from trcvtui.tui.widgets.timing import Timing
+from trcvtui.tui.widgets.timing_view import LABEL
+
+SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]
+
+
+class Analyser:
+    """The screen on a bench that scans only when it is told to."""
+
+    def __init__(self, app: BenchApp, driver: LocalDriver, pilot: Pilot[None]) -> None:
+        self.app = app
+        self.driver = driver
+        self.pilot = pilot
+
+    async def press(self, *keys: str) -> None:
+        for key in keys:
+            await self.pilot.press(key)
+        await self.pilot.pause(0.08)
+
+    async def type(self, text: str) -> None:
+        await self.press(*[{" ": "space", ".": "full_stop", "/": "slash"}.get(c, c) for c in text])
+
+    async def say(self, line: str, scans: int = 0) -> None:
+        self.app.submit(line)
+        self.driver.scan(scans)
+        await self.pilot.pause(0.15)
+
+    @property
+    def pane(self) -> Timing:
+        return self.app.main.timing
+
+    @property
+    def text(self) -> str:
+        return screen_text(self.app)
+
+    def row(self, name: str) -> str:
+        """Return what is drawn behind the label of a row."""
+        region = self.pane.content_region
+        lines = [line[region.x : region.right] for line in self.text.splitlines()[region.y : region.bottom]]
+        found = [line[LABEL:].rstrip() for line in lines if line[1:].startswith(f"{name:<12}")]
+        assert found, f"{name} is not there:\n{self.text}"
+        return found[0]
+
+    def value(self, name: str) -> str:
+        """Return the value beside the name of a row."""
+        region = self.pane.content_region
+        lines = [line[region.x : region.right] for line in self.text.splitlines()[region.y : region.bottom]]
+        return next(line[13:LABEL].strip() for line in lines if line[1:].startswith(f"{name:<12}"))
+
+
+@asynccontextmanager
+async def analysing(size: tuple[int, int] = WIDE, jobs: int = 3) -> AsyncIterator[Analyser]:
+    """Open pane 8 on duplex.toml: connected in scan 7, a DONE of one scan every 23 scans."""
+    project = load_project(CONFIGS / "duplex.toml")
+    driver = LocalDriver(Bench(project, "sim"))
+    app = BenchApp(driver, project)
+    driver.submit("set TRCV_C_1 CONT=1")
+    driver.scan(6)
+    driver.submit("peer P1 connect")
+    driver.scan(4)
+    driver.submit("set TRCV_C_1 EN_R=1")
+    for _ in range(jobs):
+        driver.scan(10)
+        driver.submit("peer P1 send random 8 seed=1")
+        driver.scan(13)
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause(0.15)
+        look = Analyser(app, driver, pilot)
+        await look.press("8")
+        yield look
+    driver.close()
+
+
+# -- what is drawn ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_a_done_of_one_scan_stands_out_at_every_size_and_zoom(size: tuple[int, int]) -> None:
+    async with analysing(size) as look:
+        assert look.row("DONE").count("█") == min(3, look.row("DONE").count("█")) > 0
+        assert look.row("EN_R").endswith("▔▔▔▔▔")
+        assert "╵7008" in look.row("codes")
+        for _ in range(15):
+            await look.press("minus")
+            assert "┃" in look.row("DONE") or "█" in look.row("DONE"), look.text
+        for _ in range(20):
+            await look.press("plus")
+        assert "█" in look.row("DONE")
+
+
+async def test_a_pulse_between_two_frames_is_drawn_and_the_ghost_row_misses_it() -> None:
+    async with analysing(WIDE, jobs=0) as look:
+        look.driver.scan(13)
+        look.driver.submit("peer P1 send random 8 seed=1")
+        look.driver.scan(30)
+        await look.pilot.pause(0.15)
+        assert look.row("DONE").count("█") == 1
+        assert "▔" not in look.row("watch DONE")
+        assert "a 100 ms watch table saw 0 of 1 DONE" in look.text
+
+
+async def test_history_and_timing_share_one_place_and_both_stand_where_there_is_room() -> None:
+    async with analysing(WIDE) as look:
+        assert _shown(look) == {"timing"}
+        await look.press("4")
+        assert _shown(look) == {"history"}
+    for size in ((140, 60), (200, 60)):
+        async with analysing(size) as look:
+            assert _shown(look) == {"timing", "history"}
+    async with analysing(SMALL) as look:
+        assert "8 Timing" in look.text.splitlines()[5]
+        assert "4 History ·" not in look.text
+
+
+def _shown(look: Analyser) -> set[str | None]:
+    return {pane.id for pane in (look.pane, look.app.main.history) if pane.display}
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)])
+@pytest.mark.parametrize("theme", ["dark", "light"])
+async def test_the_pane_stands_as_drawn(size: tuple[int, int], theme: str, tmp_path: Path) -> None:
+    async with analysing(size) as look:
+        if theme == "light":
+            look.app.theme = LIGHT.name
+        await look.press("down", "down", "down", "N", "m", "N", "m")
+        same_screen(look.app, f"timing-{theme}-{size[0]}x{size[1]}", tmp_path)
+
+
+@pytest.mark.parametrize("theme", ["bench-dark", "bench-light", "textual-dark"])
+async def test_the_signs_are_the_same_in_every_theme(theme: str) -> None:
+    async with analysing(WIDE) as look:
+        before = look.row("DONE"), look.row("STATUS")
+        look.app.theme = theme
+        await look.pilot.pause(0.1)
+        assert (look.row("DONE"), look.row("STATUS")) == before
+
+
+# -- cursor, markers, searches ------------------------------------------------------------------------------
+
+
+async def test_the_cursor_goes_scan_by_scan_and_tells_its_exact_time() -> None:
+    async with analysing() as look:
+        await look.press("left")
+        assert "scan 78 at 0.770000 s" in look.text
+        await look.press("left", "left", "right")
+        assert "scan 77 at 0.760000 s" in look.text
+        assert "stands, f follows" in look.text
+
+
+async def test_n_walks_the_edges_of_the_row_and_two_markers_tell_their_distance() -> None:
+    async with analysing() as look:
+        await look.press("down", "down", "down", "N", "N")
+        assert look.value("DONE") == "1"
+        assert look.value("STATUS") == "7008"
+        await look.press("m", "N", "N", "m")
+        assert look.value("DONE") == "1"
+        assert "1 to 2: 23 scans, 230.000 ms" in look.text
+        await look.press("n")
+        assert look.value("DONE") == "0"
+
+
+async def test_shift_and_arrows_walk_the_edges_of_all_pins() -> None:
+    async with analysing() as look:
+        await look.press("home")
+        assert "scan 1 at 0.000000 s" in look.text
+        await look.press("shift+right", "shift+right")
+        at = look.pane.view.cursor
+        await look.press("shift+right", "shift+left")
+        assert look.pane.view.cursor == at
+
+
+async def test_an_edge_chosen_here_is_explained_in_the_card_and_chosen_in_the_history_and_back() -> None:
+    async with analysing((200, 60)) as look:
+        await look.press("down", "down", "down", "N", "N")
+        cursor = look.pane.view.cursor
+        assert f"scan {cursor}, in the past" in look.text
+        assert "the frame is complete" in look.text
+        await look.press("4", "down")
+        assert look.pane.view.cursor != cursor, "the history has moved the cursor"
+        assert f"scan {look.pane.view.cursor}, in the past" in look.text
+        await look.press("8", "escape")
+        assert "in the past" not in look.text
+        assert look.pane.view.cursor is None and look.pane.view.follows
+
+
+async def test_bang_goes_to_the_newest_error_and_round() -> None:
+    async with analysing() as look:
+        await look.press("exclamation_mark")
+        assert "no ERROR in what is known of TRCV_C_1" in look.text
+        await look.say("peer P1 rst", 5)
+        await look.press("exclamation_mark")
+        assert look.value("ERROR") == "1"
+        newest = look.pane.view.cursor
+        assert newest is not None
+        await look.press("exclamation_mark")
+        assert look.value("ERROR") == "1"
+        assert (look.pane.view.cursor or 0) < newest, "from the newest round to the oldest"
+        await look.press("exclamation_mark")
+        assert look.pane.view.cursor == newest
+
+
+async def test_slash_asks_for_a_code_and_goes_there() -> None:
+    async with analysing() as look:
+        await look.press("slash")
+        await look.type("7004")
+        await look.press("enter")
+        assert look.value("STATUS") == "7004"
+        await look.press("slash", "enter")
+        assert look.value("STATUS") == "7004"
+        await look.say("find 70x4")
+        assert "four hexadecimal digits" in look.text
+
+
+async def test_a_view_that_stands_is_not_moved_by_what_comes_in_and_f_follows_again() -> None:
+    async with analysing() as look:
+        await look.press("left")
+        before = look.row("DONE")[:50]
+        await look.say("set TRCV_C_1 LEN=0", 30)
+        assert look.row("DONE")[:50] == before
+        await look.press("f")
+        assert look.row("DONE")[:50] != before and "follows" in look.text
+
+
+async def test_c_draws_the_other_instances_of_this_connect_below() -> None:
+    async with analysing(SMALL) as look:
+        await look.press("M")
+        assert "TSEND_C_1" not in look.text
+        await look.press("c")
+        await look.pilot.pause(0.2)
+        await look.press("c", "c")
+        await look.say("set TSEND_C_1 CONT=1", 3)
+        await look.press(*["down"] * 30)
+        assert "TSEND_C_1" in look.text and look.row("REQ").endswith("▁")
+
+
+# -- mouse --------------------------------------------------------------------------------------------------
+
+
+async def test_a_click_sets_the_cursor_and_the_wheel_zooms() -> None:
+    async with analysing() as look:
+        x = look.row("DONE").index("█")
+        await look.pilot.click("#timing", offset=(2 + LABEL + x, 1 + 4))
+        await look.pilot.pause(0.1)
+        assert look.value("DONE") == "1"
+        look.pane.post_message(_wheel(look.app, events.MouseScrollDown))
+        await look.pilot.pause(0.1)
+        assert look.pane.view.zoom == 2 and "2 scans a column, 20 ms" in look.text
+        look.pane.post_message(_wheel(look.app, events.MouseScrollUp))
+        await look.pilot.pause(0.1)
+        assert look.pane.view.zoom == 1
+
+
+def _wheel(app: App[None], kind: type[events.MouseEvent]) -> events.MouseEvent:
+    return kind(None, 5, 5, 0, 0, 0, False, False, False, 5, 5)
+
+
+async def test_a_click_on_a_wide_column_goes_to_the_edge_inside_it() -> None:
+    async with analysing() as look:
+        await look.press("minus", "minus", "minus")
+        x = look.row("DONE").index("┃")
+        await look.pilot.click("#timing", offset=(2 + LABEL + x, 1 + 4))
+        await look.pilot.pause(0.1)
+        assert look.value("DONE") == "1"
+
+
+# -- files --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(autouse=True)
+def _files_stay_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trcvtui.rig.wave_files.target_folder", lambda project: tmp_path)
+
+
+async def test_e_asks_for_the_format_and_says_where_the_file_is(tmp_path: Path) -> None:
+    async with analysing() as look:
+        await look.press("e")
+        assert "v VCD   s SVG   t text" in look.text
+        await look.press("v")
+        assert "timing_TRCV_C_1.vcd" in " ".join(look.text.split())
+        assert "$timescale 1 ns" in (tmp_path / "timing_TRCV_C_1.vcd").read_text()
+
+
+async def test_the_prompt_exports_too_and_names_what_is_wrong(tmp_path: Path) -> None:
+    async with analysing() as look:
+        await look.say(f"export timing svg {tmp_path / 'a b.svg'}")
+        assert (tmp_path / "a b.svg").read_text().startswith("<svg")
+        await look.say(f"export timing svg {tmp_path / 'a b.svg'}")
+        assert "is there already" in " ".join(look.text.split())
+        await look.say("export timing png")
+        assert "vcd, svg, text" in " ".join(look.text.split())
+        await look.say("export everything")
+        assert "export timing vcd|svg|text" in " ".join(look.text.split())
+        assert look.driver.picture() is not None, "the engine was not asked"
+
+
+async def test_the_letters_of_the_formats_toggle_pins_while_nobody_asks() -> None:
+    async with analysing() as look:
+        runtime = look.driver.console.bench.runtime
+        assert runtime.inputs("TRCV_C_1")["CONT"]
+        await look.press("t")
+        look.driver.scan(2)
+        assert not runtime.inputs("TRCV_C_1")["CONT"]
+
+
+# -- edges --------------------------------------------------------------------------------------------------
+
+
+async def test_every_key_is_harmless_before_the_first_scan_and_without_instances(tmp_path: Path) -> None:
+    path = tmp_path / "empty.toml"
+    path.write_text('dialect = "baosky"\n', encoding="utf-8")
+    for project in (load_project(CONFIGS / "duplex.toml"), load_project(path)):
+        driver = LocalDriver(Bench(project, "sim"))
+        app = BenchApp(driver, project)
+        async with app.run_test(size=SMALL) as pilot:
+            await pilot.pause(0.1)
+            moves = "8 left right shift+left shift+right n N exclamation_mark home end pageup pagedown"
+            for key in f"{moves} plus minus f m m m c up down e escape e v f".split():
+                await pilot.press(key)
+            await pilot.pause(0.1)
+            assert "8 Timing" in screen_text(app)
+        driver.close()

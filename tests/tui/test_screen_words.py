@@ -128,10 +128,32 @@ def test_a_cause_is_told_with_all_its_evidence(cause: Cause, text: str) -> None:
         ("write sm", "write small"),
         ("expect TRCV_C_2 ST", "expect TRCV_C_2 STATUS="),
         ("nonsense x", None),
+        ("cr", "create"),
+        ("create TR", "create TRCV_C"),
+        ("create TRCV_C ", "create TRCV_C TRCV_C_3"),
+        ("create TRCV_C X con", "create TRCV_C X connect=C1"),
+        ("create TRCV_C X connect=C1 da", "create TRCV_C X connect=C1 data=rx"),
+        ("create TRCV_C X connect=C1 EN", "create TRCV_C X connect=C1 EN_R="),
+        ("create NONE X con", None),
+        ("delete TR", "delete TRCV_C_1"),
+        ("download TR", "download TRCV_C_1"),
+        ("resize r", "resize rx"),
+        ("resize rx T", "resize rx Telegram"),
+        ("resize rx ARRAY[0..9] O", "resize rx ARRAY[0..9] OF "),
+        ("save s", "save scenario"),
+        ("ma", "mark"),
+        ("peer P1 rep", "peer P1 reply"),
     ],
 )
 def test_the_last_word_of_a_command_is_completed(line: str, completed: str | None) -> None:
     assert complete(line, bench_project()) == completed
+
+
+def test_every_verb_that_a_prompt_takes_is_completed() -> None:
+    from trcvtui.rig.bench import VERBS as BENCH_VERBS
+    from trcvtui.tui.completion import VERBS
+
+    assert set(BENCH_VERBS) - {"wait"} <= set(VERBS), "a prompt does not wait"
 
 
 def test_empty_options_are_left_out_of_a_send() -> None:

@@ -109,6 +109,8 @@ def _after_create(words: list[str], project: Project) -> Iterable[str]:
         return (
             f"{words[1]}_{number}" for number in range(2, 100) if not project.instance(f"{words[1]}_{number}")
         )
+    if words[1] not in project.dialect.blocks:
+        return ()
     named = (
         ("connect", project.connects), ("data", project.data), ("task", project.tasks),
         ("config", project.udp_configs), ("addr", project.addrs),

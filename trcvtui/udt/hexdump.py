@@ -27,7 +27,7 @@ def hexdump(content: bytes | bytearray | memoryview) -> bytes:
     return b"".join(hexdump_blocks(content))
 
 
-def hexdump_blocks(content: bytes | bytearray | memoryview) -> Iterator[bytes]:
+def hexdump_blocks(content: bytes | bytearray | memoryview) -> Iterator[bytes | bytearray]:
     """Yield the dump of 64 KiB after 64 KiB; an empty dump for no bytes."""
     view = memoryview(content).cast("B")
     for start in range(0, len(view), BLOCK):
@@ -36,7 +36,7 @@ def hexdump_blocks(content: bytes | bytearray | memoryview) -> Iterator[bytes]:
         yield b"%08x\n" % len(view)
 
 
-def _block(part: memoryview, start: int) -> bytes:
+def _block(part: memoryview, start: int) -> bytes | bytearray:
     full = len(part) - len(part) % ROW
     rows = _rows(part[:full], start) if full else b""
     return rows if full == len(part) else bytes(rows) + _last_row(bytes(part[full:]), start + full)

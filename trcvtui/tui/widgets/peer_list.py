@@ -48,7 +48,8 @@ class PeerList(LineView):
             *self._counters(peer),
         ]
         if peer.check is not None:
-            parts.append(_checked(peer.check))
+            text, style = check_text(peer.check)
+            parts.append((f"  {text}", style))
         if peer.stalled:
             parts += [(" ", ""), (" STALLED ", "hold")]
         if peer.silent:
@@ -67,7 +68,7 @@ class PeerList(LineView):
         return self.line_width >= ROOMY
 
     def _counters(self, peer: PeerSnapshot) -> list[Part]:
-        if not self._roomy():
+        if not self._roomy() or peer.check is not None:
             return [(f"sent {peer.bytes_sent}, got {peer.bytes_received} B", "")]
         parts: list[Part] = [
             (f"sent {count(peer.messages_sent, 'message')}, {peer.bytes_sent} B", ""),
@@ -103,13 +104,13 @@ def _ends(peer: PeerSnapshot, roomy: bool) -> str:
     return f"{local}→ {peer.remote}" if peer.active else f"{local}← {peer.remote}"
 
 
-def _checked(check: CheckSnapshot) -> Part:
+def check_text(check: CheckSnapshot) -> Part:
     """Return how the self-checking traffic stands: in DATA, and what came back of it."""
     tallies = [("DATA", check.data)] if check.data is not None else []
     tallies += [("echo", check.echo)] if check.echo.frames or check.echo.shifts or not tallies else []
     is_good = all(tally.is_good for _, tally in tallies)
     told = ", ".join(f"{name} {_tally(tally)}" for name, tally in tallies)
-    return f"  {'✓' if is_good else '✗'} check {check.sent}: {told}", "done" if is_good else "error"
+    return f"{'✓' if is_good else '✗'} check {check.sent}: {told}", "done" if is_good else "error"
 
 
 def _tally(tally: Tally) -> str:

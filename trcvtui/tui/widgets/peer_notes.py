@@ -6,6 +6,7 @@ from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+from trcvtui.tui.widgets.peer_list import check_text
 
 NO_RULES = "no reply rules; a: add one, such as contains hex 05 send hex 06 {n}"
 
@@ -32,7 +33,10 @@ class PeerNotes(LineView, can_focus=False):
         peer = self._scene.peer_snapshot
         if peer is None:
             return []
-        return [*self._trial(peer), *self._replies(peer)]
+        return [*self._check(peer), *self._trial(peer), *self._replies(peer)]
+
+    def _check(self, peer: PeerSnapshot) -> list[Row]:
+        return [row(check_text(peer.check))] if peer.check is not None else []
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
         trial = self._scene.picture.trial if self._scene.picture else None

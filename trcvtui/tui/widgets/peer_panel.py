@@ -11,7 +11,6 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from trcvtui.rig.picture import PeerSnapshot
-from trcvtui.tui.form import form_of
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.peer_commands import EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
 from trcvtui.tui.scene import Scene
@@ -23,7 +22,7 @@ from trcvtui.tui.widgets.peer_list import PeerList
 from trcvtui.tui.widgets.peer_notes import PeerNotes
 
 if TYPE_CHECKING:
-    from trcvtui.tui.screens.trial import TrialScreen
+    from trcvtui.tui.widgets.trial_screen import TrialScreen
 
 LETTERS = "scfrhzulead"
 
@@ -151,7 +150,7 @@ class PeerPanel(Vertical):
 
     def open_trial(self) -> None:
         """Open the table of the trial."""
-        from trcvtui.tui.screens.trial import TrialScreen  # read when first asked for
+        from trcvtui.tui.widgets.trial_screen import TrialScreen  # read when first asked for
 
         self._trial = TrialScreen(self._scene, self._voice.submit)
         self.app.push_screen(self._trial, self._trial_left)
@@ -186,7 +185,7 @@ class PeerPanel(Vertical):
 
     def action_library(self) -> None:
         """Open the named messages and sequences of the project."""
-        from trcvtui.tui.screens.messages import MessagesScreen  # read when first asked for
+        from trcvtui.tui.widgets.message_list import MessagesScreen  # read when first asked for
 
         if self._scene.peer:
             self.app.push_screen(MessagesScreen(self._scene.peer, self._scene.project), self._picked)
@@ -197,6 +196,8 @@ class PeerPanel(Vertical):
 
     def action_form(self) -> None:
         """Open the members of a UDT as fields."""
+        from trcvtui.tui.widgets.udt_form import form_of  # read when first asked for
+
         found = form_of(self.composer.text, self.composer.mode, self._scene)
         if found is not None:
             self.app.push_screen(found, self._form_left)

@@ -11,10 +11,13 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
+from trcvtui.errors import UserError
 from trcvtui.plc.project import Project
 from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.peer_commands import UDT
+from trcvtui.tui.scene import Scene
 from trcvtui.tui.validity import fault_of
-from trcvtui.udt.layout import Layout
+from trcvtui.udt.layout import Layout, lay_out
 from trcvtui.udt.placed import Leaf
 from trcvtui.udt.types import Text, type_text
 
@@ -131,3 +134,26 @@ class UdtForm(ModalScreen[str]):
     def action_leave(self) -> None:
         """Leave the payload as it was."""
         self.dismiss("")
+
+
+def form_of(text: str, mode: str, scene: Scene) -> UdtForm | None:
+    """Return the form of the UDT that a payload names, else of DATA, else of the first; None without UDTs."""
+    types, declared = scene.project.types, scene.declaration
+    first = text.split("{")[0].strip() if mode == UDT else ""
+    names = [first, declared.type_name if declared else "", *types.names()]
+    name = next((name for name in names if name.casefold() in types.types), "")
+    if not name:
+        return None
+    layout = lay_out(types.named(name), scene.project.layout, name)
+    values = _values(text, scene) if mode == UDT and name == first else {}
+    return UdtForm(scene.project, scene.peer, name, layout, values)
+
+
+def _values(text: str, scene: Scene) -> dict[str, str]:
+    """Return the members that a payload sets, as it writes them; none where it cannot be read."""
+    from trcvtui.rig.member_values import members_of  # read when first asked for
+
+    try:
+        return dict(members_of(text[text.index("{") :].strip(), "form"))
+    except (UserError, ValueError):
+        return {}

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.blocks.environment import JobEnded
 from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote
 from trcvtui.plc.ledger import Event, PeerSent
 from trcvtui.plc.project import Project
@@ -25,9 +25,9 @@ from trcvtui.rig.sent_messages import Link, SentMessages
 MOST_BYTES: Final = 16 * 1024 * 1024
 MOST_JOBS: Final = 100_000
 MOST_RECVS: Final = 200_000
-COPY_A_SCAN: Final = 1024 * 1024
+COPY_A_SCAN: Final = 512 * 1024
 DROPPED_SHOWN: Final = 256  # of many dropped bytes so many stand in the stream
-NOT_KEPT: Final = "values not kept: more than 1 MiB in one scan"
+NOT_KEPT: Final = "values not kept: more than 512 KiB in one scan"
 OVERWRITTEN: Final = "values not kept: overwritten in the same scan by"
 
 
@@ -64,7 +64,6 @@ class JobHistory:
         self._takers: Final[dict[type, Callable[[Any], None]]] = {
             BytesReceived: self._received,
             BytesDropped: self._dropped,
-            JobStarted: self._started,
             JobEnded: self._ended,
             PeerSent: self.messages.sent,
             ConnectionNote: self.messages.noted,
@@ -97,9 +96,6 @@ class JobHistory:
         held.link = event.connection, event.incarnation
         held.recvs.append(span)
         self._next[event.connection] = event.incarnation, event.offset + event.size
-
-    def _started(self, event: JobStarted) -> None:
-        self._open[event.instance] = _Open((event.connection, event.incarnation))
 
     def _dropped(self, event: BytesDropped) -> None:
         """Take bytes that never reach DATA; those of a job stand behind what it delivers."""
@@ -183,7 +179,7 @@ def _placed(recvs: Iterable[RecvSpan], job: JobSpan) -> tuple[RecvSpan, ...]:
     for recv in recvs:
         size = min(recv.size, job.stop - position)
         if size > 0:
-            found.append(recv._replace(position=position, size=size))
+            found.append(RecvSpan(position, size, recv.number, recv.scan, recv.t_ns, recv.offset))
             position += size
     return tuple(found)
 

@@ -110,6 +110,16 @@ async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
         assert "its messages are 20 bytes, the frame wants 24: 4 bytes" in card
 
 
+async def test_the_newest_edge_is_explained_with_the_numbers_of_now() -> None:
+    async with at_the_desk(WIDE, *UP) as desk:
+        await desk.press("4", "M", "down", "3")
+        assert "none is here yet" in desk.words("status")
+        await desk.do("peer P1 send random 20 seed=1", "run 300")
+        assert "stuck: 20 of 24 bytes are here" in desk.words("status")
+        await desk.do("peer P1 send random 4 seed=1", "run 9")
+        assert "20 of 24 bytes were here" in desk.words("status"), "up to the last scan in which it showed"
+
+
 async def test_words_from_outside_are_never_markup() -> None:
     cause = Cause(Why.PARTNER, "the partner reset", peer="[red]x\x1b[31m", have=1, need=8)
     lost = replace(

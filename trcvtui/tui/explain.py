@@ -51,7 +51,10 @@ class Explainer:
         return e.facts.messages.count > 1 and (size is None or size != e.done_len)
 
     def then(self, line: Line, edge: StatusEdge) -> Advice:
-        """Return what the ledger knows of an edge of the past."""
+        """Return what the ledger knows of an edge of the past; the newest one still shows, so it is now."""
+        edges, instance = self._scene.history.of(edge.instance), self._scene.instance
+        if instance is not None and edges and edges[-1].seq == line.seq:
+            return self.now(instance)
         asked = self._scene.bench, line.seq
         if self._edge is None or self._edge[:2] != asked:
             self._edge = (*asked, self._explained(line, edge))

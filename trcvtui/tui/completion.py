@@ -63,13 +63,24 @@ def _after_peer(words: list[str], project: Project) -> Iterable[str]:
         return (peer.name for peer in project.peers)
     if len(words) == 2:
         return PEER_COMMANDS
+    if words[2] == "play":
+        return (sequence.name for sequence in project.sequences)
+    if words[2:] == ["send", "message"]:
+        return (message.name for message in project.messages)
     if words[2] != "send":
-        return ()
+        return _PEER_WORDS.get(words[2], ()) if len(words) == 3 else ()
     if len(words) == 3:
-        return SEND_MODES
+        return (*SEND_MODES, "message")
     if len(words) == 4 and words[3] == "udt":
         return (data.type_name for data in project.data)
     return SEND_OPTIONS
+
+
+_PEER_WORDS: Final[dict[str, tuple[str, ...]]] = {
+    "reply": ("on", "off"),
+    "check": ("on", "off"),
+    "try-splits": ("hex", "text", "udt", "stop"),
+}
 
 
 def _after_fault(words: list[str], project: Project) -> Iterable[str]:

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.errors import mistake
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
@@ -24,14 +25,20 @@ MOST_CHARACTERS: Final = 4_000_000
 FIRST_RUNS: Final = 150
 NEWEST_RUNS: Final = 50
 # How many scans these go on is the wire's to say, not the block's: any number from one on is expected.
-OF_THE_WIRE: Final = frozenset((0x7002, 0x7004, 0x7005, 0x7006))
+OF_THE_WIRE: Final = (
+    Condition.ESTABLISHING,
+    Condition.CONNECTED,
+    Condition.SENDING,
+    Condition.RECEIVING,
+)
 ANYTHING: Final = str(ANY)
 
 
 class Seen:
     """The STATUS of one instance, scan by scan, as a pattern: its first and its newest runs."""
 
-    def __init__(self) -> None:
+    def __init__(self, of_the_wire: frozenset[int] = frozenset()) -> None:
+        self._of_the_wire = of_the_wire
         self._first: list[Scan] = []
         self._newest: deque[Scan] = deque(maxlen=NEWEST_RUNS)
         self._is_cut = False
@@ -63,7 +70,7 @@ class Seen:
         return [str(self._atom(scan, at)) for at, scan in enumerate(scans, place)]
 
     def _atom(self, scan: Scan, at: int) -> Atom:
-        return Atom(scan, 1, at in self._long or scan[0] in OF_THE_WIRE)
+        return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +87,8 @@ class Session:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
+        status = bench.project.rules.status
+        self._of_the_wire = frozenset(status[each] for each in OF_THE_WIRE if each in status)
         self._entries: list[Entry] = []
         self._characters = 0
         self._seen: dict[str, Seen] = {}
@@ -116,7 +125,7 @@ class Session:
         for out in self._bench.runtime.called:
             seen = self._seen.get(out.instance)
             if seen is None:
-                seen = self._seen[out.instance] = Seen()
+                seen = self._seen[out.instance] = Seen(self._of_the_wire)
             seen.add((out.status, out.error))
 
     def mark(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator
 from functools import lru_cache
@@ -84,17 +85,18 @@ def wrapped(text: str, width: int) -> tuple[str, ...]:
 
 
 def _wrapped_wide(text: str, width: int) -> Iterator[str]:
-    line = ""
-    for word in text.split():
-        if cells(line) + cells(word) + bool(line) > width:
-            if line:
-                yield line
-            line = ""
-        while cells(word) > width:  # a script without blanks
-            piece = _fitting(word, width)
-            yield piece
-            word = word[len(piece) :]
-        line = f"{line} {word}" if line else word
+    line = gap = ""
+    for piece in re.findall(r" +|[^ ]+", text):
+        if piece[0] == " ":
+            gap = piece
+            continue
+        if line and cells(line + gap) + cells(piece) > width:
+            yield line
+            line = gap = ""
+        while cells(piece) > width:  # a script without blanks
+            yield (part := _fitting(piece, width))
+            piece = piece[len(part) :]
+        line, gap = line + (gap if line else "") + piece, ""
     if line:
         yield line
 

@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -20,6 +20,9 @@ from trcvtui.tui.formatting import moment, plain, status_word
 from trcvtui.udt.decode import decode_leaves
 from trcvtui.udt.report import json_value, leaf_type_text
 from trcvtui.udt.value_text import value_text
+
+if TYPE_CHECKING:
+    from trcvtui.tui.scene import Scene
 
 A_LINE: Final = 16
 MOST_MEMBERS: Final = 70_000
@@ -38,6 +41,18 @@ class Subject:
     edges: tuple[Line, ...]
     peer: str
     line: str  # the bench command that the peer's composer makes
+
+
+def subject_of(scene: Scene, of_job: bool, line: str | None) -> Subject:
+    """Return what is selected: bytes of the job or of DATA; with a `line`, what the peer has received."""
+    name, content, declared = scene.selected, scene.partial, scene.declaration
+    if not of_job and declared is not None:
+        name, content = declared.name, scene.data
+    peer = scene.peer_snapshot
+    if line is not None and peer is not None and peer.last_received:
+        name, content, declared = peer.name, peer.last_received, None
+    edges = tuple(scene.history.of(scene.selected))
+    return Subject(scene.project, scene.instance, name, content, declared, edges, scene.peer, line or "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -320,25 +320,11 @@ class MainScreen(Screen[None]):
         return self.focused.id or "" if self.focused is not None else ""
 
     def _subject(self, pane: str) -> Subject:
-        from trcvtui.tui.yank import Subject
+        from trcvtui.tui.yank import subject_of
 
-        scene, of_peer = self._scene, pane in ("peers", "payload")
         of_job = pane == "job" or (pane == "udt" and self.table.of_job)
-        name, content = scene.selected, scene.partial
-        if not of_job and scene.declaration is not None:
-            name, content = scene.declaration.name, scene.data
-        if of_peer and scene.peer_snapshot is not None and scene.peer_snapshot.last_received:
-            name, content = scene.peer, scene.peer_snapshot.last_received
-        return Subject(
-            project=scene.project,
-            instance=scene.instance,
-            name=name,
-            content=content,
-            declared=None if name == scene.peer else scene.declaration,
-            edges=tuple(scene.history.of(scene.selected)),
-            peer=scene.peer,
-            line=self.peer.composer.line if of_peer else "",
-        )
+        of_peer = pane in ("peers", "payload")
+        return subject_of(self._scene, of_job, self.peer.composer.line if of_peer else None)
 
     def _yanked(self, taken: tuple[Format, str] | None) -> None:
         from trcvtui.tui.taking import take

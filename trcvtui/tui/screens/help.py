@@ -55,7 +55,7 @@ class HelpText(LineView):
             rows.append(row((title, "strong")))
             for shown, what in table:
                 key = names.get(shown.split(" or ")[0], shown)
-                first, *rest = wrapped(what, self.line_width - KEY - 2)
+                first, *rest = wrapped(what, self.line_width - KEY - 3)
                 rows.append(row((f"  {key:<{KEY}}", "key"), (first, "")))
                 rows += [row((" " * (KEY + 2), ""), (line, "")) for line in rest]
             rows.append(EMPTY)

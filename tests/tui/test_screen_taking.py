@@ -256,3 +256,16 @@ async def test_a_mark_and_a_saved_session_are_commands_whose_answers_are_shown(s
         told = "3 commands, 30 scans in /home/me/a/folder/whose/name/is/long/for/a/narrow/screen/story.toml"
         await looker.show(picture(answers=[Answer(1, "mark", "", told)]))
         assert told.replace(" ", "") in "".join(looker.text.split())
+
+
+@pytest.mark.parametrize("look", ["dark", "light"])
+@pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
+async def test_the_menu_stands_on_the_screen_as_drawn(size: tuple[int, int], look: str) -> None:
+    async with looking(size, theme=look) as looker:
+        await looker.press("5", "y")
+        region = looker.app.screen.query_one("#yank").region
+        drawn = [line[region.x : region.right] for line in looker.text.splitlines()[region.y : region.bottom]]
+        kept = Path(__file__).parent / "snapshots" / f"yank-{size[0]}x{size[1]}.txt"
+        if os.environ.get("UPDATE_SNAPSHOTS"):
+            kept.write_text("\n".join(drawn) + "\n", encoding="utf-8")
+        assert kept.read_text(encoding="utf-8").splitlines() == drawn

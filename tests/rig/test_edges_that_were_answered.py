@@ -1,4 +1,4 @@
-"""What was answered on a connection is over: no 80A1 and no lock comes of it later (design 6, rows 3 and 15)."""
+"""What was answered on a connection is over: no 80A1 and no lock comes of it later (design 6, rows 3, 15)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import pytest
 
 from tests.rig.test_golden_sending import traces
 
-JOINED = "set TRCV_C_1 CONT=1\nrun 3\npeer P1 connect\nwait TRCV_C_1 STATUS=7004\nset TRCV_C_1 EN_R=1\nrun 3\n"
+JOINED = (
+    "set TRCV_C_1 CONT=1\nrun 3\npeer P1 connect\nwait TRCV_C_1 STATUS=7004\nset TRCV_C_1 EN_R=1\nrun 3\n"
+)
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,14 @@ from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
 
 
-def bench_with(*instances: tuple[str, str, str], active: bool = False) -> Bench:
+def bench_with(*instances: tuple[str, str, str], active: bool = False, **options: str) -> Bench:
     """Return a bench with these instances (block, name, task) on C1; task SLOW has a priority of its own."""
     connect = {"name": "C1", "LocalAddress": "127.0.0.1"}
     far = {"ActiveEstablished": True, "RemoteAddress": "127.0.0.1", "RemotePort": "@P1"}
     moves = [{"data": "data"} if "RCV" in block or "SEND" in block else {} for block, _, _ in instances]
     document = {
         "dialect": "baosky",
+        "options": options,
         "task": [{"name": "MAIN"}, {"name": "SLOW", "interval": "T#20ms", "priority": 2}],
         "data": [{"name": "data", "type": "ARRAY[1..8] OF BYTE"}],
         "connect": [connect | far if active else connect],
@@ -24,7 +25,10 @@ def bench_with(*instances: tuple[str, str, str], active: bool = False) -> Bench:
             {"block": block, "name": name, "task": task, "connect": "C1", **data}
             for (block, name, task), data in zip(instances, moves, strict=True)
         ],
-        "peer": [{"name": "P1", "active": False} if active else {"name": "P1", "active": True, "remote": "@C1"}],
+        "peer": [
+            {"name": name, "active": False} if active else {"name": name, "active": True, "remote": "@C1"}
+            for name in ("P1", "P2", "P3")
+        ],
     }
     return Bench(read_project(document, "shared", Path()), "sim")
 
@@ -119,3 +123,13 @@ def test_80a1_of_a_trcv_is_one_error_as_long_as_it_stands() -> None:
         instance = bench.runtime.snapshot().instance("R")
         assert instance is not None and (instance.status, instance.errors) == (0x80A1, 1)
         bench.close()
+
+
+def test_two_clients_come_to_replace_the_first_and_one_cannot_be_taken_over() -> None:
+    bench = bench_with(("TRCV_C", "R", "MAIN"), second_client="replace")
+    play(bench, "set R CONT=1", "run 4", "peer P1 connect", "run 3")
+    play(bench, "fault poll_add", "peer P2 connect", "peer P3 connect", "run 5")
+    assert status(bench, "R") == 0x7004
+    assert [bench.peers[name].state for name in ("P1", "P2", "P3")] == ["closed", "reset", "connected"]
+    bench.close()
+    assert bench.leaks() == ()

@@ -172,19 +172,20 @@ class Connection:
         before = self.incarnation
         for _ in range(ACCEPTS_A_SCAN):
             got = self.set_up.accept()
-            if not isinstance(got, Accepted):
+            # When a newcomer could not be taken over, nobody is left: the next step adopts whoever waits.
+            if not isinstance(got, Accepted) or not self._second_client(got):
                 break
-            self._second_client(got)
         return self.state is not State.CONNECTED or self.incarnation != before
 
-    def _second_client(self, client: Accepted) -> None:
+    def _second_client(self, client: Accepted) -> bool:
         if self._policy.second_client == "reject":
             self.set_up.turn_away(client, What.SECOND_CLIENT)
-            return
+            return True
         self._note(What.REPLACED, client.peer)
         self._lose(ConnectionLoss(LossKind.OURS, str(self.peer)))
         if self.set_up.take_over(client) is None:
             self._become_connected(client)
+        return self.state is State.CONNECTED
 
     # -- data: TRCV -----------------------------------------------------------------------------
 

@@ -14,7 +14,7 @@ LISTED = {
 CONNECTING = {0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7007, 0x8000}
 BUSY, DONE = {0x7005, 0x7006}, {0x7008, 0x7009}
 BEHIND = {0x7001: 0x0001, 0x7007: 0x7003, 0x7008: 0x7006, 0x7009: 0x7005}  # a code -> the scan before
-IN_USE = 0x80C3
+NO_BUFFER, IN_USE = 0x80A7, 0x80C3
 GONE = " (gone)"
 
 
@@ -53,7 +53,7 @@ def check_owners(picture: Snapshot, model: ByteModel, levels: dict[str, int]) ->
 def check_in_use(out: Outputs, before: Snapshot, after: Snapshot, began: list[str]) -> None:
     """Check that 80C3 has a reason: somebody else, or an instance that is gone, holds the CONNECT.
 
-    `began`: whose jobs began in this scan; a lock may have come and gone within it.
+    `began`: who may have taken a lock in this scan; it may have come and gone within it.
     """
     if out.status != IN_USE:
         return

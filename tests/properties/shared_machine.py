@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from tests.properties.byte_model import ByteModel
 from tests.properties.drawn_projects import BLOCKS, DATA, Document, projects
-from tests.properties.promises import check_in_use, check_outputs, check_owners
+from tests.properties.promises import NO_BUFFER, check_in_use, check_outputs, check_owners
 from tests.properties.witness import Witness
 from trcvtui.blocks.parameters import MOVES_BYTES, inputs_of
 from trcvtui.net.kernel import CALLS
@@ -195,7 +195,7 @@ class SharedMachine(RuleBasedStateMachine):
             self.model.finished.pop(ends, None)
         elif self.is_flowing(ends):
             self.model.finished.setdefault(ends, len(said))
-        if move == "rst" and not self.cut or self.is_flowing(ends):
+        if (move == "rst" and not self.cut) or self.is_flowing(ends):
             self.model.ended.add(ends)
 
     def is_flowing(self, ends: tuple[str, str]) -> bool:
@@ -319,9 +319,11 @@ class SharedMachine(RuleBasedStateMachine):
         before, self.picture = self.picture, runtime.snapshot()
         for name in model.anew if runtime.running else tuple(self.before):
             self.before.pop(name, None)
-        for out in runtime.called:
+        called = runtime.called
+        began = model.began + [out.instance for out in called if out.status == NO_BUFFER]
+        for out in called:
             check_outputs(out, self.before.get(out.instance))
-            check_in_use(out, before, self.picture, model.began)
+            check_in_use(out, before, self.picture, began)
             assert (out.done and out.block in MOVES_BYTES) == (out.instance in model.done)
             self.before[out.instance] = out
         for name, expected in model.data.items():

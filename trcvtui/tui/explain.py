@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
+from trcvtui.plc.snapshot import SENDERS, ConnectionSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import age, count
 
-INJECTED = "injected fault: "
+INJECTED: Final = "injected fault: "
 
 
 def why_now(instance: InstanceSnapshot, connection: ConnectionSnapshot | None, t_ns: int) -> str:
     """Return why an instance shows its STATUS now; numbers are those of this moment."""
     text = why(instance)
-    if instance.need and instance.busy:
+    if instance.need and instance.busy and not instance.sends:
         text = _bytes_now(instance, t_ns)
     elif connection is not None and connection.state != "connected" and instance.pin("CONT"):
         text += _attempts(connection)
@@ -60,7 +62,8 @@ def _numbers(shown: StatusEdge | InstanceSnapshot) -> str:
     if cause.have is not None and cause.need is not None:
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
-        return f", {cause.have} of {count(cause.need, 'byte')} here"
+        where = "in the stack" if shown.block in SENDERS else "here"
+        return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:
         return f" ({cause.pin} is {cause.value})"
     return ""

@@ -64,7 +64,7 @@ async def test_a_send_job_speaks_of_the_stack_and_of_no_byte_that_came() -> None
         why = next(line for line in bench.text.splitlines() if " why   the stack" in line)
         assert "…" not in why, "the scrollbar that has come takes a column: the lines break anew"
         await bench.press("3", "M")
-        assert "8 of 8 bytes in the stack" in bench.text
+        assert "8 of 8 bytes taken" in bench.text
         assert "the last one came" not in bench.text
 
 

@@ -62,7 +62,7 @@ def _numbers(shown: StatusEdge | InstanceSnapshot) -> str:
     if cause.have is not None and cause.need is not None:
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
-        where = "in the stack" if shown.block in SENDERS else "here"
+        where = "taken" if shown.block in SENDERS else "here"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:
         return f" ({cause.pin} is {cause.value})"

@@ -32,7 +32,7 @@ class DeadLinkWatch:
         self._set_ms = 0
 
     def begin(self, handle: Handle) -> None:
-        """Limit how long bytes may stay unacknowledged, from "connected" on: before, it would cut attempts."""
+        """Limit how long bytes may stay unacknowledged; before "connected" it would cut attempts too."""
         self._set_ms = 0
         self._limit(handle, closed_window=False)
 

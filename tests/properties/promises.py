@@ -50,6 +50,16 @@ def check_owners(picture: Snapshot, model: ByteModel, levels: dict[str, int]) ->
             assert name.endswith(GONE) or name in model.sending, f"{name} holds its lock without a job"
 
 
+def check_orphans(before: Snapshot, after: Snapshot) -> None:
+    """Check that the lock of an instance that is gone stays as long as its connection does."""
+    for then in before.connections:
+        now = after.connection(then.name)
+        assert now is not None
+        if (now.state, now.incarnation) == ("connected", then.incarnation):
+            for old, new in ((then.receivers, now.receivers), (then.senders, now.senders)):
+                assert {name for name in old if name.endswith(GONE)} <= set(new)
+
+
 def check_in_use(out: Outputs, before: Snapshot, after: Snapshot, began: list[str]) -> None:
     """Check that 80C3 has a reason: somebody else, or an instance that is gone, holds the CONNECT.
 

@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 ARGS   ?=
 READY  := $(VENV)/.ready
 
-.PHONY: run test lint types contracts unit bench scenarios pictures atlas clean
+.PHONY: run test lint types contracts unit soak bench scenarios pictures atlas clean
 
 run: $(READY)
 	@$(BIN)/trcvtui $(ARGS)
@@ -26,6 +26,10 @@ unit: $(READY)
 
 scenarios: $(READY)
 	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml $(ARGS)
+
+# A million random scans on simulated networks: minutes. TRCVTUI_SOAK_SCANS says how many.
+soak: $(READY)
+	TRCVTUI_SOAK=1 $(BIN)/pytest -s tests/properties/test_soak.py $(ARGS)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks $(ARGS)

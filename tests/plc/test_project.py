@@ -248,3 +248,9 @@ def test_a_mistake_in_the_frame_of_a_scenario(
 def test_a_project_alone_knows_no_scenario_key() -> None:
     with pytest.raises(UserError, match=r"bench.toml: scenario: found an unknown key"):
         read(SMALLEST + '[scenario]\nname = "s"\n')
+
+
+def test_a_scenario_file_is_also_a_project(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text('dialect = "baosky"\n[[connect]]\nname = "C1"\n')
+    (tmp_path / "play.toml").write_text('project = "bench.toml"\n[scenario]\nsteps = "run 1"\n')
+    assert load_project(tmp_path / "play.toml").connects == load_project(tmp_path / "bench.toml").connects

@@ -15,10 +15,10 @@ BLOCKS: Final = (
     *("TRCV", "TSEND") * 2,
     *("TCON", "TDISCON", "T_RESET"),
 )
-DATA: Final = {"D1": 8, "D2": 5, "D3": 64, "D4": 9000}  # D4: more than a small send buffer takes at once
+DATA: Final = {"D1": 8, "D2": 5, "D3": 64, "D4": 30_000}  # D4: more than a small send buffer takes at once
 OPTIONS: Final = {
     "lock_across_tasks": st.booleans(),
-    "small_buffers": st.booleans(),
+    "small_buffers": st.sampled_from((True, True, False)),
     "second_client": st.sampled_from(("reject", "replace", "queue")),
     "not_connected": st.sampled_from(("pulse", "hold", "never")),
     "short_frame": st.sampled_from(("both", "80C5")),

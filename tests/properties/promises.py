@@ -14,7 +14,7 @@ LISTED = {
 CONNECTING = {0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7007, 0x8000}
 BUSY, DONE = {0x7005, 0x7006}, {0x7008, 0x7009}
 BEHIND = {0x7001: 0x0001, 0x7007: 0x7003, 0x7008: 0x7006, 0x7009: 0x7005}  # a code -> the scan before
-IN_USE = 0x80C3
+NO_BUFFER, IN_USE = 0x80A7, 0x80C3
 GONE = " (gone)"
 
 
@@ -50,10 +50,20 @@ def check_owners(picture: Snapshot, model: ByteModel, levels: dict[str, int]) ->
             assert name.endswith(GONE) or name in model.sending, f"{name} holds its lock without a job"
 
 
+def check_orphans(before: Snapshot, after: Snapshot) -> None:
+    """Check that the lock of an instance that is gone stays as long as its connection does."""
+    for then in before.connections:
+        now = after.connection(then.name)
+        assert now is not None
+        if (now.state, now.incarnation) == ("connected", then.incarnation):
+            for old, new in ((then.receivers, now.receivers), (then.senders, now.senders)):
+                assert {name for name in old if name.endswith(GONE)} <= set(new)
+
+
 def check_in_use(out: Outputs, before: Snapshot, after: Snapshot, began: list[str]) -> None:
     """Check that 80C3 has a reason: somebody else, or an instance that is gone, holds the CONNECT.
 
-    `began`: whose jobs began in this scan; a lock may have come and gone within it.
+    `began`: who may have taken a lock in this scan; it may have come and gone within it.
     """
     if out.status != IN_USE:
         return

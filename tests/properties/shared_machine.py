@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from tests.properties.byte_model import ByteModel
 from tests.properties.drawn_projects import BLOCKS, DATA, Document, projects
-from tests.properties.promises import check_in_use, check_outputs, check_owners
+from tests.properties.promises import NO_BUFFER, check_in_use, check_orphans, check_outputs, check_owners
 from tests.properties.witness import Witness
 from trcvtui.blocks.parameters import MOVES_BYTES, inputs_of
 from trcvtui.net.kernel import CALLS
@@ -25,10 +25,10 @@ from trcvtui.rig.peer import Peer
 MOST_INSTANCES: Final = 8
 SMALL_WINDOW: Final = 2000  # bytes: as long as no more are on the way, no window of this bench has closed
 TYPES: Final = (
-    *(f"ARRAY[1..{size}] OF BYTE" for size in (1, 5, 8, 64, 64, 500, 9000, 9000, 65535, 65536)),
+    *(f"ARRAY[1..{size}] OF BYTE" for size in (1, 5, 8, 64, 64, 500, 30_000, 30_000, 65535, 65536)),
     "STRUCT END_STRUCT",  # no byte at all
 )
-LENGTHS: Final = (0, 0, 0, 0, 1, 3, 3, 5, 5, 64, 70, 8999, 65536)
+LENGTHS: Final = (0, 0, 0, 0, 1, 3, 3, 5, 5, 64, 70, 29_999, 65536)
 WAITS: Final = (0, 1, 2, 5, 330)  # scans; 3 x I, when a dead link is found, are 300
 ERRORS: Final = ("", "", "", " ECONNRESET", " ETIMEDOUT", " EAGAIN", " EPIPE")
 PICK: Final = st.integers(0, 23)  # which of what is there, modulo their number
@@ -124,7 +124,9 @@ class SharedMachine(RuleBasedStateMachine):
             self.do(f"set {decl.name} LEN={length}{mode}")
 
     @rule(
-        data=st.sampled_from(tuple(DATA)), at=st.integers(0, 70), payload=st.binary(min_size=1, max_size=20)
+        data=st.sampled_from(tuple(DATA)),
+        at=st.one_of(st.integers(0, 70), st.integers(9000, 29_900)),
+        payload=st.binary(min_size=1, max_size=20),
     )
     def write(self, data: str, at: int, payload: bytes) -> None:
         decl = self.bench.project.data_decl(data)
@@ -195,7 +197,7 @@ class SharedMachine(RuleBasedStateMachine):
             self.model.finished.pop(ends, None)
         elif self.is_flowing(ends):
             self.model.finished.setdefault(ends, len(said))
-        if move == "rst" and not self.cut or self.is_flowing(ends):
+        if (move == "rst" and not self.cut) or self.is_flowing(ends):
             self.model.ended.add(ends)
 
     def is_flowing(self, ends: tuple[str, str]) -> bool:
@@ -291,6 +293,19 @@ class SharedMachine(RuleBasedStateMachine):
             self.run(gap)
         self.run(1)
 
+    @rule(fill=st.binary(min_size=1, max_size=3))
+    def write_while_sending(self, fill: bytes) -> None:
+        """Change DATA behind the bytes that the stack has taken: the frame was copied at the edge."""
+        self.mend()
+        for name in self.senders():
+            self.do(f"set {name} LEN=0")
+            self.do(f"pulse {name} REQ")
+        self.run(1)
+        for job in self.picture.instances:
+            if job.block.startswith("TSEND") and job.data and job.have < job.need:
+                self.write(job.data, job.need - len(fill), fill)
+        self.run(5)
+
     @rule(scans=st.integers(2, 20))
     def blink(self, scans: int) -> None:
         """Let all senders send as fast as they can."""
@@ -319,14 +334,17 @@ class SharedMachine(RuleBasedStateMachine):
         before, self.picture = self.picture, runtime.snapshot()
         for name in model.anew if runtime.running else tuple(self.before):
             self.before.pop(name, None)
-        for out in runtime.called:
+        called = runtime.called
+        began = model.began + [out.instance for out in called if out.status == NO_BUFFER]
+        for out in called:
             check_outputs(out, self.before.get(out.instance))
-            check_in_use(out, before, self.picture, model.began)
+            check_in_use(out, before, self.picture, began)
             assert (out.done and out.block in MOVES_BYTES) == (out.instance in model.done)
             self.before[out.instance] = out
         for name, expected in model.data.items():
             assert runtime.data(name) == expected, "DATA changes only at DONE, and by commands"
         priorities = {t.name: 0 if self.across_tasks else t.priority for t in self.bench.project.tasks}
+        check_orphans(before, self.picture)
         check_owners(self.picture, model, {n: priorities[task] for n, task in self.task_of.items()})
         self.witness.check(model.said, len(model.receiving) + len(model.sending))
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
 from tests.properties.shared_machine import SharedMachine
 
-LEAST_SCANS = int(os.environ.get("TRCVTUI_SHARED_SCANS", "60000"))
-SCANS_AN_EXAMPLE = 400  # what one example runs through on average, cautiously
+LEAST_SCANS = int(os.environ.get("TRCVTUI_SHARED_SCANS", "70000"))
+SCANS_AN_EXAMPLE = 250  # what one example runs through on average, cautiously
 
 
+@pytest.mark.timeout(300)
 def test_one_owner_a_direction_and_every_byte_once() -> None:
     SharedMachine.scans = 0
     many = settings(

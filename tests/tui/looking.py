@@ -21,7 +21,16 @@ from trcvtui.tui.settings import load_settings
 WIDE, SMALL = (140, 45), (80, 24)
 BOTH = pytest.mark.parametrize("size", [WIDE, SMALL], ids=["140x45", "80x24"])
 SNAPSHOTS = Path(__file__).parent / "snapshots"
+FRAMES_TO_FOLLOW = 3  # a command goes out, its scan passes, its picture comes back
 UPDATE = "UPDATE_SNAPSHOTS"  # UPDATE_SNAPSHOTS=1 writes the pictures anew: look at them before you commit
+
+
+async def follow(app: BenchApp, pilot: Pilot[None]) -> None:
+    """Let the screen follow the bench: a few frames without waiting for the clock that calls them."""
+    for _ in range(FRAMES_TO_FOLLOW):
+        await pilot.pause()
+        app._frame()
+    await pilot.pause()
 
 
 class Looker:

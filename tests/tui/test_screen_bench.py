@@ -8,7 +8,7 @@ from pathlib import Path
 
 from textual.pilot import Pilot
 
-from tests.tui.looking import BOTH, WIDE, screen_text
+from tests.tui.looking import BOTH, WIDE, follow, screen_text
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.local_driver import LocalDriver
@@ -26,12 +26,12 @@ class Stepped:
     async def scan(self, scans: int = 1) -> None:
         """Let scans pass, then let the screen see them."""
         self.driver.scan(scans)
-        await self.pilot.pause(0.12)
+        await follow(self.app, self.pilot)
 
     async def press(self, *keys: str) -> None:
         """Press keys and let the screen follow."""
         await self.pilot.press(*keys)
-        await self.pilot.pause(0.12)
+        await follow(self.app, self.pilot)
 
     async def send(self, payload: str) -> None:
         """Type a payload into the composer, send it, and let it arrive."""

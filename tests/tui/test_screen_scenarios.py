@@ -10,7 +10,7 @@ import pytest
 from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, picture
-from tests.tui.looking import BOTH, SMALL, WIDE, looking, same_screen, screen_text, typed
+from tests.tui.looking import BOTH, SMALL, WIDE, follow, looking, same_screen, screen_text, typed
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig import scenario_files
 from trcvtui.rig.console import fresh_bench
@@ -37,12 +37,12 @@ class Stage:
     async def press(self, *keys: str) -> None:
         """Press keys and let the screen follow."""
         await self.pilot.press(*keys)
-        await self.pilot.pause(0.12)
+        await follow(self.app, self.pilot)
 
     async def scan(self, scans: int = 1) -> None:
         """Let scans pass, as far as they may, and let the screen see them."""
         self.driver.scan(scans)
-        await self.pilot.pause(0.12)
+        await follow(self.app, self.pilot)
 
     async def choose(self, name: str) -> None:
         """Filter for a scenario."""

@@ -81,7 +81,10 @@ class TrcvC:
             self.job.abandon("EN_R fell")
             self.job.let_go()
             return self._idle(loss)
-        return self._receive(inputs) if loss is None else self._lost(loss)
+        if loss is not None:
+            return self._lost(loss)
+        self._armed = False  # this EN_R has its connection: a loss or reset that comes later is no edge
+        return self._receive(inputs)
 
     def _receive(self, inputs: Inputs) -> Outcome:
         got = self.job.call(inputs)

@@ -32,6 +32,7 @@ class UrecvC:
         outcome = self._part.call(inputs.cont)
         if outcome is not None:
             return self._while_not_ready(inputs, outcome)
+        self._armed = False  # this EN_R has its socket: one that is closed later is no edge
         if inputs.en_r:
             return self.job.call(inputs.len)
         self.job.abandon("EN_R fell")

@@ -84,6 +84,7 @@ class DatagramOut:
         limit = self._env.rules.max_datagram
         refused = refuse(self._env, self._data, length, self._port.sending, self.claim, self._config, limit)
         if refused is not None:
+            self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR
             return refused
         assert self._data is not None
         payload = bytes(self._data.content[: length or self._data.size])

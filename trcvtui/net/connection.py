@@ -15,6 +15,7 @@ from typing import Final
 
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind, loss_of
+from trcvtui.net.dead_link import DeadLinkWatch, Sent
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, Kernel, WouldBlock
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.ownership import Claim, Direction
@@ -70,7 +71,7 @@ class Connection:
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
         self._losses: dict[int, ConnectionLoss] = {}
-        self._user_timeout_ms = 0
+        self._dead_link = DeadLinkWatch(config, kernel, policy.user_timeout)
 
     @property
     def is_up(self) -> bool:
@@ -150,7 +151,7 @@ class Connection:
         self.incarnation += 1
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self._local = self._kernel.local_end(got.handle)
-        self._limit_unacknowledged(got.handle, closed_window=False)
+        self._dead_link.begin(got.handle)
         self._note(What.CONNECTED)
 
     def _failed(self, failed: StepFault, now: int) -> StepFault:
@@ -167,24 +168,32 @@ class Connection:
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
             return False
-        if self._policy.second_client == "queue":
+        if self._policy.second_client == "queue" or self._is_over():
             return False
         before = self.incarnation
         for _ in range(ACCEPTS_A_SCAN):
             got = self.set_up.accept()
-            if not isinstance(got, Accepted):
+            # When a newcomer could not be taken over, nobody is left: the next step adopts whoever waits.
+            if not isinstance(got, Accepted) or not self._second_client(got):
                 break
-            self._second_client(got)
         return self.state is not State.CONNECTED or self.incarnation != before
 
-    def _second_client(self, client: Accepted) -> None:
+    def _is_over(self) -> bool:
+        """Return whether the partner has ended the connection: who comes behind that is his successor."""
+        seen = self._kernel.loss(self.handle) if self.handle is not None and self.doom is None else None
+        if seen is not None:
+            self.doom = self._loss_of(seen.fault)
+        return self.doom is not None
+
+    def _second_client(self, client: Accepted) -> bool:
         if self._policy.second_client == "reject":
             self.set_up.turn_away(client, What.SECOND_CLIENT)
-            return
+            return True
         self._note(What.REPLACED, client.peer)
         self._lose(ConnectionLoss(LossKind.OURS, str(self.peer)))
         if self.set_up.take_over(client) is None:
             self._become_connected(client)
+        return self.state is State.CONNECTED
 
     # -- data: TRCV -----------------------------------------------------------------------------
 
@@ -298,30 +307,14 @@ class Connection:
         return None if path is None else path.unacked + path.unsent
 
     def watch(self) -> bool:
-        """Keep a closed window from looking like a dead link, and a dead link from hiding behind one.
-
-        Return whether the link is dead. Done in each scan as long as bytes of ours are on the way (3.2, 5.5).
-        """
-        path = None if self.handle is None else self._kernel.path(self.handle)
-        if self.handle is None or path is None or not (path.unacked or path.unsent):
+        """Look after bytes that are under way; return whether the link has turned out to be dead."""
+        sent = Sent.SETTLED if self.handle is None else self._dead_link.look(self.handle)
+        if sent is Sent.SETTLED:
             self._resources.unsettled.pop(self._name, None)
-            path = None
-        if self.handle is None or self.doom is not None:
-            return False
-        closed_window = path is not None and path.unacked == 0
-        self._limit_unacknowledged(self.handle, closed_window)
-        if path is None or not closed_window or not path.probes_often or not self._policy.user_timeout:
-            return False
-        if path.last_ack_ms < self.config.dead_after_ms:
+        if sent is not Sent.DEAD or self.doom is not None:
             return False
         self._found(self._loss_of(Fault("path", "ETIMEDOUT")))
         return True
-
-    def _limit_unacknowledged(self, handle: Handle, closed_window: bool) -> None:
-        limit = self.config.dead_after_ms if self._policy.user_timeout and not closed_window else 0
-        if limit != self._user_timeout_ms:
-            self._user_timeout_ms = limit
-            self._kernel.set_user_timeout(handle, limit)
 
     # -- close and reset: TDISCON, T_RESET ----------------------------------------------------------
 
@@ -380,7 +373,6 @@ class Connection:
         self.peer, self._local = None, None
         self.receiving.end()
         self.sending.end()
-        self._user_timeout_ms = 0
         self.state = state
 
     # -- notes ------------------------------------------------------------------------------------

@@ -21,9 +21,15 @@ KEYS: Final = (
 
 
 def load_project(path: Path | str, overrides: Iterable[str] = ()) -> Project:
-    """Return the project of a file, `PATH=VALUE` overrides in it; raise UserError with all problems."""
+    """Return the project of a file, `PATH=VALUE` overrides in it; raise UserError with all problems.
+
+    Of a scenario file it is the project that the scenario runs on.
+    """
     path = Path(path)
-    return read_project(read_toml(path), str(path), path.parent, overrides)
+    document = read_toml(path)
+    if document.pop("scenario", None) is not None:
+        return _project_of(document, path, overrides)
+    return read_project(document, str(path), path.parent, overrides)
 
 
 def load_scenario_document(
@@ -58,7 +64,8 @@ def _project_of(document: dict[str, Any], path: Path, overrides: Iterable[str]) 
     table.finish('key beside project = "..."')
     if table.problems or other is None:
         raise UserError(table.problems)
-    return load_project(path.parent / other, overrides)
+    beside = path.parent / other  # a project: not a scenario that might name this one again
+    return read_project(read_toml(beside), str(beside), beside.parent, overrides)
 
 
 def read_project(

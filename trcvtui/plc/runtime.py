@@ -326,7 +326,9 @@ class Runtime:
         for name, instance in self._instances.items():
             if instance.decl.connect in stirring:
                 self._instance_snapshots[name] = instance.snapshot()
-        for name in stirring:
+        # The time to the next attempt runs on also where nobody is left to make it.
+        pausing = {name for name, connection in self._connections.items() if connection.retry_at is not None}
+        for name in stirring | pausing:
             self._connection_snapshots[name] = self._link_snapshot(name)
         for name, data in self._data.items():
             if self._data_snapshots[name].generation != data.generation:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from trcvtui.blocks.cause import Cause
-from trcvtui.blocks.parameters import SENDS
+from trcvtui.blocks.parameters import MOVES_BYTES, SENDS
+
+SENDERS: Final = SENDS | {"USEND_C"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +81,12 @@ class InstanceSnapshot:
     @property
     def sends(self) -> bool:
         """Return whether this block sends DATA."""
-        return self.block in SENDS or self.block == "USEND_C"
+        return self.block in SENDERS
+
+    @property
+    def moves_bytes(self) -> bool:
+        """Return whether this block has a DATA pin."""
+        return self.block in MOVES_BYTES
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of an input or output by its manual's name, None where it has none."""

@@ -11,6 +11,7 @@ from typing import Final
 
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.conditions import Condition
+from trcvtui.plc.snapshot import SENDERS
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig import advice_receive as receive
@@ -79,11 +80,11 @@ def why(e: Evidence) -> str:
     rule = NOW.get(Condition(e.condition))
     stands = rule(e) if rule is not None and (e.need or rule is link.who_is_waited_for) else ""
     if not stands:
-        return because(e.cause)
+        return because(e.cause, e.block)
     return INJECTED + stands if e.cause.injected else stands
 
 
-def because(cause: Cause) -> str:
+def because(cause: Cause, block: str) -> str:
     """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
     text = cause.name
     if cause.call and cause.call in text:
@@ -92,17 +93,18 @@ def because(cause: Cause) -> str:
         text += f" ({cause.call} gave {cause.error or 'an error'})"
     if cause.injected:
         text = INJECTED + text
-    text += _numbers(cause)
+    text += _numbers(cause, block)
     if cause.peer and cause.peer not in text:
         text += f", partner {cause.peer}"
     return text + (f", {cause.detail}" if cause.detail else "")
 
 
-def _numbers(cause: Cause) -> str:
+def _numbers(cause: Cause, block: str) -> str:
     if cause.have is not None and cause.need is not None:
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
-        return f", {cause.have} of {count(cause.need, 'byte')} here"
+        where = "taken" if block in SENDERS else "here"
+        return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:
         return f" ({cause.pin} is {cause.value})"
     return ""

@@ -12,7 +12,7 @@ from trcvtui.tui.scene import Scene
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
     """Return the evidence of a STATUS: what happened, which call and error, whose, and whether injected."""
-    return because(shown.cause)
+    return because(shown.cause, shown.block)
 
 
 class Explainer:

@@ -71,6 +71,14 @@ def _fitting(text: str, width: int) -> str:
     return text[:end]
 
 
+def squeeze(text: str, width: int) -> str:
+    """Return a name in at most `width` characters; it keeps its end, where names differ."""
+    if len(text) <= width or width < 5:
+        return clip(text, width)
+    tail = (width - 1) // 2
+    return f"{text[: width - 1 - tail]}…{text[-tail:]}"
+
+
 def plain(text: str) -> str:
     """Return text with every control character spelled out: what came from outside stays one line."""
     return one_line(text)

@@ -12,6 +12,7 @@ from trcvtui.tui.formatting import clip, count, lamp, plain
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.literals import format_time
 
 IN_BOX: Final = 8
 OUT_BOX: Final = 8
@@ -58,9 +59,17 @@ class FunctionBlock(LineView):
     def show(self) -> None:
         """Repaint what changed."""
         instance = self._scene.instance
-        self.set_title(2, plain(self._scene.selected) or "Block", instance.block if instance else "")
+        about = f"{instance.block}{self._called_by(instance)}" if instance else ""
+        self.set_title(2, plain(self._scene.selected) or "Block", about)
         self._settle()
         super().show()
+
+    def _called_by(self, instance: InstanceSnapshot) -> str:
+        """Return the task of an instance where there are several: ` · SLOW T#40ms priority 2`."""
+        task = self._scene.project.task(instance.task)
+        if task is None or len(self._scene.project.tasks) < 2:
+            return ""
+        return f" · {plain(task.name)} {format_time(task.interval_ns)} priority {task.priority}"
 
     def _settle(self) -> None:
         snapshot, instance = self._scene.snapshot, self._scene.instance
@@ -142,7 +151,7 @@ class FunctionBlock(LineView):
             link = " CONNECT " if instance.addr is None else " CONFIG  "
             return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
         if y == 1:
-            return row((" DATA    ", "dim"), *self._data_parts())
+            return row((" DATA    ", "dim"), *self._data_parts(instance))
         if y == 2:
             errors = f"  {count(instance.errors, 'error')}"
             return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
@@ -179,10 +188,10 @@ class FunctionBlock(LineView):
         addr = picture.snapshot.addr(instance.addr)
         return f"  {plain(addr.name)} {plain(addr.end)}" if addr is not None else ""
 
-    def _data_parts(self) -> list[Part]:
+    def _data_parts(self, instance: InstanceSnapshot) -> list[Part]:
         declared = self._scene.declaration
         if declared is None:
-            return [("not wired", "warn")]
+            return [("not wired", "warn")] if instance.moves_bytes else [("none", "dim")]
         size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
         return [(plain(declared.name), "strong"), (size, "dim")]
 
@@ -262,5 +271,6 @@ class FunctionBlock(LineView):
 def _last(instance: InstanceSnapshot) -> str:
     if instance.last_done_scan is None:
         return "no DONE yet"
-    size = f"{instance.last_rcvd_len} B " if instance.last_rcvd_len is not None else ""
+    moved = instance.last_rcvd_len if instance.moves_bytes else None
+    size = f"{moved} B " if moved is not None else ""
     return f"DONE {size}in scan {instance.last_done_scan}"

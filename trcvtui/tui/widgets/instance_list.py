@@ -8,7 +8,7 @@ from textual import events
 
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.tui.afterglow import DONE, ERROR, Pulse
-from trcvtui.tui.formatting import age, bar, clip, lamp, plain, status_word
+from trcvtui.tui.formatting import age, bar, clip, lamp, plain, squeeze, status_word
 from trcvtui.tui.messages import InstanceSelected
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
@@ -18,13 +18,14 @@ BAR: Final = 10
 
 
 class Columns(NamedTuple):
-    """Widths of the columns; `bar` 0 leaves bar and age out."""
+    """Widths of the columns; `both` ends of the connection or the partner only; `bar` 0: no bar, no age."""
 
     name: int
     partner: int
     word: int
     condition: int
     bar: int
+    both: bool
 
 
 class InstanceList(LineView):
@@ -59,12 +60,15 @@ class InstanceList(LineView):
     def _measure(self) -> Columns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
         name = min(max((len(instance.name) for instance in shown), default=8), 24 if roomy else 12)
-        partners = (len(_partner(self._scene.connection_of(i), roomy)) for i in shown)
-        partner = max(partners, default=20)
-        if roomy:
-            # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
-            return Columns(name, min(partner, max(24, self.line_width - name - 86)), 7, 18, BAR)
-        return Columns(name, min(partner, 23), 4, 18, 0)
+        # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
+        room = max(24, self.line_width - name - 86) if roomy else 23
+        both = roomy and self._partner_width(True) <= room
+        partner = min(self._partner_width(both), room)
+        return Columns(name, partner, 7, 18, BAR, both) if roomy else Columns(name, partner, 4, 18, 0, both)
+
+    def _partner_width(self, both: bool) -> int:
+        shown = self._scene.instances
+        return max((len(_partner(self._scene.connection_of(i), both)) for i in shown), default=20)
 
     def _row(self, instance: InstanceSnapshot, columns: Columns) -> Row:
         selected = instance.name == self._scene.selected
@@ -72,11 +76,8 @@ class InstanceList(LineView):
         connection = self._scene.connection_of(instance)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
-            (clip(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
-            (
-                clip(_partner(connection, columns.bar > 0), columns.partner).ljust(columns.partner) + "  ",
-                "dim",
-            ),
+            (squeeze(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
+            (clip(_partner(connection, columns.both), columns.partner).ljust(columns.partner) + "  ", "dim"),
             *_status(instance, columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
@@ -156,16 +157,16 @@ def _status(instance: InstanceSnapshot, columns: Columns) -> list[Part]:
     ]
 
 
-def _partner(connection: ConnectionSnapshot | None, roomy: bool) -> str:
-    """Return who talks to whom: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, narrow `← 127.0.0.1:51322`."""
+def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:
+    """Return who talks to whom: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or only `← 127.0.0.1:51322`."""
     if connection is None:
         return ""
     if connection.udp:
         remote = connection.remote or "nobody yet"
-        return f"UDP     {connection.local} ↔ {remote}" if roomy else f"↔ {remote}"
+        return f"UDP     {connection.local} ↔ {remote}" if both else f"↔ {remote}"
     connected = connection.state == "connected"
     if connection.active:
-        return f"active  → {connection.remote}" if roomy else f"→ {connection.remote}"
+        return f"active  → {connection.remote}" if both else f"→ {connection.remote}"
     if connected:
-        return f"passive {connection.local} ← {connection.remote}" if roomy else f"← {connection.remote}"
-    return f"passive {connection.local} ← no partner" if roomy else f"← waits {connection.local}"
+        return f"passive {connection.local} ← {connection.remote}" if both else f"← {connection.remote}"
+    return f"passive {connection.local} ← no partner" if both else f"← waits {connection.local}"

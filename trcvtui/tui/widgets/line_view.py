@@ -149,6 +149,10 @@ class LineView(ScrollView, can_focus=True):
         """Draw anew: rows may have changed while the pane was out of sight, and lines break elsewhere."""
         self.show()
 
+    def watch_show_vertical_scrollbar(self) -> None:
+        """Break lines anew: a scrollbar that comes takes a column, and no Resize tells of it."""
+        self.show()
+
     def on_focus(self) -> None:
         """Show the cursor."""
         self.show()

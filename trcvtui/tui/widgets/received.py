@@ -92,6 +92,7 @@ class Received(Vertical):
         instance = self._scene.instance
         self._show_title(instance)
         if instance is None:
+            self._show_nothing()
             return
         self._take_past(instance)
         if self.is_past:
@@ -109,6 +110,13 @@ class Received(Vertical):
         self._show_origin()
         if grown and not self.job.has_focus:
             self.job.keep_in_view(max(0, len(self._scene.partial) - 1) // self.job.per_row)
+
+    def _show_nothing(self) -> None:
+        """No instance is left: its bytes go with it."""
+        for view in (self.data, self.job):
+            view.show_bytes(b"", 0, frozenset())
+        self._line.show()
+        self._show_origin()
 
     def _starts(self, of_job: bool) -> frozenset[int]:
         return self._scene.provenance.message_starts(self._scene.selected, of_job)

@@ -51,12 +51,18 @@ class StatusCard(LineView):
     def _card(self) -> list[Row]:
         instance = self._scene.instance
         if instance is None:
-            return [row(("waiting for the first scan", "dim"))]
+            return self._nothing()
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
             when = f"in scan {self._past.scan}, at {moment(self._past.t_ns)} s"
             return self._rows_for(edge, when, self._explainer.then(self._past, edge), [])
         told = self._explainer.now(instance)
         return self._rows_for(instance, f"since scan {instance.since_scan}", told, self._lamps(instance))
+
+    def _nothing(self) -> list[Row]:
+        if self._scene.project.instances or self._scene.picture is None:
+            return [row(("waiting for the first scan", "dim"))]
+        texts = ("the program has no instance left", "`: create TRCV_C NAME connect=C1 data=rx` makes one")
+        return [row((text, "dim")) for text in texts]
 
     def _rows_for(
         self, shown: InstanceSnapshot | StatusEdge, when: str, told: Advice, lamps: list[Part]

@@ -1,0 +1,146 @@
+"""A million scans: `make soak`. Nothing leaks: no descriptor, no memory, no resource of the PLC."""
+
+from __future__ import annotations
+
+import gc
+import os
+import random
+import tracemalloc
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, seed, settings
+from hypothesis.stateful import run_state_machine_as_test
+
+from tests.properties.drawn_projects import DATA
+from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
+from trcvtui.net.kernel import CALLS
+
+LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
+EXAMPLES = 150  # of one round; Hypothesis forgets them behind it
+MOST_GROWTH = 48 << 20  # bytes of the process, from the first round to the last
+LIFE = 100_000  # scans of the one long life
+MOST_GAIN = 256 << 10  # bytes that lines of trcvtui may hold more than in the middle of it
+
+KINDS = ("TRCV_C", "TSEND_C", "TCON", "TRCV", "TSEND", "T_RESET")
+PEER_MOVES = ("close", "rst", "shutdown", "open", "open", "stall", "resume")
+VALUES = ("0", "1", "1", "pulse", "blink")
+
+pytestmark = [
+    pytest.mark.skipif("TRCVTUI_SOAK" not in os.environ, reason="takes minutes: make soak"),
+    pytest.mark.timeout(7200),
+]
+
+
+def descriptors() -> int:
+    return len(os.listdir("/proc/self/fd"))
+
+
+def resident() -> int:
+    """Return how many bytes of memory the process has."""
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def test_a_million_scans_of_many_benches_leak_nothing() -> None:
+    SharedMachine.scans, rounds, sizes = 0, 0, []
+    before = descriptors()
+    round_of = settings(
+        max_examples=EXAMPLES,
+        stateful_step_count=50,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate, Phase.shrink],
+        suppress_health_check=list(HealthCheck),
+    )
+    while SharedMachine.scans < LEAST_SCANS:
+        rounds += 1
+        run_state_machine_as_test(seed(rounds)(type("Soak", (SharedMachine,), {})), settings=round_of)
+        sizes.append(resident())
+        print(f"round {rounds}: {SharedMachine.scans} scans, {sizes[-1] >> 20} MiB, {descriptors()} fds")
+    assert descriptors() == before
+    assert max(sizes) - sizes[0] < MOST_GROWTH
+
+
+def test_one_bench_lives_long_and_holds_no_more_than_before() -> None:
+    dice, life = random.Random(1), SharedMachine()
+    life.begin(project())
+    tracemalloc.start()
+    held = []
+    for until in (LIFE // 2, LIFE):
+        while life.bench.runtime.scans < until:
+            live_on(life, dice)
+        held.append(held_by_the_program())
+        print(f"{life.bench.runtime.scans} scans: {held[-1] >> 10} KiB held")
+    tracemalloc.stop()
+    life.teardown()
+    assert held[1] - held[0] < MOST_GAIN
+
+
+def project() -> dict[str, object]:
+    connects: list[dict[str, object]] = [
+        {"name": "C1", "LocalAddress": "127.0.0.1"},
+        {
+            "name": "C2",
+            "LocalAddress": "127.0.0.1",
+            "ActiveEstablished": True,
+            "RemoteAddress": "127.0.0.1",
+            "RemotePort": "@P2",
+        },
+    ]
+    return {
+        "dialect": "baosky",
+        "options": {"retry": "T#50ms", "attempt_limit": "T#200ms", "small_buffers": True},
+        "task": [{"name": "T1"}, {"name": "T2", "interval": "T#30ms", "priority": 2}],
+        "data": [{"name": name, "type": f"ARRAY[1..{size}] OF BYTE"} for name, size in DATA.items()],
+        "connect": connects,
+        "instance": [
+            {"name": f"I{n}", "block": block, "connect": f"C{n % 2 + 1}", "task": f"T{n % 3 // 2 + 1}"}
+            | ({"data": f"D{n % 4 + 1}"} if "RCV" in block or "SEND" in block else {})
+            for n, block in enumerate(KINDS, 1)
+        ],
+        "peer": [
+            {"name": "P1", "active": True, "remote": "@C1"},
+            {"name": "P2", "active": False},
+        ],
+    }
+
+
+def live_on(life: SharedMachine, dice: random.Random) -> None:
+    """Make one move that dice choose, and let some scans pass."""
+    pick, name, choose = dice.randrange(24), dice.choice(tuple(DATA)), dice.choice
+    moves = {
+        "bring up": lambda: life.bring_up(dice.choice(("", *CALLS))),
+        "turn": lambda: life.turn(pick, dice.randrange(24), choose(VALUES)),
+        "length": lambda: life.set_length(pick, dice.random() < 0.5, dice.choice(LENGTHS)),
+        "write": lambda: life.write(name, 0, b"\x01\x02\x03"),
+        "resize": lambda: life.resize(name, dice.choice(TYPES[:8])),
+        "create": lambda: life.create(
+            dice.randint(1, 8),
+            choose(KINDS),
+            pick,
+            0,
+            name,
+            True,
+        ),
+        "delete": lambda: life.delete(pick),
+        "download": lambda: life.download(pick),
+        "peer": lambda: life.move_peer(pick, choose(PEER_MOVES)),
+        "ask": lambda: life.ask(pick, [1, 0, 2, 0]),
+        "talk": lambda: life.talk(pick, [5, 40, 8]),
+        "leave": lambda: life.end_in_mid_frame(pick, 10, choose(PEER_MOVES[:3])),
+        "stop": lambda: life.stop_for_a_while(3),
+        "wire": lambda: life.link(pick, dice.random() < 0.8, 2),
+        "fault": lambda: life.fault(dice.choice(CALLS), "", pick, 1),
+    }
+    dice.choice(tuple(moves.values()))()
+    life.run(dice.randint(1, 12))
+
+
+def held_by_the_program() -> int:
+    """Return how many bytes lines of trcvtui have asked for and still hold."""
+    gc.collect()
+    ours = tracemalloc.Filter(True, "*/trcvtui/*")
+    taken = tracemalloc.take_snapshot().filter_traces([ours])
+    return sum(line.size for line in taken.statistics("filename"))

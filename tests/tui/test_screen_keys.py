@@ -156,7 +156,10 @@ async def test_markup_and_control_characters_in_an_answer_stay_text() -> None:
 async def test_help_shows_the_keys_and_then_the_status_table(size: tuple[int, int], key: str) -> None:
     async with looking(size) as looker:
         await looker.press(key)
-        assert "command palette" in looker.text
+        first = looker.text
+        assert "Here: " in first, "the keys of the pane that had the focus come first"
+        await looker.press("pagedown")
+        assert "command palette" in first + looker.text
         await looker.press("G")
         last = bench_project().dialect.status[-1]
         assert last.word in looker.text and last.title in looker.text

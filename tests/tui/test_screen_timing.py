@@ -207,7 +207,8 @@ async def test_bang_goes_to_the_newest_error_and_round() -> None:
     async with analysing() as look:
         await look.press("exclamation_mark")
         assert "no ERROR in what is known of TRCV_C_1" in look.text
-        await look.say("peer P1 rst", 5)
+        for line in ("peer P1 rst", "peer P1 connect", "peer P1 rst"):
+            await look.say(line, 8)
         await look.press("exclamation_mark")
         assert look.value("ERROR") == "1"
         newest = look.pane.view.cursor

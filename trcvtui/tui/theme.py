@@ -1,4 +1,4 @@
-"""The looks of the bench: a calm dark one, the default, its light twin, and one of the terminal's 16 colours."""
+"""The looks of the bench: a calm dark one (the default), its light twin, one of the terminal's 16 colours."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Bytes as `hexdump -v -C` prints them, in pure Python.
 
-A line is a template of fixed columns; of many lines at once one column is filled with one strided copy, so the
-work is a few dozen copies for 64 KiB whatever the bytes are (reference/performance.md section 3).
+A line is a template of fixed columns; of many lines at once one column is filled with one strided copy, so
+the work is a few dozen copies for 64 KiB whatever the bytes are (reference/performance.md section 3).
 """
 
 from __future__ import annotations

@@ -50,6 +50,7 @@ class TwinMachine(SharedMachine):
         self.seq = ours.ledger.last_seq
 
 
+@pytest.mark.timeout(300)  # of processor time it takes a tenth
 def test_letting_idle_instances_sleep_changes_no_scan() -> None:
     SharedMachine.scans = 0
     many = settings(

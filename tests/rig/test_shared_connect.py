@@ -133,3 +133,13 @@ def test_two_clients_come_to_replace_the_first_and_one_cannot_be_taken_over() ->
     assert [bench.peers[name].state for name in ("P1", "P2", "P3")] == ["closed", "reset", "connected"]
     bench.close()
     assert bench.leaks() == ()
+
+
+def test_a_trcv_whose_connection_nobody_builds_any_more_complains_in_each_scan() -> None:
+    bench = bench_with(("TRCV_C", "R", "MAIN"), ("TRCV", "T", "MAIN"))
+    play(bench, "set R CONT=1", "run 3", "peer P1 connect", "run 3", "delete R", "peer P1 close")
+    play(bench, "set T EN_R=1", "run 1")
+    assert bench.runtime.outputs("T").status == 0x7000, "the scan of the loss: no job ran, so no error"
+    for _ in range(3):
+        play(bench, "run 1")
+        assert bench.runtime.outputs("T").status == 0x80A1

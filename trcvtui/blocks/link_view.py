@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
@@ -43,10 +44,9 @@ class LinkView:
         """Forget the incarnation; return what its loss shows first."""
         self._incarnation = 0
         self._script = deque(shown)
-        return self._script.popleft() if self._script else NO_LINK
+        return self._script.popleft() if self._script else _GONE
 
 
 CONNECTED = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "a connection stands"))
-NO_LINK = Outcome(
-    Condition.NO_JOB, Cause(Why.WAITING, "no connection, and this block builds none"), lasts=True
-)
+_GONE = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "no connection, and this block builds none"))
+NO_LINK = replace(_GONE, lasts=True)  # unlike the scan of the loss: with EN_R = 1 that is followed by 80A1

@@ -164,12 +164,14 @@ class Connection:
     # -- a second client (decision 21) ------------------------------------------------------------
 
     def service(self) -> bool:
-        """Turn second clients away, bounded work a scan; return whether one took the connection over."""
+        """Turn second clients away, bounded work a scan; return whether blocks must look at the connection."""
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
             return False
-        if self._policy.second_client == "queue" or self._is_over():
+        if self._policy.second_client == "queue":
             return False
+        if self._is_over():
+            return True
         before = self.incarnation
         for _ in range(ACCEPTS_A_SCAN):
             got = self.set_up.accept()

@@ -1,0 +1,8 @@
+"""What holds for every test: no property is judged by how long one example took on this machine."""
+
+from __future__ import annotations
+
+from hypothesis import settings
+
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")

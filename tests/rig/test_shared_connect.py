@@ -136,10 +136,10 @@ def test_two_clients_come_to_replace_the_first_and_one_cannot_be_taken_over() ->
 
 
 def test_a_trcv_whose_connection_nobody_builds_any_more_complains_in_each_scan() -> None:
-    bench = bench_with(("TRCV_C", "R", "MAIN"), ("TRCV", "T", "MAIN"))
+    bench = bench_with(("TRCV_C", "R", "MAIN"), ("TRCV", "IDLE", "MAIN"), ("TRCV", "T", "MAIN"))
     play(bench, "set R CONT=1", "run 3", "peer P1 connect", "run 3", "delete R", "peer P1 close")
     play(bench, "set T EN_R=1", "run 1")
-    assert bench.runtime.outputs("T").status == 0x7000, "the scan of the loss: no job ran, so no error"
+    assert bench.runtime.outputs("T").status == 0x7000, "IDLE has found the loss: T had no job, so no error"
     for _ in range(3):
         play(bench, "run 1")
         assert bench.runtime.outputs("T").status == 0x80A1

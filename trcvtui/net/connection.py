@@ -164,7 +164,7 @@ class Connection:
     # -- a second client (decision 21) ------------------------------------------------------------
 
     def service(self) -> bool:
-        """Turn second clients away, bounded work a scan; return whether blocks must look at the connection."""
+        """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
             return False

@@ -17,7 +17,7 @@ from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
 
 EXAMPLES = 100
-LEAST_SCANS = 20_000
+LEAST_SCANS = 10_000
 
 
 class TwinMachine(SharedMachine):

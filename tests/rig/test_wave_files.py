@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import cast
@@ -14,6 +15,10 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.rig.wave_files import Span, free_path, plain_text, svg_text, target_folder, vcd_text, write_waves
 from trcvtui.rig.wave_news import pins_of
+
+if hasattr(signal, "SIGPIPE"):
+    # vcdvcd lets the whole process die of a closed pipe; every other test wants EPIPE, as Python has it.
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)
 
 INTERVAL = 10_000_000
 SVG = "{http://www.w3.org/2000/svg}"

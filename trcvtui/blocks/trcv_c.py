@@ -7,10 +7,9 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.connection_part import ConnectionPart
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.not_connected import not_connected
+from trcvtui.blocks.not_connected import StandingRequest, not_connected
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import ReceiveJob
-from trcvtui.blocks.rules import NotConnected
 from trcvtui.net.connection_loss import ConnectionLoss
 
 
@@ -19,23 +18,20 @@ class TrcvC:
 
     def __init__(self, bound: Binding) -> None:
         self.job = ReceiveJob(bound)
-        self._rules = bound.env.rules
         self._connection = bound.connection
         self._part = ConnectionPart(bound.env, bound.connection)
         self._inputs: Inputs | None = None
-        self._en_r = False
-        self._armed = False
+        self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
         if inputs is self._inputs and self._part.stands():  # the usual scan, in short
             return self._receive(inputs) if inputs.en_r else self._idle(None)
         self._inputs = inputs
-        cont_rose = inputs.cont and not self._part.cont
-        self._arm(inputs, cont_rose)
+        self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
         outcome = self._part.call(inputs.cont, inputs.com_rst)
         if outcome is not None:
-            return self._while_not_receiving(inputs, outcome)
+            return self._while_not_receiving(outcome)
         return self._connected(inputs)
 
     def stop(self, reason: str) -> None:
@@ -46,32 +42,13 @@ class TrcvC:
         """Be gone; the connection stays as it is."""
         self.job.leave(reason)
 
-    # -- 80A1: asked for data, not connected (design 6, row 3) -------------------------------------
-
-    def _arm(self, inputs: Inputs, cont_rose: bool) -> None:
-        en_r_rose = inputs.en_r and not self._en_r
-        self._en_r = inputs.en_r
-        if not (inputs.en_r and inputs.cont):
-            self._armed = False
-        elif en_r_rose or cont_rose:
-            self._armed = True
-
-    def _while_not_receiving(self, inputs: Inputs, outcome: Outcome) -> Outcome:
+    def _while_not_receiving(self, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
         if outcome.condition is Condition.CONNECTED:
-            self._armed = False
-        elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1:  # from the second 7002 on
-            return self._complain(inputs, outcome)
+            self._request.answered()
+        elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1 and self._request.is_told():
+            return not_connected("EN_R", "EN_R is 1 without a connection", self._connection)  # row 3
         return outcome
-
-    def _complain(self, inputs: Inputs, waiting: Outcome) -> Outcome:
-        rule = self._rules.not_connected
-        if rule is NotConnected.NEVER or not inputs.en_r:
-            return waiting
-        if rule is NotConnected.PULSE and not self._armed:
-            return waiting
-        self._armed = False
-        return not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
 
     # -- connected ------------------------------------------------------------------------------------
 
@@ -83,7 +60,7 @@ class TrcvC:
             return self._idle(loss)
         if loss is not None:
             return self._lost(loss)
-        self._armed = False  # this EN_R has its connection: a loss or reset that comes later is no edge
+        self._request.answered()
         return self._receive(inputs)
 
     def _receive(self, inputs: Inputs) -> Outcome:

@@ -9,8 +9,8 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.job_checks import refuse
+from trcvtui.blocks.not_connected import StandingRequest
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.rules import NotConnected
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.udp_part import UdpPart
 from trcvtui.net.answers import Datagram, Endpoint, Fault
@@ -21,18 +21,16 @@ class UrecvC:
 
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramIn(bound)
-        self._rules = bound.env.rules
         self._part = UdpPart(bound.env, bound.port)
-        self._en_r = False
-        self._armed = False
+        self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 0001, 7001, then 7006 and 7008 for each datagram as long as EN_R is 1."""
-        self._arm(inputs, cont_rose=inputs.cont and not self._part.cont)
+        self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
         outcome = self._part.call(inputs.cont)
         if outcome is not None:
-            return self._while_not_ready(inputs, outcome)
-        self._armed = False  # this EN_R has its socket: one that is closed later is no edge
+            return self._while_not_ready(outcome)
+        self._request.answered()
         if inputs.en_r:
             return self.job.call(inputs.len)
         self.job.abandon("EN_R fell")
@@ -49,26 +47,13 @@ class UrecvC:
 
     # -- 80A1: asked for data, no socket (design 6, row 3, with 0001 in the place of 7002) -----------
 
-    def _arm(self, inputs: Inputs, cont_rose: bool) -> None:
-        en_r_rose = inputs.en_r and not self._en_r
-        self._en_r = inputs.en_r
-        if not (inputs.en_r and inputs.cont):
-            self._armed = False
-        elif en_r_rose or cont_rose:
-            self._armed = True
-
-    def _while_not_ready(self, inputs: Inputs, outcome: Outcome) -> Outcome:
+    def _while_not_ready(self, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
         if outcome.condition is Condition.CREATED:
-            self._armed = False
-        elif outcome.condition is Condition.CREATING and self._part.waits > 1 and self._complains(inputs):
-            self._armed = False
+            self._request.answered()
+        elif outcome.condition is Condition.CREATING and self._part.waits > 1 and self._request.is_told():
             return _TOO_EARLY
         return outcome
-
-    def _complains(self, inputs: Inputs) -> bool:
-        rule = self._rules.not_connected
-        return inputs.en_r and (rule is NotConnected.HOLD or (rule is NotConnected.PULSE and self._armed))
 
 
 class DatagramIn:

@@ -11,22 +11,61 @@ from trcvtui.errors import Problem
 from trcvtui.udt.types import Text
 
 
+class Formula(NamedTuple):
+    """A whole number written with names (`GVL.MAX + 1`); worked out when constants are known."""
+
+    text: str
+    where: str
+
+
+Number = int | Formula
+
+
 class Reference(NamedTuple):
-    """The name of a type."""
+    """The name of a type, qualified or not (`Lib.T`, `_.T`)."""
 
     name: str
+    where: str
+
+
+class TextSpec(NamedTuple):
+    """STRING or WSTRING whose length is a formula; one with a plain length is a `Text` at once."""
+
+    length: Formula
+    wide: bool
+
+
+class RangeSpec(NamedTuple):
+    """A subrange such as `INT(0..10)`."""
+
+    base: Reference
+    low: Number
+    high: Number
+
+
+class PointerSpec(NamedTuple):
+    """POINTER TO, REFERENCE TO, REF_TO, with the text of the declaration; its target need not be known."""
+
+    text: str
+
+
+class UnplacedSpec(NamedTuple):
+    """What nobody can lay out: the name of the type as declared, and why (`an FB instance`)."""
+
+    name: str
+    why: str
     where: str
 
 
 class ArraySpec(NamedTuple):
     """ARRAY with its bounds."""
 
-    bounds: tuple[tuple[int, int], ...]
+    bounds: tuple[tuple[Number, Number], ...]
     element: Spec
 
 
 class MemberSpec(NamedTuple):
-    """One member of a STRUCT."""
+    """One member of a STRUCT or UNION."""
 
     name: str
     spec: Spec
@@ -34,32 +73,42 @@ class MemberSpec(NamedTuple):
 
 
 class StructSpec(NamedTuple):
-    """STRUCT."""
+    """STRUCT, or UNION; `base` is what it EXTENDS, `pack` its pack_mode attribute in bytes."""
 
     members: tuple[MemberSpec, ...]
+    base: Reference | None = None
+    pack: int | None = None
+    is_union: bool = False
 
 
 class EnumSpec(NamedTuple):
-    """Enumeration; no base is INT."""
+    """Enumeration; no base is the layout's own (INT for most)."""
 
     base: Reference | None
-    values: tuple[tuple[str, int | None], ...]
+    values: tuple[tuple[str, Number | None], ...]
 
 
-Spec = Reference | Text | ArraySpec | StructSpec | EnumSpec
+Spec = (
+    Reference | Text | TextSpec | RangeSpec | PointerSpec | UnplacedSpec | ArraySpec | StructSpec | EnumSpec
+)
 
 
 class Declaration(NamedTuple):
-    """One declared type; `problems` are mistakes in its own text, `spec` is None when nothing is left."""
+    """One declared type; `problems` are mistakes in its own text, `spec` is None when nothing is left.
+
+    `notes` are no mistakes: what is to be shown beside the type (optimised access, another name).
+    """
 
     name: str
     spec: Spec | None
     where: str
     problems: tuple[Problem, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 class Declarations(NamedTuple):
-    """All of a file: its types in order, and the mistakes that belong to no type."""
+    """All of a file: its types in order, the mistakes that belong to no type, and constants it declares."""
 
     types: tuple[Declaration, ...]
     problems: tuple[Problem, ...] = ()
+    constants: tuple[tuple[str, Number], ...] = ()

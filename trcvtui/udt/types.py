@@ -25,6 +25,7 @@ class Kind(Enum):
     DATE = "date"
     TIME_OF_DAY = "time of day"
     DATE_AND_TIME = "date and time"
+    ADDRESS = "address"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +95,30 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
+class Subrange:
+    """`INT(0..10)`: stored as its base type; what comes over the wire may lie outside of it."""
+
+    base: Elementary
+    low: int
+    high: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """POINTER TO, REFERENCE TO, REF_TO: an address; `text` is the declaration, such as `POINTER TO Axis`."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unplaced:
+    """What the source declares and nobody can lay out (FB instance, interface, ANY): its name, and why."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
 class Array:
     """ARRAY with its declared bounds, first index first; the last index runs fastest."""
 
@@ -111,7 +136,7 @@ class Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Member:
-    """One member of a STRUCT."""
+    """One member of a STRUCT or UNION."""
 
     name: str
     type: Type = field(repr=False)
@@ -121,36 +146,62 @@ class Member:
 # comparing by value would walk a shared type once for each way that leads to it.
 @dataclass(frozen=True, slots=True, eq=False)
 class Struct:
-    """STRUCT with its members in declared order; `name` is empty for one written in place."""
+    """STRUCT with its own members in declared order; `name` is empty for one written in place.
+
+    `base` is the STRUCT that it EXTENDS: its members come first. `pack` is the pack_mode attribute in bytes
+    (0 and 1: no gaps), None where there is none.
+    """
 
     name: str
     members: tuple[Member, ...]
+    base: Struct | None = None
+    pack: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Union:
+    """UNION: all members at the same place; `base` and `pack` as in Struct."""
+
+    name: str
+    members: tuple[Member, ...]
+    base: Union | None = None
+    pack: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Enumeration:
-    """Enumeration: base type and (name, number) pairs; None is a number the reader could not work out."""
+    """Enumeration: base type and (name, number) pairs; None is a number the reader could not work out.
+
+    `is_named` says whether the declaration names the base; one that does not takes the layout's own.
+    """
 
     name: str
     base: Elementary
     values: tuple[tuple[str, int | None], ...]
+    is_named: bool = True
 
 
-Type = Elementary | Text | Array | Struct | Enumeration
-LeafType = Elementary | Text | Enumeration
+Type = Elementary | Text | Subrange | Pointer | Unplaced | Array | Struct | Union | Enumeration
+LeafType = Elementary | Text | Subrange | Pointer | Enumeration
 
 
 def type_text(type_: Type) -> str:
     """Return the type as a declaration names it, such as `ARRAY[0..9] OF STRING[20]`."""
     match type_:
-        case Elementary():
+        case Elementary() | Unplaced():
             return type_.name
         case Text(length=length, wide=wide):
             return ("WSTRING" if wide else "STRING") + ("" if length is None else f"[{length}]")
+        case Subrange(base=base, low=low, high=high):
+            return f"{base.name}({low}..{high})"
+        case Pointer(text=text):
+            return text
         case Array(bounds=bounds, element=element):
             ranges = ",".join(f"{low}..{high}" for low, high in bounds)
             return f"ARRAY[{ranges}] OF {type_text(element)}"
         case Struct(name=name):
             return name or "STRUCT"
+        case Union(name=name):
+            return name or "UNION"
         case Enumeration(name=name, base=base):
             return name or base.name

@@ -82,7 +82,10 @@ class StructSpec(NamedTuple):
 
 
 class EnumSpec(NamedTuple):
-    """Enumeration; no base is the layout's own (INT for most)."""
+    """Enumeration; no base is the layout's own (INT for most).
+
+    A value of None is one more than the value before it, the first one 0.
+    """
 
     base: Reference | None
     values: tuple[tuple[str, Number | None], ...]

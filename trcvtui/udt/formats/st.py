@@ -1,40 +1,46 @@
-"""IEC ST text: `TYPE name : STRUCT ... END_STRUCT; END_TYPE`, with enumerations, aliases and arrays.
+"""ST text of every dialect: TYPE ... END_TYPE, NAMESPACE, constants; all other blocks are passed over.
 
-A recursive descent, one method a rule of the grammar in udt.md section 5 as far as plain IEC 61131-3 goes.
-Rule: a mistake ends its member or its declaration, never the file.
+Rule: a mistake ends its declaration, never the file. The types themselves are read in `st_spec.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from bisect import bisect_right
 
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import (
-    ArraySpec,
-    Declaration,
-    Declarations,
-    EnumSpec,
-    MemberSpec,
-    Reference,
-    Spec,
-    StructSpec,
-)
-from trcvtui.udt.formats.st_cursor import BLOCK_ENDS, MEMBER_ENDS, Cursor
+from trcvtui.udt.declared import Declaration, Declarations, Number, Reference, Spec, StructSpec
+from trcvtui.udt.formats.dialect import IEC, Dialect
+from trcvtui.udt.formats.st_cursor import CLOSERS, OPENERS
+from trcvtui.udt.formats.st_spec import SpecParser
 from trcvtui.udt.formats.st_tokens import Shape, Source, Token
-from trcvtui.udt.type_set import MOST_NESTED
-from trcvtui.udt.types import Text
 
-MOST_DIMENSIONS = 8
+ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
+# TIA: what stands between the name of a type and STRUCT, each up to the end of its line.
+HEADER_LINES = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTECT")
+CONSTANT_BLOCKS = ("VAR", "VAR_GLOBAL")
+OTHER_BLOCKS = frozenset(
+    {
+        *CONSTANT_BLOCKS,
+        *("FUNCTION", "FUNCTION_BLOCK", "PROGRAM", "DATA_BLOCK", "ORGANIZATION_BLOCK", "CONFIGURATION"),
+        *("CLASS", "INTERFACE", "METHOD", "PROPERTY", "ACTION", "VAR_EXTERNAL", "VAR_CONFIG"),
+    }
+)
+PACKS = (0, 1, 2, 4, 8)
+OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as standard access"
+
+_PACK_MODE = re.compile(r"""attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]""", re.IGNORECASE)
+_OPTIMISED = re.compile(r"""S7_Optimized_Access\s*:=\s*['"]TRUE['"]""", re.IGNORECASE)
 
 
-def read_st(text: str, name: str) -> Declarations:
-    """Return what a file of ST text declares; `name` is the file as messages call it."""
-    return Parser(Source(name, text)).file()
+def read_st(text: str, name: str, first_line: int = 1, dialect: Dialect = IEC) -> Declarations:
+    """Return what ST text declares; `name` is the file as messages call it, `first_line` where it begins."""
+    return Parser(Source(name, text, first_line, dialect.nests_comments), dialect).file()
 
 
-def read_spec(text: str, where: str) -> Spec:
+def read_spec(text: str, where: str, first_line: int = 1, dialect: Dialect = IEC) -> Spec:
     """Return the one type that a text names, such as `ARRAY[0..9] OF BYTE`; raise UserError."""
-    parser = Parser(Source(where, text))
+    parser = SpecParser(Source(where, text, first_line, dialect.nests_comments), dialect)
     spec = parser.spec()
     if parser.problems:
         raise UserError(parser.problems)
@@ -43,32 +49,59 @@ def read_spec(text: str, where: str) -> Spec:
     return spec
 
 
-class Parser(Cursor):
-    """The grammar; each rule leaves the cursor behind what it has read."""
+class Parser(SpecParser):
+    """What stands around the types."""
 
-    nested = 0
+    def __init__(self, source: Source, dialect: Dialect = IEC) -> None:
+        super().__init__(source, dialect)
+        self.types: list[Declaration] = []
+        self.constants: list[tuple[str, Number]] = []
+        self.since = 0  # the first token behind the last declaration: pragmas from here on belong to the next
+        self.ends = _block_ends(source.tokens)
 
     def file(self) -> Declarations:
         """Return all declarations up to the end of the text."""
-        types: list[Declaration] = []
         while not self.at_end():
             if self.accept("TYPE"):
-                self.block(types)
-            elif not self.accept(";"):
+                self.block()
+            elif self.accept("NAMESPACE"):
+                self.skip_name()
+            elif self.sees("USING"):
+                self.skip_to(";", *self.starts())
+            elif self.end_of_block() is not None or self.sees(*OTHER_BLOCKS):
+                self.other_block()
+            elif self.dialect.has_objects:
+                self.advance()
+            elif not self.accept(";") and not self.accept("END_NAMESPACE"):
                 self.note(self.refusal("'TYPE'"))
-                self.skip_to(*BLOCK_ENDS)
+                self.advance()
+                self.skip_to(*self.starts())
                 self.accept("END_TYPE")
-        return Declarations(tuple(types), tuple(self.problems))
+        return Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants))
 
-    def block(self, types: list[Declaration]) -> None:
+    def starts(self) -> tuple[str, ...]:
+        """Return the words with which reading can go on behind something unknown."""
+        return ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
+
+    def skip_name(self) -> None:
+        try:
+            self.qualified("the name of a namespace")
+        except UserError as refused:
+            self.note(refused)
+
+    def block(self) -> None:
         """Read the declarations of one TYPE ... END_TYPE."""
         while not self.accept("END_TYPE"):
-            if self.at_end() or self.sees("TYPE"):
+            if self.block_ends() or self.is_other_block():
                 self.note(self.refusal("'END_TYPE'"))
                 return
             declaration = self.declaration()
             if declaration:
-                types.append(declaration)
+                self.types.append(declaration)
+
+    def is_other_block(self) -> bool:
+        """Return whether a block of another kind begins here: its word, and then its name."""
+        return self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
 
     def declaration(self) -> Declaration | None:
         """Return one declaration with its own problems; None when it has not even a name."""
@@ -76,175 +109,126 @@ class Parser(Cursor):
         self.nested = 0
         name: Token | None = None
         spec: Spec | None = None
+        notes: tuple[str, ...] = ()
         try:
+            if self.sees(*ACCESS) and self.is_name(1):
+                self.advance()
             name = self.name("the name of a type or 'END_TYPE'")
-            self.expect(":")
-            spec = self.spec()
+            spec, notes = self.declared()
             self.rest(spec, "END_TYPE")
         except UserError as refused:
             self.note(refused)
             self.skip_statement()
-            if self.accept("END_STRUCT"):
+            if self.sees(*CLOSERS):
+                self.advance()
                 self.accept(";")
+        self.since = self.at
         own, self.problems = self.problems, others
         if name is None:
             self.problems += own
             return None
-        return Declaration(name.text, spec, self.where(name), tuple(own))
+        return Declaration(name.name, spec, self.where(name), tuple(own), notes)
 
-    def rest(self, spec: Spec, end: str) -> None:
-        """Skip initial value and semicolon, which may be missing behind END_STRUCT or before `end`."""
-        if self.accept(":="):
-            self.initial_value()
-        elif isinstance(spec, StructSpec):
-            self.accept(";")
-            return
-        if not self.sees(end):
-            self.expect(";")
-
-    def initial_value(self) -> None:
-        """Skip a value: everything up to a semicolon or to what ends the STRUCT or TYPE."""
-        if self.sees(";", *MEMBER_ENDS):
-            raise self.refusal("a value")
-        before = self.token
-        while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
-            # A colon stands in TOD#12:30 only; behind a name it is the next member: the semicolon is missing.
-            if self.token.shape is Shape.UNCLOSED or (self.sees(":") and before.shape is not Shape.NUMBER):
-                raise self.refusal("';'")
-            before = self.advance()
-
-    def spec(self) -> Spec:
-        """Return a type, whatever it is."""
-        self.nested += 1
-        if self.nested > MOST_NESTED:
-            raise self.refusal(f"at most {MOST_NESTED} levels of STRUCT and ARRAY")
-        spec = SPECS.get(self.token.upper, Parser.named)(self)
-        self.nested -= 1
-        return spec
-
-    def struct(self) -> Spec:
-        """Return STRUCT ... END_STRUCT; a bad member is noted and left out."""
-        self.expect("STRUCT")
-        members: list[MemberSpec] = []
-        nested = self.nested
-        while not self.accept("END_STRUCT"):
-            if self.block_ends():
-                raise self.refusal("a member or 'END_STRUCT'")
-            try:
-                members.extend(self.member())
-            except UserError as refused:
-                self.note(refused)
-                self.skip_statement()
-                self.nested = nested
-        return StructSpec(tuple(members))
-
-    def member(self) -> list[MemberSpec]:
-        """Return the members of one line: `A, B : LREAL := 1.0;`."""
-        names = [self.name("a member or 'END_STRUCT'")]
-        while self.accept(","):
-            names.append(self.name("the name of a member"))
-        self.expect(":")
+    def declared(self) -> tuple[Spec, tuple[str, ...]]:
+        """Return what stands behind the name of a type: EXTENDS, colon or header, the type; and its notes."""
+        base = self.extends()
+        self.header()
+        if base is None:
+            base = self.extends()
+            if base is not None:
+                self.accept(":")
+        pragmas = [text for at, text in self.source.pragmas if self.since <= at <= self.at]
+        first = self.token
         spec = self.spec()
-        self.rest(spec, "END_STRUCT")
-        return [MemberSpec(name.text, spec, self.where(name)) for name in names]
+        if base is not None and not isinstance(spec, StructSpec):
+            raise self.refusal("STRUCT or UNION behind EXTENDS", first)
+        if isinstance(spec, StructSpec):
+            spec = spec._replace(base=base, pack=self.pack(pragmas, first))
+        return spec, (OPTIMISED,) if any(map(_OPTIMISED.search, pragmas)) else ()
 
-    def array(self) -> Spec:
-        """Return ARRAY[..] OF a type."""
-        self.expect("ARRAY")
-        self.expect("[")
-        bounds = [self.bounds()]
-        while self.sees(",") and len(bounds) < MOST_DIMENSIONS:
+    def extends(self) -> Reference | None:
+        """Return the name behind EXTENDS, None where there is no such word."""
+        if not self.accept("EXTENDS"):
+            return None
+        token, name = self.qualified("a type")
+        return Reference(name, self.where(token))
+
+    def header(self) -> None:
+        """Go behind the colon, or in front of STRUCT behind the header lines of a TIA source."""
+        if self.accept(":"):
+            return
+        before = self.tokens[self.at - 1]
+        if not (self.dialect.has_header or before.shape is Shape.QUOTED or self.sees(*HEADER_LINES)):
+            raise self.refusal("':'")
+        while self.sees(*HEADER_LINES):
+            is_free, line = self.sees("TITLE"), self.source.line(self.token.place)
+            while not self.at_end() and self.source.line(self.token.place) == line:
+                if self.sees("STRUCT") and not is_free:
+                    break
+                self.advance()
+        if not self.sees("STRUCT"):
+            raise self.refusal("'STRUCT'")
+
+    def pack(self, pragmas: list[str], token: Token) -> int | None:
+        """Return the pack_mode among the pragmas of a type; refuse one that no compiler takes."""
+        found = next((mode for text in pragmas if (mode := _PACK_MODE.search(text))), None)
+        if found is None:
+            return None
+        number = int(found[1]) if found[1] in map(str, PACKS) else None
+        if number is None:
+            raise self.refusal(f"pack_mode 0, 1, 2, 4 or 8 instead of '{found[1][:20]}'", token)
+        return number
+
+    # -- other blocks ------------------------------------------------------------------------------------
+
+    def end_of_block(self) -> int | None:
+        """Return the index of the END_ word of the block that begins here, None if there is none."""
+        places = [] if self.sees(*OPENERS) else self.ends.get(f"END_{self.token.upper}", [])
+        after = bisect_right(places, self.at)
+        return places[after] if after < len(places) else None
+
+    def other_block(self) -> None:
+        """Go behind a block that declares no types; keep the constants of one that declares those."""
+        end = self.end_of_block()
+        if end is None:
+            self.note(self.refusal(f"'END_{self.token.upper}' behind it"))
             self.advance()
-            bounds.append(self.bounds())
-        self.expect("]")
-        self.expect("OF")
-        return ArraySpec(tuple(bounds), self.spec())
+            self.skip_to(*self.starts())
+            return
+        is_variables = self.advance().upper in CONSTANT_BLOCKS
+        while self.sees("RETAIN", "PERSISTENT", *ACCESS):
+            self.advance()
+        if is_variables and self.accept("CONSTANT"):
+            while self.at < end:
+                self.constant(end)
+        self.at = end + 1
+        self.since = self.at
 
-    def bounds(self) -> tuple[int, int]:
-        """Return `low..high`."""
-        low = self.integer()
-        self.expect("..")
-        token, high = self.token, self.integer()
-        if high < low:
-            raise self.refusal(f"a number from {low} upwards", token)
-        return low, high
-
-    def text(self) -> Spec:
-        """Return STRING or WSTRING, with a length as `[n]` or `(n)` or without."""
-        wide = self.advance().upper == "WSTRING"
-        closer = {"[": "]", "(": ")"}.get(self.token.upper)
-        if closer is None:
-            return Text(None, wide)
-        self.advance()
-        token, length = self.token, self.integer()
-        if length < 1:
-            raise self.refusal("a length of 1 or more", token)
-        self.expect(closer)
-        return Text(length, wide)
-
-    def named(self) -> Spec:
-        """Return a type by name; with brackets a subrange or an enumeration."""
-        name = self.name("a type")
-        reference = Reference(name.text, self.where(name))
-        if not self.sees("("):
-            return reference
-        ahead = self.tokens[self.at + 1]
-        if ahead.shape is Shape.WORD and self.tokens[self.at + 2].text != "#":
-            return EnumSpec(reference, self.enumerators())
-        # A subrange is stored as its base type (udt.md 2.2); what comes over the wire may lie outside of it.
-        self.advance()
-        self.bounds()
-        self.expect(")")
-        return reference
-
-    def enumeration(self) -> Spec:
-        """Return `(a, b := 5)`, with a base type behind it or without."""
-        values = self.enumerators()
-        if self.token.shape is not Shape.WORD or self.sees(*MEMBER_ENDS):
-            return EnumSpec(None, values)
-        base = self.name("a type")
-        return EnumSpec(Reference(base.text, self.where(base)), values)
-
-    def enumerators(self) -> tuple[tuple[str, int | None], ...]:
-        """Return names and numbers of an enumeration; a comma may stand behind the last."""
-        self.expect("(")
-        values: dict[str, tuple[str, int | None]] = {}
-        number: int | None = -1
-        while not values or not self.sees(")"):
-            name = self.name("the name of a value")
-            if name.upper in values:
-                raise self.refusal("each name once in an enumeration", name)
-            number = self.number() if self.accept(":=") else None if number is None else number + 1
-            values[name.upper] = (name.text, number)
-            if not self.accept(",") and not self.sees(")"):
-                raise self.refusal("',' or ')'")
-        self.expect(")")
-        return tuple(values.values())
-
-    def number(self) -> int | None:
-        """Return the number of a value; None for an expression: only the size is known (udt.md U8)."""
-        start = self.at
+    def constant(self, end: int) -> None:
+        """Keep `MAX : INT := 5;` if it is a whole number or a formula; pass over everything else."""
         try:
-            number = self.integer()
-            if self.sees(",", ")"):
-                return number
+            names = [self.name("the name of a constant")]
+            while self.accept(","):
+                names.append(self.name("the name of a constant"))
+            self.skip_until(end, ":=", ";")
+            if self.accept(":="):
+                number = self.number()
+                if self.sees(";") or self.at == end:
+                    self.constants.extend((name.name, number) for name in names)
         except UserError:
-            self.at = start
-        if self.sees(",", ")"):
-            raise self.refusal("a number")
-        depth = 0
-        while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
-            if depth == 0 and self.sees(",", ")"):
-                break
-            symbol = self.advance().upper
-            depth += (symbol == "(") - (symbol == ")")
-        return None
+            pass  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
+        self.skip_until(end, ";")
+        self.at = min(self.at + 1, end)
+
+    def skip_until(self, end: int, *texts: str) -> None:
+        while self.at < end and not self.sees(*texts):
+            self.advance()
 
 
-SPECS: dict[str, Callable[[Parser], Spec]] = {
-    "STRUCT": Parser.struct,
-    "ARRAY": Parser.array,
-    "STRING": Parser.text,
-    "WSTRING": Parser.text,
-    "(": Parser.enumeration,
-}
+def _block_ends(tokens: list[Token]) -> dict[str, list[int]]:
+    """Return where each END_ word stands."""
+    ends: dict[str, list[int]] = {}
+    for at, token in enumerate(tokens):
+        if token.upper.startswith("END_"):
+            ends.setdefault(token.upper, []).append(at)
+    return ends

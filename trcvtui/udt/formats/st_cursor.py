@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
+
 from trcvtui.errors import Problem, UserError
+from trcvtui.udt.declared import Formula, Number
 from trcvtui.udt.formats.st_tokens import Shape, Source, Token
+from trcvtui.udt.formula import DEEPEST
 from trcvtui.udt.literals import parse_integer
 
+OPENERS = ("STRUCT", "UNION")
+CLOSERS = ("END_STRUCT", "END_UNION")
+BLOCK_ENDS = ("END_TYPE", "TYPE", "END_NAMESPACE")
+MEMBER_ENDS = (*CLOSERS, *BLOCK_ENDS)
 # No names: one of these where a name should be means that something before it is missing.
-RESERVED = frozenset({"TYPE", "END_TYPE", "STRUCT", "END_STRUCT", "ARRAY", "OF"})
-BLOCK_ENDS = ("END_TYPE", "TYPE")
-MEMBER_ENDS = ("END_STRUCT", *BLOCK_ENDS)
+RESERVED = frozenset({*OPENERS, *MEMBER_ENDS, "ARRAY", "OF"})
 
 
 class Cursor:
@@ -59,9 +65,25 @@ class Cursor:
 
     def name(self, what: str) -> Token:
         """Return the name at the cursor and go behind it; raise UserError, naming what was expected."""
-        if self.token.shape is not Shape.WORD or (self.token.upper in RESERVED and not self.is_member_type()):
+        if not self.is_name() or (self.token.upper in RESERVED and not self.is_member_type()):
             raise self.refusal(what)
         return self.advance()
+
+    def is_name(self, ahead: int = 0) -> bool:
+        """Return whether this token, or one ahead, is a word or a quoted name."""
+        token = self.tokens[min(self.at + ahead, len(self.tokens) - 1)]
+        if token.shape is Shape.QUOTED:
+            return token.text[0] != "'" and len(token.text) > 2
+        return token.shape is Shape.WORD
+
+    def qualified(self, what: str) -> tuple[Token, str]:
+        """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go behind it."""
+        first = self.name(what)
+        parts = [first.name]
+        while self.sees(".") and self.is_name(1):
+            self.advance()
+            parts.append(self.advance().name)
+        return first, ".".join(parts)
 
     def is_member_type(self) -> bool:
         """Return whether this is a member called Type, as real files have it: no block begins `TYPE :`."""
@@ -71,19 +93,54 @@ class Cursor:
         """Return whether the block of declarations is surely over."""
         return self.at_end() or (self.sees(*BLOCK_ENDS) and not self.is_member_type())
 
-    def integer(self) -> int:
-        """Return the whole number at the cursor (`-5`, `16#FF`, `UINT#1`) and go behind it."""
-        start = self.at
-        text = self.advance().text if self.sees("-", "+") else ""
-        if self.token.shape is Shape.WORD and self.tokens[self.at + 1].text == "#":
-            text += self.advance().text + self.advance().text
-            text += self.advance().text if self.sees("-", "+") else ""
-        number = parse_integer(text + self.token.text) if self.token.shape is Shape.NUMBER else None
-        if number is None:
-            self.at = start
-            raise self.refusal("a whole number")
-        self.advance()
-        return number
+    def number(self) -> Number:
+        """Return the number at the cursor, a formula if it is more than a literal, and go behind it."""
+        first = self.at
+        self.expression(0)
+        formula = self.formula(first)
+        plain = parse_integer(formula.text)
+        return formula if plain is None else plain
+
+    def formula(self, first: int) -> Formula:
+        """Return what stands from a token up to the cursor as a formula."""
+        taken = self.tokens[first : self.at]
+        return Formula("".join(token.text for token in taken), self.where(self.tokens[first]))
+
+    def expression(self, depth: int) -> None:
+        """Go behind an expression of literals and names."""
+        while True:
+            while self.sees("+", "-"):
+                self.advance()
+            if self.sees("(") and depth < DEEPEST:
+                self.advance()
+                self.expression(depth + 1)
+                self.expect(")")
+            else:
+                self.operand()
+            if not self.sees("+", "-", "*", "/"):
+                return
+            self.advance()
+
+    def operand(self) -> None:
+        """Go behind `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""
+        if self.token.shape is Shape.NUMBER and parse_integer(self.token.text) is not None:
+            self.advance()
+            return
+        self.accept("#")  # TIA: a constant of the block itself
+        self.qualified("a whole number")
+        if self.accept("#"):
+            if self.sees("+", "-"):
+                self.advance()
+            if self.token.shape is Shape.NUMBER:
+                self.advance()
+            else:
+                self.qualified("a value")
+
+    def text_from(self, first: int) -> str:
+        """Return the text from a token up to the cursor as one writes it in one line."""
+        text = " ".join(token.text for token in self.tokens[first : self.at])
+        text = re.sub(r" ?(\.\.|[\[(.#]) ?", r"\1", text)
+        return re.sub(r" ([\]),:])", r"\1", text)
 
     def refusal(self, expected: str, token: Token | None = None) -> UserError:
         """Return the UserError of a token (default: the one at the cursor) that the grammar does not take."""
@@ -102,10 +159,10 @@ class Cursor:
         """Go behind the semicolon or STRUCT that ends this statement, or before what surely follows."""
         depth = 0
         while not self.block_ends():
-            if depth == 0 and self.sees("END_STRUCT"):
+            if depth == 0 and self.sees(*CLOSERS):
                 return
             word = self.advance().upper
-            depth += (word == "STRUCT") - (word == "END_STRUCT")
-            if depth == 0 and word in (";", "END_STRUCT"):
+            depth += (word in OPENERS) - (word in CLOSERS)
+            if depth == 0 and word in (";", *CLOSERS):
                 self.accept(";")
                 return

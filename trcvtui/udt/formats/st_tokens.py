@@ -1,4 +1,4 @@
-"""IEC ST text cut into tokens; comments and pragmas are left out, positions are kept.
+"""IEC ST text cut into tokens; comments are left out, pragmas set aside, positions kept.
 
 Rule: every text can be cut; what is no token becomes one that no grammar rule takes.
 """
@@ -33,16 +33,23 @@ class Token(NamedTuple):
     place: int
     upper: str
 
+    @property
+    def name(self) -> str:
+        """Return the text without the quotes of a quoted name."""
+        return self.text[1:-1] if self.shape is Shape.QUOTED else self.text
+
 
 CLOSERS = {"(*": "*)", "/*": "*/", "{": "}", "'": "'", '"': '"'}
 
-# A quote in a pragma hides a brace when it opens behind no letter and closes on its line: not in `{don't}`.
+# A quote in a pragma hides a brace when it opens behind no letter and closes on its line: not in `{don't}`;
+# a value behind `:=` may have several lines.
 _TOKEN = re.compile(
-    r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?:(?<!\w)'[^'\r\n]*'|(?<!\w)"[^"\r\n]*"|[^}])*+\})
+    r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?::=\s*+'[^']*+'(?=\s*[};,])
+        |(?<!\w)'[^'\r\n]*'|(?<!\w)"[^"\r\n]*"|[^}])*+\})
     |(?P<NESTED>\(\*)
     |(?P<WORD>[^\W\d]\w*)
     |(?P<NUMBER>\d[\d_]*(?:\#\w+|\.\d[\d_]*(?:[eE][+-]?\d+)?)?)
-    |(?P<QUOTED>'(?:\$.|[^'$\r\n])*'|"(?:\$.|[^"$\r\n])*")
+    |(?P<QUOTED>'(?:\$.|[^'$\r\n])*'|"(?:\$.|[^"$\r\n])*"|"[^"\r\n]*"|`[^`\r\n]*`)
     |(?P<UNCLOSED>/\*|[{'"])
     |(?P<SYMBOL>:=|\.\.|[;:,.()\[\]\#+\-*/=])
     |(?P<STRAY>.)""",
@@ -53,18 +60,25 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 
 
 class Source:
-    """A text with a name, and the tokens in it."""
+    """A text with a name, and the tokens in it; it may begin within a file, in its line `first_line`."""
 
-    def __init__(self, name: str, text: str) -> None:
-        self.name, self.text = name, text
-        self.nested = True
+    def __init__(self, name: str, text: str, first_line: int = 1, nests_comments: bool = True) -> None:
+        self.name, self.text, self.first_line = name, text, first_line
+        self.nested = nests_comments
+        # Each with the index of the token behind it: attributes say how the next type is laid out.
+        self.pragmas: list[tuple[int, str]] = []
         self.lines = [0, *(end.end() for end in _LINE_END.finditer(text))]
         self.tokens = self.cut()
 
     def where(self, place: int) -> str:
         """Return file, line and column of a place, both from 1."""
-        line = bisect_right(self.lines, place)
-        return f"{self.name}:{line}:{place - self.lines[line - 1] + 1}"
+        line = self.line(place)
+        column = place - self.lines[line - 1] + 1
+        return f"{self.name}:{line + self.first_line - 1}:{column}"
+
+    def line(self, place: int) -> int:
+        """Return the line of a place in this text, from 1."""
+        return bisect_right(self.lines, place)
 
     def refusal(self, token: Token, expected: str) -> UserError:
         """Return the UserError of a token that the grammar does not take."""
@@ -84,6 +98,8 @@ class Source:
             if group == "NESTED":
                 place = self.comment_end(begin)
                 group = "GAP" if place else "UNCLOSED"
+            if text[0] == "{" and group == "GAP":
+                self.pragmas.append((len(tokens), text))
             if group != "GAP":
                 tokens.append(Token(Shape[group], text, begin, text.upper()))
             if group == "UNCLOSED":

@@ -1,0 +1,115 @@
+"""Constants by name: the user's own, the ones that source files declare, and the values of enumerations.
+
+Rule: what the user gives wins over what a file says; a name that could mean two numbers means none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from trcvtui.errors import UserError
+from trcvtui.udt.declared import Number
+from trcvtui.udt.formula import evaluate, plain_name
+
+DEEPEST = 32  # constants that are made of constants
+MOST_LIKE = 64  # of one last name; with more of them none is meant
+
+
+class _Entry(NamedTuple):
+    """A number plus an offset; names in it are looked up in `scope` first."""
+
+    parts: tuple[str, ...]
+    layer: int
+    number: Number
+    offset: int
+    scope: str
+
+
+class _Found(NamedTuple):
+    value: int | None
+    unknown: tuple[str, ...]
+
+
+class Constants:
+    """All constants of a set of types; a name is known whole or by its end: `Lib.GVL.MAX`, `GVL.MAX`, `MAX`."""
+
+    def __init__(
+        self, given: Mapping[str, int] | None = None, declared: Iterable[tuple[str, Number]] = ()
+    ) -> None:
+        self.whole: dict[str, list[_Entry]] = {}
+        self.by_end: dict[str, list[_Entry]] = {}
+        self.found: dict[tuple[str, str], _Found] = {}
+        self.depth = 0
+        for name, number in (given or {}).items():
+            self._add(name, 0, number)
+        for name, declared_number in declared:
+            self._add(name, 1, declared_number)
+
+    def add_values(self, enumeration: str, values: Iterable[tuple[str, Number | None]]) -> None:
+        """Let the values of an enumeration be constants: `E.VALUE`, `E#VALUE`."""
+        number: Number = -1
+        offset = 0
+        for name, own in values:
+            number, offset = (number, offset + 1) if own is None else (own, 0)
+            self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
+
+    def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
+        """Return the value of a number, None if names in it are unknown: they are appended; raise UserError."""
+
+        def look_up(name: str) -> int | None:
+            found = self._look_up(name, scope)
+            unknown.extend(found.unknown)
+            return found.value
+
+        return evaluate(number, look_up)
+
+    def _add(self, name: str, layer: int, number: Number, offset: int = 0, scope: str = "") -> None:
+        key = plain_name(name).casefold()
+        entry = _Entry(tuple(key.split(".")), layer, number, offset, scope)
+        self.whole.setdefault(key, []).append(entry)
+        self.by_end.setdefault(entry.parts[-1], []).append(entry)
+
+    def _look_up(self, name: str, scope: str) -> _Found:
+        key = name.casefold()
+        if (key, scope) not in self.found:
+            self.found[key, scope] = _Found(None, (name,))  # a constant made of itself is unknown
+            self.depth += 1
+            if self.depth <= DEEPEST:
+                self.found[key, scope] = self._work_out(name, self._meant(key, scope))
+            self.depth -= 1
+        return self.found[key, scope]
+
+    def _meant(self, key: str, scope: str) -> list[_Entry]:
+        own = self.whole.get(f"{scope}.{key}".casefold()) if scope else None
+        exact = own or self.whole.get(key)
+        if exact:
+            return _of_first_layer(exact)
+        parts = tuple(key.split("."))
+        like = self.by_end.get(parts[-1], [])
+        if len(like) > MOST_LIKE:
+            return []
+        return _of_first_layer([entry for entry in like if _is_end(entry.parts, parts)])
+
+    def _work_out(self, name: str, entries: list[_Entry]) -> _Found:
+        values: set[int] = set()
+        for entry in entries:
+            unknown: list[str] = []
+            try:
+                value = self.value(entry.number, unknown, entry.scope)
+            except UserError:
+                value = None
+            if value is None:
+                return _Found(None, tuple(dict.fromkeys(unknown))[:MOST_LIKE] or (name,))
+            values.add(value + entry.offset)
+        return _Found(values.pop(), ()) if len(values) == 1 else _Found(None, (name,))
+
+
+def _of_first_layer(entries: list[_Entry]) -> list[_Entry]:
+    first = min((entry.layer for entry in entries), default=0)
+    return [entry for entry in entries if entry.layer == first]
+
+
+def _is_end(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    shared = min(len(one), len(other))
+    return one[-shared:] == other[-shared:]

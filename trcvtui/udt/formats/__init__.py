@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.declared import Declarations
 from trcvtui.udt.formats.st import read_st
+from trcvtui.udt.formats.xml_file import read_xml_file, refuse_export
+from trcvtui.udt.formats.xml_source import xml_codec
 from trcvtui.udt.type_set import TypeSet, join
 
 Path = str | os.PathLike[str]
@@ -17,6 +20,10 @@ READERS: dict[str, Reader] = {
     ".st": read_st,
     ".iecst": read_st,
     ".txt": read_st,
+    ".tcdut": read_xml_file,
+    ".tcgvl": read_xml_file,
+    ".xml": read_xml_file,
+    ".export": refuse_export,
 }
 LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
@@ -43,10 +50,14 @@ def read_files(paths: Iterable[Path]) -> TypeSet:
 
 
 def decode_text(data: bytes) -> str:
-    """Return the text of a source file: by its mark, else UTF-8, else Windows-1252; never fails."""
+    """Return the text of a source file: by its mark, its XML declaration, UTF-8, Windows-1252; never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")
+    declared = xml_codec(data)
+    if declared:
+        with suppress(LookupError, UnicodeError):
+            return data.decode(declared)
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:

@@ -1,0 +1,154 @@
+"""XML as a tree that knows its lines: no entities, bounded depth and size, names without namespace.
+
+Rule: nothing is fetched and nothing is expanded: a document type definition is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from xml.parsers import expat
+
+from trcvtui.errors import UserError, mistake
+
+MOST_DEPTH = 200
+MOST_ELEMENTS = 400_000
+
+# The encodings that XML exports are written in; other codecs of Python are no character sets, or slow.
+_CODEC = re.compile(
+    r"utf-?(8|16|32)([-_]?[bl]e)?|us-ascii|ascii|iso-?8859-\d{1,2}|latin-?\d{1,2}|windows-\d{3,5}|cp\d{3,5}"
+    r"|gb2312|gbk|gb18030|big5|shift_jis|euc-(jp|kr)|koi8-[ru]",
+    re.IGNORECASE,
+)
+_DECLARED = re.compile(rb"""<\?xml\b[^>]{0,200}?\bencoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
+_WIDE = ((b"<\0?\0", "utf-16-le"), (b"\0<\0?", "utf-16-be"))
+
+
+class Element:
+    """One element: its name without namespace, its attributes, what is in it, and where it begins."""
+
+    __slots__ = ("attributes", "children", "name", "pieces", "place", "source", "text_line")
+
+    def __init__(self, name: str, attributes: dict[str, str], source: str, place: tuple[int, int]) -> None:
+        self.name, self.attributes, self.source, self.place = name, attributes, source, place
+        self.children: list[Element] = []
+        self.pieces: list[str] = []
+        self.text_line = place[0]
+
+    @property
+    def where(self) -> str:
+        """Return file, line and column of the element, both from 1."""
+        return f"{self.source}:{self.place[0]}:{self.place[1]}"
+
+    @property
+    def text(self) -> str:
+        """Return the text that stands directly in the element."""
+        return "".join(self.pieces)
+
+    def get(self, attribute: str) -> str:
+        """Return an attribute, empty when it is not there."""
+        return self.attributes.get(attribute, "")
+
+    def needed(self, attribute: str) -> str:
+        """Return an attribute without the blanks around it; raise UserError when there is nothing in it."""
+        value = self.get(attribute).strip()
+        if not value:
+            raise mistake(self.where, f"<{self.name}> without {attribute}", f'{attribute}="..."')
+        return value
+
+    def all(self, *names: str) -> Iterator[Element]:
+        """Yield the children of these names."""
+        return (child for child in self.children if child.name in names)
+
+    def at(self, *path: str) -> Element | None:
+        """Return the first child of the first name, in it that of the second and so on; None without."""
+        found: Element | None = self
+        for name in path:
+            found = next(found.all(name), None) if found is not None else None
+        return found
+
+    def below(self, *names: str) -> Iterator[Element]:
+        """Yield all elements of these names, in the order of the file, however deep; none inside another."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            if element.name in names:
+                yield element
+            else:
+                waiting.extend(reversed(element.children))
+
+
+def xml_codec(data: bytes) -> str | None:
+    """Return the encoding that XML without a byte order mark declares; None when it is none of them."""
+    for begin, codec in _WIDE:
+        if data.startswith(begin):
+            return codec
+    declared = _DECLARED.match(data[:400].lstrip())
+    name = declared.group(1).decode("ascii") if declared else ""
+    # Bytes that begin with a readable `<?xml` are no UTF-16 or UTF-32, whatever they declare.
+    return (
+        name if _CODEC.fullmatch(name) and not name.lower().startswith(("utf-1", "utf1", "utf-3")) else None
+    )
+
+
+def read_xml(text: str, name: str) -> Element:
+    """Return the root element of a text; raise UserError: one line with the place."""
+    builder = _Builder(name)
+    try:
+        # The text is decoded already: what its declaration says about bytes is not asked again.
+        builder.parser.Parse(text.encode("utf-8", "replace"), True)
+    except expat.ExpatError as failed:
+        found = expat.ErrorString(failed.code) or "no XML"
+        raise mistake(f"{name}:{failed.lineno}:{failed.offset + 1}", found, "well-formed XML") from None
+    return builder.root
+
+
+class _Builder:
+    """The tree as it grows, and the refusals on the way."""
+
+    root: Element
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.path: list[Element] = []
+        self.count = 0
+        self.parser = parser = expat.ParserCreate("utf-8")
+        parser.buffer_text = False  # else the place of a text is the end of it
+        parser.StartElementHandler = self.start
+        parser.EndElementHandler = self.end
+        parser.CharacterDataHandler = self.characters
+        parser.StartDoctypeDeclHandler = self.doctype
+
+    def place(self) -> tuple[int, int]:
+        return self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
+
+    def refusal(self, found: str, expected: str) -> UserError:
+        line, column = self.place()
+        return mistake(f"{self.source}:{line}:{column}", found, expected)
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        self.count += 1
+        if len(self.path) >= MOST_DEPTH:
+            raise self.refusal(f"<{name[:40]}> {MOST_DEPTH} elements deep", f"at most {MOST_DEPTH} levels")
+        if self.count > MOST_ELEMENTS:
+            raise self.refusal("more elements", f"at most {MOST_ELEMENTS} in a file")
+        element = Element(name.rpartition(":")[2], attributes, self.source, self.place())
+        if self.path:
+            self.path[-1].children.append(element)
+        else:
+            self.root = element
+        self.path.append(element)
+
+    def end(self, _name: str) -> None:
+        self.path.pop()
+
+    def characters(self, text: str) -> None:
+        element = self.path[-1]
+        if not element.pieces:
+            element.text_line = self.parser.CurrentLineNumber
+        element.pieces.append(text)
+
+    def doctype(self, name: str, system: str | None, public: str | None, declares: int) -> None:
+        # With a DTD from elsewhere the parser would leave out what it does not know, without a word.
+        if declares or system or public:
+            raise self.refusal(f"<!DOCTYPE {name[:40]} ...>", "XML without a DTD and entities of its own")

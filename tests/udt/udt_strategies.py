@@ -11,10 +11,26 @@ from trcvtui.udt.codec import Values
 from trcvtui.udt.coding import Value
 from trcvtui.udt.formats.st import read_st
 from trcvtui.udt.iec_type import parse_type
-from trcvtui.udt.layout import LAYOUTS, Layout, Leaf, lay_out, rules_for
-from trcvtui.udt.literals import format_literal
+from trcvtui.udt.layout import LAYOUTS, Layout, LayoutRules, Leaf, lay_out, rules_for
+from trcvtui.udt.literals import date_and_time_text, format_literal, format_time
+from trcvtui.udt.rules import TEXT_FORMS
 from trcvtui.udt.type_set import TypeSet, join
-from trcvtui.udt.types import ROWS, Array, Elementary, Enumeration, Kind, Member, Struct, Text, Type
+from trcvtui.udt.types import (
+    DAY,
+    MS,
+    ROWS,
+    Array,
+    Elementary,
+    Enumeration,
+    Kind,
+    Member,
+    Pointer,
+    Struct,
+    Subrange,
+    Text,
+    Type,
+    Union,
+)
 
 
 def types_of(text: str, name: str = "test.st") -> TypeSet:
@@ -36,16 +52,21 @@ def layout_of(text: str, layout: str = "baosky", byte_order: str | None = None) 
 
 
 rows = st.sampled_from(ROWS)
+integers = st.sampled_from([row for row in ROWS if row.kind is Kind.INTEGER])
 texts = st.builds(Text, st.one_of(st.none(), st.integers(1, 254)), st.booleans())
 enumerations = st.builds(
-    lambda base: Enumeration("Mode", base, (("Off", 0), ("On", 1))),
-    st.sampled_from([row for row in ROWS if row.kind is Kind.INTEGER]),
+    lambda base, is_named: Enumeration("Mode", base, (("Off", 0), ("On", 1)), is_named),
+    integers,
+    st.booleans(),
 )
+subranges = st.builds(lambda base: Subrange(base, 0, 10), integers)
+pointers = st.sampled_from([Pointer("POINTER TO BYTE"), Pointer("REFERENCE TO Axis")])
 bounds = st.lists(
     st.tuples(st.integers(-3, 3), st.integers(0, 3)).map(lambda b: (b[0], b[0] + b[1])),
     min_size=1,
     max_size=3,
 )
+packs = st.sampled_from([None, None, 0, 1, 2, 4, 8])
 
 
 def arrays(elements: st.SearchStrategy[Type]) -> st.SearchStrategy[Type]:
@@ -53,18 +74,44 @@ def arrays(elements: st.SearchStrategy[Type]) -> st.SearchStrategy[Type]:
     return st.builds(lambda b, element: Array(tuple(b), element), bounds, elements)
 
 
+def members_of(types: list[Type], prefix: str = "m") -> tuple[Member, ...]:
+    """Return members m0, m1, ... of these types."""
+    return tuple(Member(f"{prefix}{n}", type_) for n, type_ in enumerate(types))
+
+
 def structs(members: st.SearchStrategy[Type], least: int = 0) -> st.SearchStrategy[Struct]:
-    """Return structures with up to six members."""
-    return st.lists(members, min_size=least, max_size=6).map(
-        lambda types: Struct("S", tuple(Member(f"m{n}", t) for n, t in enumerate(types)))
+    """Return structures with up to six members, some with a pack_mode, some that extend another."""
+    of = st.lists(members, min_size=least, max_size=6)
+    bases = st.one_of(
+        st.none(), st.none(), st.lists(members, max_size=3).map(lambda b: Struct("B", members_of(b, "b")))
     )
+    return st.builds(lambda m, base, pack: Struct("S", members_of(m), base, pack), of, bases, packs)
 
 
-leaf_types: st.SearchStrategy[Type] = st.one_of(rows, texts, enumerations)
+def unions(members: st.SearchStrategy[Type]) -> st.SearchStrategy[Union]:
+    """Return unions with up to three members."""
+    of = st.lists(members, max_size=3)
+    return st.builds(lambda m, pack: Union("U", members_of(m, "u"), None, pack), of, packs)
+
+
+bools = st.sampled_from(
+    [row for row in ROWS if row.kind is Kind.BOOL]
+)  # often: they are bits in some layouts
+leaf_types: st.SearchStrategy[Type] = st.one_of(rows, bools, texts, enumerations, subranges, pointers)
 types: st.SearchStrategy[Type] = st.recursive(
-    leaf_types, lambda inner: st.one_of(arrays(inner), structs(inner)), max_leaves=6
+    leaf_types, lambda inner: st.one_of(arrays(inner), structs(inner), unions(inner)), max_leaves=6
 )
-rules = st.builds(rules_for, st.sampled_from(sorted(LAYOUTS)), st.sampled_from(["little", "big"]))
+names = st.sampled_from(sorted(LAYOUTS))
+orders = st.sampled_from(["little", "big"])
+forms = st.sampled_from([None, *TEXT_FORMS])
+rules = st.builds(
+    lambda name, order, form, size, even: rules_for(name, order, form, pointer_size=size, string_even=even),
+    names,
+    orders,
+    forms,
+    st.sampled_from([4, 8]),
+    st.sampled_from([None, False]),
+)
 
 
 @st.composite
@@ -73,22 +120,42 @@ def layouts(draw: Callable[[st.SearchStrategy[Layout]], Layout]) -> Layout:
     return draw(st.builds(lay_out, structs(types, least=1), rules))
 
 
-def values_of(leaf: Leaf) -> st.SearchStrategy[Value]:
+def apart(layout: Layout, most: int = 12) -> list[Leaf]:
+    """Return leaves of which no two share a bit: of the members of a union, the first."""
+    taken: set[tuple[int, int]] = set()
+    found: list[Leaf] = []
+    for leaf in layout.leaves(0, 4 * most):
+        place = bits_of(leaf)
+        if not taken & place and len(found) < most:
+            taken |= place
+            found.append(leaf)
+    return found
+
+
+def bits_of(leaf: Leaf) -> set[tuple[int, int]]:
+    """Return byte and bit of every bit that the leaf covers."""
+    bits = range(8) if leaf.bit is None else (leaf.bit,)
+    return {(byte, bit) for byte in range(leaf.offset, leaf.offset + leaf.size) for bit in bits}
+
+
+def values_of(leaf: Leaf, rules: LayoutRules) -> st.SearchStrategy[Value]:
     """Return values that the leaf can hold."""
     if isinstance(leaf.type, Text):
-        return _texts(leaf)
-    return _elementary(leaf.type.base if isinstance(leaf.type, Enumeration) else leaf.type)
+        return _texts(leaf.type, rules)
+    return _elementary(rules.stored(leaf.type))
 
 
-def _texts(leaf: Leaf) -> st.SearchStrategy[Value]:
-    assert isinstance(leaf.type, Text)
-    most = 80 if leaf.type.length is None else leaf.type.length
-    if leaf.type.wide:
-        return st.text(st.characters(max_codepoint=0xFFFF, exclude_categories=["Cs"]), max_size=most)
-    return st.text(st.characters(max_codepoint=255), max_size=most)
+def _texts(type_: Text, rules: LayoutRules) -> st.SearchStrategy[Value]:
+    most, least = rules.text.length(type_), 0 if rules.text.header else 1
+    if type_.wide:
+        plane = st.characters(min_codepoint=least, max_codepoint=0xFFFF, exclude_categories=["Cs"])
+        return st.text(plane, max_size=most)
+    return st.text(st.characters(min_codepoint=least, max_codepoint=255), max_size=most)
 
 
 def _elementary(row: Elementary) -> st.SearchStrategy[Value]:
+    if (row.name, row.code) in OWN_VALUES:
+        return OWN_VALUES[row.name, row.code]
     match row.kind:
         case Kind.BOOL:
             return st.booleans()
@@ -98,12 +165,27 @@ def _elementary(row: Elementary) -> st.SearchStrategy[Value]:
             return st.integers(0, row.limits[1]).map(chr)
         case Kind.INTEGER | Kind.BITS:
             return st.integers(*row.limits)
+        case Kind.ADDRESS:
+            return st.integers(*row.limits).map(lambda address: f"16#{address:0{2 * row.size}X}")
         case Kind.DATE:
-            days = 86_400_000_000_000 // row.unit_ns
+            days = DAY // row.unit_ns
             low, high = row.limits
             return st.integers(-(-low // days), high // days).map(lambda n: format_literal(row, n * days))
         case _:
             return st.integers(*row.limits).map(lambda count: format_literal(row, count))
+
+
+# Nanoseconds since 1970 of the years that each of them holds.
+_BCD_FIRST, _BCD_LAST = 7305 * DAY // MS, 43_829 * DAY // MS
+OWN_VALUES: dict[tuple[str, str], st.SearchStrategy[Value]] = {
+    ("DT", "8s"): st.integers(_BCD_FIRST, _BCD_LAST - 1).map(lambda ms: date_and_time_text("DT#", ms * MS)),
+    ("DTL", "12s"): st.integers(-719_000 * DAY, 23_000_000 * DAY).map(
+        lambda n: date_and_time_text("DTL#", n)
+    ),
+    ("S5TIME", "H"): st.tuples(st.integers(0, 999), st.sampled_from([10, 100, 1000, 10_000])).map(
+        lambda s: format_time(s[0] * s[1] * MS, "S5T#")
+    ),
+}
 
 
 def same(found: Values, expected: Values) -> bool:

@@ -1,25 +1,49 @@
-"""A layout compiled: one `struct.Struct` for all leaves or for a page of them, and the conversions."""
+"""A layout compiled: one `struct.Struct` for all leaves or for a page of them, and what follows it.
+
+Most leaves are one raw value of the `struct` each. Bits that share bytes, and the members of a UNION, which
+share all of them, are one raw value together, bytes that expand to many values.
+"""
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
-from trcvtui.udt.coding import Value
-from trcvtui.udt.placed import Leaf, Node, PlacedLeaf, PlacedStruct
+from trcvtui.udt.coded import Value
+from trcvtui.udt.placed import Leaf, Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
 
 Data = bytes | bytearray | memoryview
 Values = tuple[Value | None, ...]
 Reading = Callable[[Data], Values]
 
+BITS = tuple(tuple(bool(byte >> bit & 1) for bit in range(8)) for byte in range(256))
+
 
 class Conversion(NamedTuple):
-    """The raw values of the leaves start..stop-1 become shown values by `to_value`."""
+    """The raw values of number start..stop-1 become shown values by `to_value`."""
 
     start: int
     stop: int
     to_value: Callable[[Any], Value]
+
+
+class Expansion(NamedTuple):
+    """The raw value of that number, bytes, becomes the values of several leaves."""
+
+    at: int
+    to_values: Callable[[bytes], Iterable[Value | None]]
+
+
+class Plan(NamedTuple):
+    """A node compiled: `struct` format without byte order, the raw values it gives, what becomes of them."""
+
+    format: str
+    slots: int = 0
+    conversions: tuple[Conversion, ...] = ()
+    expansions: tuple[Expansion, ...] = ()
 
 
 class Codec:
@@ -28,70 +52,196 @@ class Codec:
     `read` returns the values of all leaves; it raises struct.error when the data does not reach to `end`.
     """
 
-    __slots__ = ("base", "conversions", "count", "end", "packer", "read")
+    __slots__ = ("base", "conversions", "end", "expansions", "packer", "read")
 
-    def __init__(self, packer: struct.Struct, base: int, count: int, found: list[Conversion]) -> None:
-        self.packer, self.base, self.count, self.conversions = packer, base, count, tuple(found)
-        self.end = base + packer.size
+    def __init__(self, plan: Plan, order: str, base: int = 0) -> None:
+        self.packer, self.base = struct.Struct(order + plan.format), base
+        self.conversions, self.expansions = plan.conversions, plan.expansions
+        self.end = base + self.packer.size
         # Where nothing is to convert, the whole decode is the one call into `struct`.
-        direct: Reading = packer.unpack_from
-        self.read = self._read if found or base else direct
+        direct: Reading = self.packer.unpack_from
+        is_direct = not (base or plan.conversions or plan.expansions)
+        self.read = direct if is_direct else self._read
 
     def _read(self, data: Data) -> Values:
         values = list(self.packer.unpack_from(data, self.base))
         for start, stop, to_value in self.conversions:
             values[start:stop] = map(to_value, values[start:stop])
-        return tuple(values)
+        return tuple(self._expanded(values) if self.expansions else values)
 
-    def read_part(self, data: Data, present: int) -> Values:
-        """Return the values of the first `present` leaves and None for the others; data may end anywhere."""
-        filled = bytes(data[: self.end]).ljust(self.end, b"\0")
-        return self.read(filled)[:present] + (None,) * (self.count - present)
+    def _expanded(self, raw: list[Any]) -> list[Value | None]:
+        values: list[Value | None] = []
+        done = 0
+        for at, to_values in self.expansions:
+            values += raw[done:at]
+            values += to_values(raw[at])
+            done = at + 1
+        return values + raw[done:]
+
+    def read_filled(self, data: Data) -> Values:
+        """Return the values of all leaves of data that may end anywhere, zeros behind it."""
+        return self.read(bytes(data[: self.end]).ljust(self.end, b"\0"))
 
 
-class Page(NamedTuple):
-    """Leaves that follow each other, with the codec for just these."""
+class Page:
+    """Leaves that follow each other, with codecs for just these: one, but for leaves that overlap."""
 
-    start: int
-    leaves: tuple[Leaf, ...]
-    codec: Codec
+    __slots__ = ("_codecs", "end", "leaves", "start")
+
+    def __init__(self, start: int, leaves: tuple[Leaf, ...], codecs: tuple[Codec, ...]) -> None:
+        self.start, self.leaves, self._codecs = start, leaves, codecs
+        self.end = max((codec.end for codec in codecs), default=0)
+
+    def read(self, data: Data) -> Values:
+        """Return the values of the leaves; raise struct.error when the data does not reach to `end`."""
+        if len(self._codecs) == 1:
+            return self._codecs[0].read(data)
+        return tuple(chain.from_iterable(codec.read(data) for codec in self._codecs))
+
+    def read_part(self, data: Data) -> Values:
+        """Return the values of the leaves, None for each that is not wholly there."""
+        values = chain.from_iterable(codec.read_filled(data) for codec in self._codecs)
+        return present(self.leaves, tuple(values), len(data))
 
 
-def codec_of(root: Node, order: str) -> Codec:
-    """Compile the whole layout; `order` is the byte order mark of `struct`."""
-    return Codec(struct.Struct(order + format_of(root)), 0, root.leaves, conversions(root))
+def present(leaves: Iterable[Leaf], values: Values, length: int) -> Values:
+    """Return the values with None for each leaf that is not wholly in the first `length` bytes."""
+    pairs = zip(leaves, values, strict=True)
+    return tuple(value if leaf.offset + leaf.size <= length else None for leaf, value in pairs)
+
+
+# -- a page of leaves ----------------------------------------------------------------------------------------
 
 
 def page_of(start: int, leaves: Sequence[Leaf], order: str) -> Page:
     """Compile leaves that follow each other; cheap, whatever the size of the layout."""
-    base = end = leaves[0].offset if leaves else 0
-    parts, found = [order], []
-    for number, leaf in enumerate(leaves):
-        parts.append(gap(leaf.offset - end) + leaf.coding.code)
-        end = leaf.offset + leaf.size
-        if leaf.coding.to_value:
-            found.append(Conversion(number, number + 1, leaf.coding.to_value))
-    return Page(start, tuple(leaves), Codec(struct.Struct("".join(parts)), base, len(leaves), found))
+    codecs, run = [], _Run(leaves[0].offset if leaves else 0)
+    for leaf in leaves:
+        if not run.takes(leaf):
+            codecs.append(run.codec(order))
+            run = _Run(leaf.offset)
+        run.add(leaf)
+    codecs.append(run.codec(order))
+    return Page(start, tuple(leaves), tuple(codecs))
 
 
-def format_of(node: Node) -> str:
-    """Return the `struct` format of all leaves of the node, gaps as pad bytes."""
-    if isinstance(node, PlacedLeaf):
-        return node.coding.code
+class _Run:
+    """Leaves of which none begins before the one in front ends; the bits of a byte are one raw value."""
+
+    def __init__(self, base: int) -> None:
+        self.base = self.end = base
+        self.parts: list[str] = []
+        self.conversions: list[Conversion] = []
+        self.expansions: list[Expansion] = []
+        self.count = 0
+        self.bits: list[int] = []  # of the byte in front of `end`
+
+    def takes(self, leaf: Leaf) -> bool:
+        return leaf.offset >= self.end or self.goes_on(leaf)
+
+    def goes_on(self, leaf: Leaf) -> bool:
+        return leaf.bit is not None and bool(self.bits) and leaf.offset == self.end - 1
+
+    def add(self, leaf: Leaf) -> None:
+        if leaf.bit is not None and self.goes_on(leaf):
+            self.bits.append(leaf.bit)
+            return
+        self.close_bits()
+        self.parts.append(gap(leaf.offset - self.end) + ("s" if leaf.bit is not None else leaf.coding.code))
+        self.end = leaf.offset + leaf.size
+        if leaf.bit is not None:
+            self.bits = [leaf.bit]
+        elif leaf.coding.to_value:
+            self.conversions.append(Conversion(self.count, self.count + 1, leaf.coding.to_value))
+        self.count += 1
+
+    def close_bits(self) -> None:
+        if self.bits:
+            self.expansions.append(Expansion(self.count - 1, partial(_chosen_bits, tuple(self.bits))))
+            self.bits = []
+
+    def codec(self, order: str) -> Codec:
+        self.close_bits()
+        plan = Plan("".join(self.parts), self.count, tuple(self.conversions), tuple(self.expansions))
+        return Codec(plan, order, self.base)
+
+
+# -- a whole layout ------------------------------------------------------------------------------------------
+
+
+def codec_of(root: Node, order: str) -> Codec:
+    """Compile the whole layout; `order` is the byte order mark of `struct`."""
+    return Codec(plan_of(root, order), order)
+
+
+def plan_of(node: Node, order: str) -> Plan:
+    """Return the node compiled, gaps as pad bytes."""
     if not node.leaves:
-        return f"{node.size}x"
+        return Plan(gap(node.size))
+    if isinstance(node, PlacedLeaf):
+        return _leaf_plan(node)
+    if isinstance(node, PlacedUnion):
+        readings = tuple(codec_of(member, order).read for member in node.nodes)
+        return _expanding(node.size, partial(_all_members, readings))
     if isinstance(node, PlacedStruct):
-        return _struct_format(node)
-    element = format_of(node.element)
-    return f"{node.count}{element}" if len(element) == 1 else element * node.count
+        return _struct_plan(node, order)
+    if node.is_bits:
+        return _expanding(node.size, partial(_rows_of_bits, node.row_size, node.columns))
+    return _array_plan(node, order)
 
 
-def _struct_format(node: PlacedStruct) -> str:
-    parts, end = [], 0
-    for offset, child in zip(node.offsets, node.nodes, strict=True):
-        parts.append(gap(offset - end) + format_of(child))
-        end = offset + child.size
-    return "".join(parts) + gap(node.size - end)
+def _leaf_plan(node: PlacedLeaf) -> Plan:
+    if node.is_bit:
+        return _expanding(1, partial(_first_bits, 1))
+    to_value = node.coding.to_value
+    return Plan(node.coding.code, 1, (Conversion(0, 1, to_value),) if to_value else ())
+
+
+def _expanding(size: int, to_values: Callable[[bytes], Iterable[Value | None]]) -> Plan:
+    return Plan(f"{size}s", 1, (), (Expansion(0, to_values),))
+
+
+def _struct_plan(node: PlacedStruct, order: str) -> Plan:
+    parts: list[str] = []
+    conversions: list[Conversion] = []
+    expansions: list[Expansion] = []
+    end = count = number = 0
+    while number < len(node.nodes):
+        offset, child = node.offsets[number], node.nodes[number]
+        bits = _bits_from(node, number)
+        plan = _expanding(1, partial(_first_bits, bits)) if bits else plan_of(child, order)
+        parts.append(gap(offset - end) + plan.format)
+        conversions += [Conversion(c.start + count, c.stop + count, c.to_value) for c in plan.conversions]
+        expansions += [Expansion(e.at + count, e.to_values) for e in plan.expansions]
+        end, count, number = offset + child.size, count + plan.slots, number + max(bits, 1)
+    return Plan("".join(parts) + gap(node.size - end), count, tuple(conversions), tuple(expansions))
+
+
+def _bits_from(node: PlacedStruct, number: int) -> int:
+    """Return how many members from that number on are bits of one byte, beginning with its first."""
+    stop = number
+    while stop < len(node.nodes) and node.offsets[stop] == node.offsets[number]:
+        child = node.nodes[stop]
+        if not (isinstance(child, PlacedLeaf) and child.is_bit):
+            break
+        stop += 1
+    return stop - number
+
+
+def _array_plan(node: PlacedArray, order: str) -> Plan:
+    plan = plan_of(node.element, order)
+    text = plan.format + gap(node.pitch - node.element.size)
+    whole = f"{node.count}{text}" if len(text) == 1 else text * node.count
+    count, starts = plan.slots * node.count, range(0, plan.slots * node.count, plan.slots)
+    conversions = plan.conversions
+    if conversions and conversions[0].stop - conversions[0].start == plan.slots:
+        conversions = (Conversion(0, count, conversions[0].to_value),)
+    elif conversions:
+        conversions = tuple(
+            Conversion(c.start + n, c.stop + n, c.to_value) for n in starts for c in conversions
+        )
+    expansions = tuple(Expansion(e.at + n, e.to_values) for n in starts for e in plan.expansions)
+    return Plan(whole, count, conversions, expansions if plan.expansions else ())
 
 
 def gap(size: int) -> str:
@@ -99,21 +249,24 @@ def gap(size: int) -> str:
     return f"{size}x" if size else ""
 
 
-def conversions(node: Node) -> list[Conversion]:
-    """Return the conversions of all leaves of the node that are not shown as they are stored."""
-    if isinstance(node, PlacedLeaf):
-        to_value = node.coding.to_value
-        return [Conversion(0, 1, to_value)] if to_value else []
-    found: list[Conversion] = []
-    if not node.leaves:
-        return found
-    if isinstance(node, PlacedStruct):
-        for before, child in zip(node.firsts, node.nodes, strict=True):
-            found += [Conversion(c.start + before, c.stop + before, c.to_value) for c in conversions(child)]
-        return found
-    element = conversions(node.element)
-    if element and element[0].stop - element[0].start == node.element.leaves:
-        return [Conversion(0, node.leaves, element[0].to_value)]
-    for before in range(0, node.leaves if element else 0, node.element.leaves):
-        found += [Conversion(c.start + before, c.stop + before, c.to_value) for c in element]
-    return found
+# -- bytes that are several values ---------------------------------------------------------------------------
+
+
+def _first_bits(count: int, raw: bytes) -> tuple[bool, ...]:
+    return BITS[raw[0]][:count]
+
+
+def _chosen_bits(bits: tuple[int, ...], raw: bytes) -> list[bool]:
+    return [BITS[raw[0]][bit] for bit in bits]
+
+
+def _rows_of_bits(row_size: int, columns: int, raw: bytes) -> list[bool]:
+    values: list[bool] = []
+    for start in range(0, len(raw), row_size):
+        row = chain.from_iterable(map(BITS.__getitem__, raw[start : start + row_size]))
+        values += [*row][:columns]
+    return values
+
+
+def _all_members(readings: tuple[Reading, ...], raw: bytes) -> Iterable[Value | None]:
+    return chain.from_iterable(read(raw) for read in readings)

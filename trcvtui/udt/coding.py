@@ -1,48 +1,36 @@
-"""One leaf's bytes and its value: the `struct` code, and the change between raw and shown value.
-
-Rule: to_value never fails, whatever the bytes are; to_raw raises Refused for every value that does not fit.
-"""
+"""One leaf's bytes and its value: elementary types, and which coding a leaf has under a layout's rules."""
 
 from __future__ import annotations
 
 import math
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple
 
-from trcvtui.udt.literals import EXPECTED, format_literal, parse_integer, parse_literal
+from trcvtui.udt.coded import Coding, Refused, Value, hex_text
+from trcvtui.udt.coding_s7 import bcd_coding, dtl_coding, s5time_coding
+from trcvtui.udt.coding_text import text_coding
+from trcvtui.udt.literals import EXPECTED, format_literal, format_time, parse_integer, parse_literal
 from trcvtui.udt.rules import BYTE_ORDERS, LayoutRules
-from trcvtui.udt.types import Elementary, Enumeration, Kind, LeafType, Text
+from trcvtui.udt.types import DAY, Elementary, Enumeration, Kind, LeafType, Text
 
-Value = bool | int | float | str
+__all__ = ["Coding", "Refused", "Value", "coding_of"]
 
 LARGEST_REAL = 3.4028235677973366e38  # the first number that rounds to no REAL (24 bits, 2**127)
 BOOL_TEXTS = {"TRUE": True, "FALSE": False, "1": True, "0": False}
 
 
-class Refused(Exception):
-    """A value that the type cannot hold; the text says what it can hold."""
-
-
-class Coding(NamedTuple):
-    """How one leaf is stored: `struct` code without byte order, and both changes (None: as it is)."""
-
-    code: str
-    to_value: Callable[[Any], Value] | None
-    to_raw: Callable[[object], Any]
-
-
 def coding_of(type_: LeafType, rules: LayoutRules) -> Coding:
     """Return how a leaf of this type is stored under these rules."""
     if isinstance(type_, Text):
-        return _text(type_, rules)
+        return text_coding(type_, rules)
+    row = rules.stored(type_)
     if isinstance(type_, Enumeration):
-        return _enumeration(type_, rules)
-    row = rules.row(type_)
-    return CODINGS[row.kind](row)
+        return _enumeration(type_, row)
+    own = OWN_FORMS.get((row.name, row.code))
+    return own(rules) if own else CODINGS[row.kind](row, rules)
 
 
-def _bool(row: Elementary) -> Coding:
+def _bool(row: Elementary, rules: LayoutRules) -> Coding:
     def to_raw(value: object) -> bool:
         if isinstance(value, str) and value.upper() in BOOL_TEXTS:
             return BOOL_TEXTS[value.upper()]
@@ -50,10 +38,13 @@ def _bool(row: Elementary) -> Coding:
             return bool(value)
         raise Refused("true or false")
 
-    return Coding(row.code, None, to_raw)
+    def odd(raw: bytes) -> str:
+        return f" ({hex_text(raw)})" if raw[0] > 1 else ""
+
+    return Coding(row.code, None, to_raw, None if row.name in rules.bits else odd)
 
 
-def _whole(row: Elementary) -> Coding:
+def _whole(row: Elementary, _: LayoutRules | None = None) -> Coding:
     low, high = row.limits
 
     def to_raw(value: object) -> int:
@@ -65,7 +56,7 @@ def _whole(row: Elementary) -> Coding:
     return Coding(row.code, None, to_raw)
 
 
-def _real(row: Elementary) -> Coding:
+def _real(row: Elementary, _: LayoutRules) -> Coding:
     def to_raw(value: object) -> float:
         number = _float(value)
         if number is None or (row.size == 4 and LARGEST_REAL <= abs(number) < math.inf):
@@ -84,7 +75,7 @@ def _float(value: object) -> float | None:
         return None
 
 
-def _character(row: Elementary) -> Coding:
+def _character(row: Elementary, _: LayoutRules) -> Coding:
     highest = row.limits[1]
 
     def to_raw(value: object) -> int:
@@ -95,7 +86,7 @@ def _character(row: Elementary) -> Coding:
     return Coding(row.code, chr, to_raw)
 
 
-def _literal(row: Elementary) -> Coding:
+def _literal(row: Elementary, _: LayoutRules) -> Coding:
     low, high = row.limits
 
     def to_value(count: int) -> str:
@@ -110,58 +101,53 @@ def _literal(row: Elementary) -> Coding:
     return Coding(row.code, to_value, to_raw)
 
 
-def _enumeration(type_: Enumeration, rules: LayoutRules) -> Coding:
-    whole = _whole(rules.row(type_.base))
+def _date(row: Elementary, rules: LayoutRules) -> Coding:
+    # A literal has whole days; where a finer count is stored, the rest is told beside it.
+    coding = _literal(row, rules)
+    count, a_day = struct.Struct(BYTE_ORDERS[rules.byte_order] + row.code), DAY // row.unit_ns
+
+    def odd(raw: bytes) -> str:
+        rest = count.unpack(raw)[0] % a_day * row.unit_ns
+        return f" (and {format_time(rest)})" if rest else ""
+
+    return coding._replace(odd=odd if a_day > 1 else None)
+
+
+def _address(row: Elementary, _: LayoutRules) -> Coding:
+    whole = _whole(row)
+
+    def to_value(address: int) -> str:
+        return f"16#{address:0{2 * row.size}X}"
+
+    return Coding(row.code, to_value, whole.to_raw)
+
+
+def _enumeration(type_: Enumeration, row: Elementary) -> Coding:
+    whole = _whole(row)
     numbers = {name.casefold(): number for name, number in type_.values}
 
-    def to_raw(value: object) -> Any:
+    def to_raw(value: object) -> object:
         number = numbers.get(value.casefold()) if isinstance(value, str) else None
         return whole.to_raw(value if number is None else number)
 
     return Coding(whole.code, None, to_raw)
 
 
-# udt.md 3.3, form `s7` (unverified): [longest][actual] and the characters, zeros to the end. WSTRING in the
-# same form with words, UTF-16 in the byte order of the data: no page of Baosky describes it.
-def _text(type_: Text, rules: LayoutRules) -> Coding:
-    order, longest = BYTE_ORDERS[rules.byte_order], rules.text.length(type_)
-    lengths = struct.Struct(order + ("HH" if type_.wide else "BB"))
-    unit = lengths.size // 2
-    charset = ("utf-16-le" if order == "<" else "utf-16-be") if type_.wide else "latin-1"
-
-    def to_value(raw: bytes) -> str:
-        # An actual length beyond the field ends at the field (udt.md U12).
-        actual: int = lengths.unpack_from(raw)[1]
-        return raw[lengths.size :][: actual * unit].decode(charset, "surrogatepass")
-
-    def to_raw(value: object) -> bytes:
-        characters = _characters(value, charset)
-        if characters is None or len(characters) > longest * unit:
-            raise Refused(
-                f"text of at most {longest} characters" + ("" if type_.wide else ", codes 0 to 255")
-            )
-        return lengths.pack(longest, len(characters) // unit) + characters
-
-    return Coding(f"{rules.text.size(type_)}s", to_value, to_raw)
-
-
-def _characters(value: object, charset: str) -> bytes | None:
-    if not isinstance(value, str):
-        return None
-    try:
-        return value.encode(charset, "surrogatepass")
-    except UnicodeEncodeError:
-        return None
-
-
-CODINGS: dict[Kind, Callable[[Elementary], Coding]] = {
+CODINGS: dict[Kind, Callable[[Elementary, LayoutRules], Coding]] = {
     Kind.BOOL: _bool,
     Kind.INTEGER: _whole,
     Kind.BITS: _whole,
     Kind.REAL: _real,
     Kind.CHARACTER: _character,
     Kind.DURATION: _literal,
-    Kind.DATE: _literal,
+    Kind.DATE: _date,
     Kind.TIME_OF_DAY: _literal,
     Kind.DATE_AND_TIME: _literal,
+    Kind.ADDRESS: _address,
+}
+# By name and `struct` code: the same name may be a plain count elsewhere.
+OWN_FORMS: dict[tuple[str, str], Callable[[LayoutRules], Coding]] = {
+    ("DT", "8s"): bcd_coding,
+    ("DTL", "12s"): dtl_coding,
+    ("S5TIME", "H"): s5time_coding,
 }

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import struct
 
-from trcvtui.udt.codec import Data, Values
-from trcvtui.udt.layout import Layout
+from trcvtui.udt.codec import Data, Values, present
+from trcvtui.udt.coded import Value
+from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
 
 
 def decode(layout: Layout, data: Data) -> Values:
@@ -16,14 +17,26 @@ def decode(layout: Layout, data: Data) -> Values:
     try:
         return layout.codec.read(data)
     except struct.error:
-        return layout.codec.read_part(data, layout.leaves_within(len(data)))
+        values = layout.codec.read_filled(data)
+    if layout.root.overlaps:
+        return present(layout.leaves(), values, len(data))
+    within = layout.leaves_within(len(data))
+    return values[:within] + (None,) * (len(values) - within)
 
 
 def decode_leaves(layout: Layout, data: Data, start: int, stop: int) -> Values:
     """Return the values of the leaves of number start..stop-1; the cost does not grow with the layout."""
     page = layout.page(start, stop)
     try:
-        return page.codec.read(data)
+        return page.read(data)
     except struct.error:
-        present = layout.leaves_within(len(data)) - page.start
-        return page.codec.read_part(data, min(max(present, 0), page.codec.count))
+        return page.read_part(data)
+
+
+def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
+    """Return the value of one leaf from its own bytes, of a bit the byte it lies in."""
+    if leaf.bit is not None:
+        return bool(part[0] >> leaf.bit & 1)
+    (raw,) = struct.unpack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, part)
+    value: Value = leaf.coding.to_value(raw) if leaf.coding.to_value else raw
+    return value

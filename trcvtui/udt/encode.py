@@ -34,16 +34,24 @@ def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
 def put(layout: Layout, data: bytearray, number: int, value: object) -> None:
     """Write one leaf into the bytes of the whole layout; raise UserError when the value does not fit."""
     leaf = layout.leaf(number)
-    data[leaf.offset : leaf.offset + leaf.size] = encode_leaf(layout, leaf, value)
+    part = encode_leaf(layout, leaf, value)
+    if leaf.bit is not None:  # its neighbours in the byte stay
+        part = bytes([data[leaf.offset] & ~(1 << leaf.bit) | part[0]])
+    data[leaf.offset : leaf.offset + leaf.size] = part
 
 
 def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
-    """Return the bytes of one leaf: from a JSON value or a text such as `16#FF`, `T#5s`, `TRUE`."""
+    """Return the bytes of one leaf: from a JSON value or a text such as `16#FF`, `T#5s`, `TRUE`.
+
+    Of a bit it is the byte it lies in, all other bits 0.
+    """
     try:
         raw = leaf.coding.to_raw(value)
     except Refused as refused:
         where = f"{layout.name}.{leaf.path}" if leaf.path else layout.name
         raise UserError(Problem(where, _shown(value), str(refused))) from None
+    if leaf.bit is not None:
+        return bytes([raw << leaf.bit])
     return struct.pack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, raw)
 
 

@@ -43,11 +43,12 @@ _LONGEST = 64  # no literal of these types is longer; what is longer is refused 
 # Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
 _PART = r"(?ai)(\d{1,20})(?:\.(\d{1,9}))?(ms|us|ns|d|h|m|s)_?"
 _DURATION = r"(?ai)(?:T|TIME|LT|LTIME)#(-?)((?:[\d.]+[a-z]+_?)+)"
+_S5TIME = r"(?ai)S5T(?:IME)?#(.*)"
 _DAY_PART = r"(\d{4,20})-(\d{1,2})-(\d{1,2})"
 _CLOCK_PART = r"(\d{1,20}):(\d{1,2})(?::(\d{1,2})(?:\.(\d{1,9}))?)?"
 _DATE = r"(?ai)(?:D|DATE|LD|LDATE)#" + _DAY_PART
 _CLOCK = r"(?ai)(?:TOD|TIME_OF_DAY|LTOD|LTIME_OF_DAY)#" + _CLOCK_PART
-_DATE_CLOCK = rf"(?ai)(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME)#{_DAY_PART}-{_CLOCK_PART}"
+_DATE_CLOCK = rf"(?ai)(?:DT|DATE_AND_TIME|LDT|LDATE_AND_TIME|DATE_AND_LTIME|DTL)#{_DAY_PART}-{_CLOCK_PART}"
 _INTEGER = r"(?ai)(?:([a-z]+)#)?([+-]?)(?:(2|8|16)#)?([0-9a-f]+(?:_[0-9a-f]+)*)"
 
 
@@ -73,7 +74,7 @@ def format_time(ns: int, prefix: str = "T#") -> str:
 def format_literal(row: Elementary, count: int) -> str:
     """Return the literal of a TIME-like type for its stored count, such as `TOD#12:30:15.25`."""
     prefix = PREFIXES[row.name]
-    ns = count * row.unit_ns
+    ns = count * row.unit_ns + row.epoch_ns
     match row.kind:
         case Kind.DURATION:
             return format_time(ns, prefix)
@@ -82,15 +83,26 @@ def format_literal(row: Elementary, count: int) -> str:
         case Kind.TIME_OF_DAY:
             return prefix + _clock_text(ns)
         case _:
-            return f"{prefix}{_date_text(ns // DAY)}-{_clock_text(ns % DAY)}"
+            return date_and_time_text(prefix, ns)
+
+
+def date_and_time_text(prefix: str, ns: int) -> str:
+    """Return nanoseconds since 1970 as the literal of a date and time."""
+    return f"{prefix}{_date_text(ns // DAY)}-{_clock_text(ns % DAY)}"
 
 
 def parse_literal(row: Elementary, text: str) -> int | None:
     """Return the count that a TIME-like type stores for a literal; None when it is no such literal."""
     ns = _READ[row.kind](text)
-    if ns is None or ns % row.unit_ns:
+    if ns is None or (ns - row.epoch_ns) % row.unit_ns:
         return None
-    return ns // row.unit_ns
+    return (ns - row.epoch_ns) // row.unit_ns
+
+
+def parse_s5time(text: str) -> int | None:
+    """Return the nanoseconds of `S5T#1s500ms`, also written as TIME; None when it is none."""
+    found = _match(_S5TIME, text)
+    return _duration(f"T#{found[1]}" if found else text)
 
 
 def parse_integer(text: str) -> int | None:
@@ -151,7 +163,8 @@ def _clock(text: str) -> int | None:
     return None if found is None else _clock_ns(*found.groups())
 
 
-def _date_clock(text: str) -> int | None:
+def parse_date_and_time(text: str) -> int | None:
+    """Return the nanoseconds since 1970 of a literal such as `DTL#2024-01-31-12:30:15`, None if none."""
     found = _match(_DATE_CLOCK, text)
     if found is None:
         return None
@@ -163,7 +176,7 @@ _READ = {
     Kind.DURATION: _duration,
     Kind.DATE: _date,
     Kind.TIME_OF_DAY: _clock,
-    Kind.DATE_AND_TIME: _date_clock,
+    Kind.DATE_AND_TIME: parse_date_and_time,
 }
 
 
@@ -187,14 +200,20 @@ _ERA_DAYS = 146_097
 _MARCH_0_TO_1970 = 719_468
 
 
-def _date_text(days: int) -> str:
+def calendar(days: int) -> tuple[int, int, int]:
+    """Return year, month and day of a number of days since 1970."""
     era, day = divmod(days + _MARCH_0_TO_1970, _ERA_DAYS)
     year = (day - day // 1460 + day // 36_524 - day // 146_096) // 365
     day -= 365 * year + year // 4 - year // 100
     month = (5 * day + 2) // 153
     date = day - (153 * month + 2) // 5 + 1
     month = month + 3 if month < 10 else month - 9
-    return f"{era * 400 + year + (month <= 2):04d}-{month:02d}-{date:02d}"
+    return era * 400 + year + (month <= 2), month, date
+
+
+def _date_text(days: int) -> str:
+    year, month, date = calendar(days)
+    return f"{year:04d}-{month:02d}-{date:02d}"
 
 
 def _days(year: int, month: int, date: int) -> int:
@@ -203,11 +222,14 @@ def _days(year: int, month: int, date: int) -> int:
     return era * _ERA_DAYS + year * 365 + year // 4 - year // 100 + day - _MARCH_0_TO_1970
 
 
-def _day_ns(year: str, month: str, date: str) -> int | None:
-    if not 1 <= int(month) <= 12:
+def date_ns(year: int, month: int, date: int) -> int | None:
+    """Return the nanoseconds from 1970 to a date; None when the calendar has no such date."""
+    if not 1 <= month <= 12:
         return None
-    days = _days(int(year), int(month), int(date))
+    days = _days(year, month, date)
     # 31 April would come back as 1 May: a date that does not come back as itself is none.
-    if _date_text(days) != f"{int(year):04d}-{int(month):02d}-{int(date):02d}":
-        return None
-    return days * DAY
+    return days * DAY if calendar(days) == (year, month, date) else None
+
+
+def _day_ns(year: str, month: str, date: str) -> int | None:
+    return date_ns(int(year), int(month), int(date))

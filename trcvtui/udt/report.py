@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from trcvtui.udt.codec import Data
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode
 from trcvtui.udt.encode import encode
 from trcvtui.udt.layout import Layout, Leaf
-from trcvtui.udt.types import Enumeration, Text, type_text
+from trcvtui.udt.types import Enumeration, Pointer, Text, type_text
 from trcvtui.udt.value_text import special_text, value_text
 
 Row = tuple[str, ...]
@@ -24,7 +24,7 @@ def show_json(layout: Layout) -> dict[str, object]:
         "align": layout.align,
         "layout": layout.rules.name,
         "byte_order": layout.rules.byte_order,
-        "members": [_member(layout, leaf) for leaf in layout.leaves()],
+        "members": [_member(layout, leaf) for leaf in _in_offset_order(layout)],
         "padding": [{"offset": offset, "size": size} for offset, size in layout.padding()],
     }
 
@@ -81,7 +81,9 @@ def leaf_type_text(layout: Layout, leaf: Leaf) -> str:
     """Return the type that decides the bytes: a STRING with its length, an enumeration as its base type."""
     if isinstance(leaf.type, Text):
         return type_text(Text(layout.rules.text.length(leaf.type), leaf.type.wide))
-    return leaf.type.base.name if isinstance(leaf.type, Enumeration) else leaf.type.name
+    if isinstance(leaf.type, Pointer):
+        return leaf.type.text
+    return layout.rules.stored(leaf.type).name
 
 
 def unverified(layout: Layout) -> list[str]:
@@ -94,6 +96,12 @@ def _member(layout: Layout, leaf: Leaf) -> dict[str, object]:
     bit = {} if leaf.bit is None else {"bit": leaf.bit}
     place = {"path": leaf.path, "type": leaf_type_text(layout, leaf), "offset": leaf.offset}
     return {**place, **bit, "size": leaf.size}
+
+
+def _in_offset_order(layout: Layout) -> Iterable[Leaf]:
+    # Members of a UNION overlap: in declared order offsets would go back.
+    leaves = layout.leaves()
+    return sorted(leaves, key=lambda leaf: leaf.offset) if layout.root.overlaps else leaves
 
 
 def _place(leaf: Leaf) -> str:

@@ -1,31 +1,70 @@
-"""Layout rules as data: alignment, form of STRING and byte order, one row a layout."""
+"""Layout rules as data: alignment, form of STRING, byte order and own elementary types, one row a layout."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final, TypeVar
 
 from trcvtui.errors import mistake
-from trcvtui.udt.types import Elementary, Text
+from trcvtui.udt.types import (
+    ADDRESS,
+    DAY,
+    ELEMENTARY,
+    MS,
+    SECOND,
+    Elementary,
+    Enumeration,
+    Kind,
+    Pointer,
+    Subrange,
+    Text,
+)
 
 DEFAULT_LAYOUT = "baosky"
 BYTE_ORDERS = {"little": "<", "big": ">"}
+POINTER_SIZES: Final = (4, 8)
+
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
 class TextForm:
-    """How STRING lies in memory: header [longest][actual] before the characters, lengths in characters."""
+    """How STRING lies in memory: `extra` units (bytes, words in WSTRING) beside its characters.
 
-    header: int = 2
-    default: int = 80
-    longest: int = 254
+    With `header` they are [longest][actual] before the characters, else NULs behind them. `default` is the
+    length of a STRING that names none, `longest` and `longest_wide` the limits of STRING and WSTRING.
+    """
+
+    name: str
+    header: bool
+    extra: int
+    default: int
+    longest: int
+    longest_wide: int
 
     def length(self, text: Text) -> int:
         """Return the number of characters that the text may have."""
         return self.default if text.length is None else text.length
 
+    def most(self, text: Text) -> int:
+        """Return the largest length that may be declared."""
+        return self.longest_wide if text.wide else self.longest
+
     def size(self, text: Text) -> int:
-        """Return the size in bytes, header included."""
-        return (self.header + self.length(text)) * (2 if text.wide else 1)
+        """Return the size in bytes, header or NUL included."""
+        return (self.extra + self.length(text)) * (2 if text.wide else 1)
+
+
+# udt.md 2.2 and 3.3. `s7` and `cstr` take the same room, so a Baosky layout is the same with either. CODESYS
+# sets no limit to the length of a STRING; the limit of a whole type holds.
+TEXT_FORMS = {
+    form.name: form
+    for form in (
+        TextForm("s7", header=True, extra=2, default=80, longest=254, longest_wide=254),
+        TextForm("cstr", header=False, extra=2, default=80, longest=254, longest_wide=254),
+        TextForm("nul", header=False, extra=1, default=80, longest=1 << 22, longest_wide=1 << 21),
+    )
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,50 +72,134 @@ class LayoutRules:
     """Where members of a STRUCT lie; alignments in bytes, each a power of two.
 
     `cap` is the largest alignment, `member_floor` the smallest start of a member, `struct_floor` the smallest
-    alignment of a STRUCT as a whole. `rows` replaces elementary types that this layout stores in its own way;
-    `unverified` names the types whose bytes no page of the vendor describes.
+    alignment of a STRUCT as a whole, `array_floor` that of an ARRAY (it ends there too), `text_floor` that of
+    a STRING; with `string_even` a STRING of odd size takes one byte more. `takes_pack`: a type's own
+    pack_mode replaces `cap`. `bits` names the types that are one bit.
+    `rows` replaces elementary types that this layout stores in its own way; `unverified` names the types
+    whose bytes no page of the vendor describes.
     """
 
     name: str
     cap: int
     member_floor: int = 1
     struct_floor: int = 1
+    array_floor: int = 1
+    text_floor: int = 1
+    string_even: bool = False
+    takes_pack: bool = False
     byte_order: str = "little"
-    text: TextForm = TextForm()
+    text: TextForm = TEXT_FORMS["s7"]
+    bits: frozenset[str] = frozenset({"BIT"})
     rows: tuple[Elementary, ...] = ()
     unverified: frozenset[str] = frozenset()
+    pointer_size: int = 8
+    enum_base: str = "INT"
 
     def row(self, type_: Elementary) -> Elementary:
         """Return the elementary type as this layout stores it."""
         for row in self.rows:
             if row.name == type_.name:
                 return row
+        if type_.kind is Kind.ADDRESS and self.pointer_size != type_.size:
+            return replace(type_, size=self.pointer_size, align=self.pointer_size, code="I")
         return type_
+
+    def stored(self, type_: Elementary | Subrange | Pointer | Enumeration) -> Elementary:
+        """Return the elementary type that decides the bytes, as this layout stores it."""
+        match type_:
+            case Elementary():
+                return self.row(type_)
+            case Subrange(base=base):
+                return self.row(base)
+            case Pointer():
+                return self.row(ADDRESS)
+            case Enumeration(base=base, is_named=is_named):
+                return self.row(base if is_named else ELEMENTARY[self.enum_base])
 
 
 # baosky.md section 9 and udt.md 3.3: the manual prints one example, {DINT, DINT, CHAR} = 12 bytes, and each
 # of these readings but `packed` fits it; cap4 is the decision. STRING: 82 bytes for 80 characters [M].
 BAOSKY_UNVERIFIED = frozenset({"STRING", "WSTRING", "WCHAR", "DATE", "LDATE", "TOD", "LTOD", "DT", "LDT"})
+BAOSKY = LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED)
+
+# udt.md 2.2: durations without a sign, DATE counts seconds.
+CODESYS = LayoutRules(
+    "codesys-8",
+    cap=8,
+    takes_pack=True,
+    text=TEXT_FORMS["nul"],
+    rows=(
+        Elementary("TIME", 4, 4, "I", Kind.DURATION, MS),
+        Elementary("LTIME", 8, 8, "Q", Kind.DURATION, 1),
+        Elementary("DATE", 4, 4, "I", Kind.DATE, SECOND),
+    ),
+)
+
+# siemens.md section 6: even bytes and nothing larger, BOOL in bits, big-endian.
+S7 = LayoutRules(
+    "s7-standard",
+    cap=2,
+    struct_floor=2,
+    array_floor=2,
+    text_floor=2,
+    string_even=True,
+    byte_order="big",
+    text=replace(TEXT_FORMS["s7"], default=254, longest_wide=16382),
+    bits=frozenset({"BIT", "BOOL"}),
+    rows=(
+        Elementary("DATE", 2, 2, "H", Kind.DATE, DAY, epoch_ns=7305 * DAY),  # days since 1990-01-01
+        Elementary("DT", 8, 2, "8s", Kind.DATE_AND_TIME),
+    ),
+)
+
 LAYOUTS = {
     rules.name: rules
     for rules in (
-        LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED),
-        LayoutRules("baosky-slot4", cap=4, member_floor=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED),
-        LayoutRules("baosky-pack4", cap=4, unverified=BAOSKY_UNVERIFIED),
-        LayoutRules("natural8", cap=8, struct_floor=4, unverified=BAOSKY_UNVERIFIED),
-        LayoutRules("packed", cap=1, unverified=BAOSKY_UNVERIFIED),
+        BAOSKY,
+        replace(BAOSKY, name="baosky-slot4", member_floor=4),
+        replace(BAOSKY, name="baosky-pack4", struct_floor=1),
+        replace(BAOSKY, name="natural8", cap=8),
+        replace(BAOSKY, name="packed", cap=1, struct_floor=1),
+        *(replace(CODESYS, name=f"codesys-{pack}", cap=pack) for pack in (8, 4, 2, 1)),
+        S7,
     )
 }
 LAYOUT_ALIASES = {"cap4": "baosky"}
 
 
-def rules_for(layout: str = DEFAULT_LAYOUT, byte_order: str | None = None) -> LayoutRules:
-    """Return the rules of a layout by name, in another byte order if one is given; refuse unknown names."""
-    rules = LAYOUTS.get(LAYOUT_ALIASES.get(layout, layout))
-    if rules is None:
-        raise mistake("layout", f"'{layout}'", "one of " + ", ".join([*LAYOUTS, *LAYOUT_ALIASES]))
-    if byte_order is None:
-        return rules
-    if byte_order not in BYTE_ORDERS:
-        raise mistake("byte order", f"'{byte_order}'", "one of " + ", ".join(BYTE_ORDERS))
-    return replace(rules, byte_order=byte_order)
+def rules_for(
+    layout: str = DEFAULT_LAYOUT,
+    byte_order: str | None = None,
+    text: str | None = None,
+    *,
+    pointer_size: int | None = None,
+    string_even: bool | None = None,
+    enum_base: str | None = None,
+) -> LayoutRules:
+    """Return the rules of a layout by name, its settings replaced by what is given; refuse unknown ones."""
+    rules = _known("layout", LAYOUT_ALIASES.get(layout, layout), LAYOUTS, [*LAYOUTS, *LAYOUT_ALIASES])
+    if byte_order is not None:
+        _known("byte order", byte_order, BYTE_ORDERS)
+        rules = replace(rules, byte_order=byte_order)
+    if text is not None:
+        form = _known("STRING form", text, TEXT_FORMS)
+        if form.name != rules.text.name:  # the default length is the vendor's, whatever the form
+            rules = replace(rules, text=replace(form, default=min(rules.text.default, form.longest)))
+    if pointer_size is not None:
+        if pointer_size not in POINTER_SIZES:
+            raise mistake("pointer size", str(pointer_size), "4 or 8")
+        rules = replace(rules, pointer_size=pointer_size)
+    if string_even is not None:
+        rules = replace(rules, string_even=string_even)
+    if enum_base is not None:
+        rules = replace(rules, enum_base=_known("enum base", enum_base.upper(), INTEGERS).name)
+    return rules
+
+
+INTEGERS: Final = {row.name: row for row in ELEMENTARY.values() if row.kind in (Kind.INTEGER, Kind.BITS)}
+
+
+def _known(what: str, name: str, table: dict[str, _T], names: list[str] | None = None) -> _T:
+    if name not in table:
+        raise mistake(what, f"'{name}'", "one of " + ", ".join(names or table))
+    return table[name]

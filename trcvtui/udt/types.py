@@ -30,7 +30,10 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Elementary:
-    """One elementary type: size and natural alignment in bytes, `struct` code, nanoseconds per count."""
+    """One elementary type: size and natural alignment in bytes, `struct` code, nanoseconds per count.
+
+    `epoch_ns` is where the count of a date begins, in nanoseconds since 1970.
+    """
 
     name: str
     size: int
@@ -38,6 +41,7 @@ class Elementary:
     code: str
     kind: Kind
     unit_ns: int = 0
+    epoch_ns: int = 0
 
     @property
     def limits(self) -> tuple[int, int]:
@@ -50,6 +54,7 @@ class Elementary:
 # Baosky states (the epoch of DATE; TOD, DT and the L-forms) follows CODESYS and is shown as unverified.
 ROWS = (
     Elementary("BOOL", 1, 1, "?", Kind.BOOL),
+    Elementary("BIT", 1, 1, "?", Kind.BOOL),
     Elementary("BYTE", 1, 1, "B", Kind.BITS),
     Elementary("WORD", 2, 2, "H", Kind.BITS),
     Elementary("DWORD", 4, 4, "I", Kind.BITS),
@@ -74,16 +79,29 @@ ROWS = (
     Elementary("LTOD", 8, 8, "Q", Kind.TIME_OF_DAY, 1),
     Elementary("DT", 4, 4, "I", Kind.DATE_AND_TIME, SECOND),
     Elementary("LDT", 8, 8, "q", Kind.DATE_AND_TIME, 1),
+    Elementary("S5TIME", 2, 2, "H", Kind.DURATION),
+    Elementary("DTL", 12, 4, "12s", Kind.DATE_AND_TIME),
+    Elementary("PVOID", 8, 8, "Q", Kind.ADDRESS),
+    Elementary("XWORD", 8, 8, "Q", Kind.ADDRESS),
+    Elementary("XINT", 8, 8, "Q", Kind.ADDRESS),
+    Elementary("UXINT", 8, 8, "Q", Kind.ADDRESS),
 )
+# Names of one vendor: where a file declares a type of such a name, the declaration is what it means.
+VENDOR_NAMES = frozenset({"BIT", "S5TIME", "DTL", "PVOID", "XWORD", "XINT", "UXINT"})
 SYNONYMS = {
     "TIME_OF_DAY": "TOD",
     "LTIME_OF_DAY": "LTOD",
     "DATE_AND_TIME": "DT",
     "LDATE_AND_TIME": "LDT",
+    "DATE_AND_LTIME": "LDT",
+    "__XWORD": "XWORD",
+    "__XINT": "XINT",
+    "__UXINT": "UXINT",
 }
 
 ELEMENTARY = {row.name: row for row in ROWS}
 ELEMENTARY |= {synonym: ELEMENTARY[name] for synonym, name in SYNONYMS.items()}
+ADDRESS = ELEMENTARY["PVOID"]  # how a pointer is stored
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,27 +12,42 @@ from typing import Final
 from trcvtui.errors import one_line
 from trcvtui.udt.coding import Value
 from trcvtui.udt.placed import Leaf
-from trcvtui.udt.types import Enumeration, Kind, Text
+from trcvtui.udt.types import Elementary, Enumeration, Kind, Pointer, Subrange, Text
 
 NO_DATA: Final = "no data"
-PLAIN_BOOLS: Final = (b"", b"\x00", b"\x01")
 
 
 def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
     """Return the text of a leaf's value; with the leaf's own bytes as `raw` oddities are told too."""
     if value is None:
         return NO_DATA
-    if isinstance(leaf.type, Text):
-        return _quoted(value) + _overlong(leaf, raw)
-    if isinstance(leaf.type, Enumeration):
-        return f"{value} ({_name(leaf.type, value)})"
-    match leaf.type.kind:
+    odd = leaf.coding.odd
+    return _plain_text(leaf, value) + (odd(raw) if odd and len(raw) == leaf.size else "")
+
+
+def _plain_text(leaf: Leaf, value: Value) -> str:
+    match leaf.type:
+        case Text():
+            return _quoted(value)
+        case Enumeration() as type_:
+            return f"{value} ({_name(type_, value)})"
+        case Subrange(base=base, low=low, high=high):
+            inside = isinstance(value, int) and low <= value <= high
+            return _elementary_text(base, leaf.size, value) + ("" if inside else f" (not {low}..{high})")
+        case Pointer():
+            return str(value)
+        case Elementary() as row:
+            return _elementary_text(row, leaf.size, value)
+
+
+def _elementary_text(row: Elementary, size: int, value: Value) -> str:
+    match row.kind:
         case Kind.BOOL:
-            return str(value).upper() + ("" if raw in PLAIN_BOOLS else f" (16#{raw.hex().upper()})")
+            return str(value).upper()
         case Kind.BITS:
-            return f"{value} (16#{value:0{2 * leaf.size}X})"
+            return f"{value} (16#{value:0{2 * size}X})"
         case Kind.REAL:
-            return real_text(float(value), leaf.size)
+            return real_text(float(value), size)
         case Kind.CHARACTER:
             return _quoted(value)
         case _:
@@ -68,13 +83,6 @@ def _packed(text: str) -> bytes:
 
 def _quoted(value: Value) -> str:
     return f"'{one_line(str(value))}'"
-
-
-def _overlong(leaf: Leaf, raw: bytes) -> str:
-    # Header [longest][actual]; the field itself says how many characters there can be.
-    most = leaf.size - 2
-    wide = isinstance(leaf.type, Text) and leaf.type.wide
-    return f" (length {raw[1]} of {most})" if raw and not wide and raw[1] > most else ""
 
 
 def _name(type_: Enumeration, value: Value) -> str:

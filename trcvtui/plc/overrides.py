@@ -46,6 +46,10 @@ def _put(document: dict[str, Any], path: str, value: Given) -> Problem | None:
     match path.split("."):
         case [key] if key in TOP_KEYS:
             document[key] = value
+        case ["constants", *parts] if parts:
+            table = document.setdefault("constants", {})
+            if isinstance(table, dict):
+                table[".".join(parts)] = value
         case [section, key] if section in SECTIONS:
             table = document.setdefault(section, {})
             if isinstance(table, dict):
@@ -53,7 +57,7 @@ def _put(document: dict[str, Any], path: str, value: Given) -> Problem | None:
         case [kind, name, key] if kind in ENTRIES and key != "name":
             return _put_entry(document, kind, name, key, value)
         case [first, *_]:
-            known = (*TOP_KEYS, *SECTIONS, *ENTRIES)
+            known = (*TOP_KEYS, *SECTIONS, *ENTRIES, "constants")
             expected = FORMS if first in known else expected_name(first, known, "part of a project")
             return Problem(f"--set {path}", shown(first if first not in known else path), expected)
     return None

@@ -6,7 +6,7 @@ Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the bl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -136,6 +136,7 @@ class Project:
     addrs: tuple[AddrParam, ...] = ()
     messages: tuple[MessageDecl, ...] = ()
     sequences: tuple[SequenceDecl, ...] = ()
+    constants: Mapping[str, int] = field(default_factory=dict)  # of the UDTs; the user's own
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""

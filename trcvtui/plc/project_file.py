@@ -16,7 +16,7 @@ from trcvtui.plc.toml_file import read_toml
 KEYS: Final = (
     "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
     "message", "sequence",
-    "start", "sim",
+    "start", "sim", "constants",
 )  # fmt: skip
 
 
@@ -117,4 +117,5 @@ def _checked(reader: Reader, top: Table) -> Project:
         addrs=body.addrs,
         messages=body.messages,
         sequences=body.sequences,
+        constants=body.constants,
     )

@@ -49,6 +49,8 @@ NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) 
 UINT: Final = whole(*ELEMENTARY["UINT"].limits)
 PRIORITY: Final = whole(0, 255)
 SEED: Final = whole(0, (1 << 63) - 1)
+LINT: Final = whole(*ELEMENTARY["LINT"].limits)
+DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 FREE_PORT: Final = Endpoint("127.0.0.1", 0)
 
 
@@ -228,6 +230,20 @@ def read_sequence(table: Table) -> SequenceDecl | None:
     steps = table.must("steps", STEPS)
     table.finish()
     return SequenceDecl(name, steps) if name is not None and steps is not None else None
+
+
+def read_constants(content: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, int]:
+    """Return the constants of the UDTs: `"GVL.MAX" = 10`; without the quotes TOML makes a table GVL."""
+    flat: dict[str, Any] = {}
+    waiting = list(content.items())
+    while waiting:
+        name, value = waiting.pop(0)
+        if isinstance(value, Mapping) and name.count(".") < DEEPEST_NAME:
+            waiting += [(f"{name}.{key}", inner) for key, inner in value.items()]
+        else:
+            flat[name] = value
+    table = Table(flat, where, problems)
+    return {name: number for name in flat if (number := table.read(name, LINT)) is not None}
 
 
 def read_sim(table: Table) -> SimDecl:

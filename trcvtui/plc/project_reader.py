@@ -27,7 +27,7 @@ from trcvtui.udt.formats import read_files
 from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout import Layout, lay_out
 from trcvtui.udt.rules import LayoutRules, rules_for
-from trcvtui.udt.type_set import NO_TYPES, TypeSet
+from trcvtui.udt.type_set import NO_TYPES, TypeSet, join
 from trcvtui.udt.types import Type
 
 T = TypeVar("T")
@@ -57,6 +57,7 @@ class Body:
     peers: tuple[PeerDecl, ...]
     messages: tuple[MessageDecl, ...]
     sequences: tuple[SequenceDecl, ...]
+    constants: dict[str, int]
 
 
 class Reader:
@@ -100,7 +101,8 @@ class Reader:
     def body(self, head: Head) -> Body:
         tables = {key: self.entries(key) for key in ENTRIES}
         self.check_names(tables)
-        types = self.types()
+        constants = parts.read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
+        types = self.types(constants)
         tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
         return Body(
             types=types or NO_TYPES,
@@ -113,6 +115,7 @@ class Reader:
             peers=_present([parts.read_peer(table) for table in tables["peer"]]),
             messages=_present([parts.read_message(table) for table in tables["message"]]),
             sequences=_present([parts.read_sequence(table) for table in tables["sequence"]]),
+            constants=constants,
         )
 
     def check_names(self, tables: Mapping[str, list[Table]]) -> None:
@@ -134,13 +137,13 @@ class Reader:
         for table in tables["message"]:
             names.check_message(table)
 
-    def types(self) -> TypeSet | None:
+    def types(self, constants: Mapping[str, int]) -> TypeSet | None:
         """Return the UDTs of all files, None where a file cannot be read."""
         files = [self.file_of(table) for table in self.entries("udt")]
         if not files:
-            return NO_TYPES
+            return join([], NO_TYPES.where, constants)
         try:
-            types = read_files([file for file in files if file is not None])
+            types = read_files([file for file in files if file is not None], constants)
         except UserError as refused:
             self.problems += refused.problems
             return None

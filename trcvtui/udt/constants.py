@@ -32,7 +32,7 @@ class _Found(NamedTuple):
 
 
 class Constants:
-    """All constants of a set of types; a name is known whole or by its end: `Lib.GVL.MAX`, `GVL.MAX`, `MAX`."""
+    """All constants of a set of types; a name is known whole or by its end: `Lib.GVL.MAX`, `GVL.MAX`."""
 
     def __init__(
         self, given: Mapping[str, int] | None = None, declared: Iterable[tuple[str, Number]] = ()
@@ -55,7 +55,7 @@ class Constants:
             self._add(f"{enumeration}.{name}", 2, number, offset, enumeration)
 
     def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
-        """Return the value of a number, None if names in it are unknown: they are appended; raise UserError."""
+        """Return the value of a number, None with the unknown names in the list; may raise UserError."""
 
         def look_up(name: str) -> int | None:
             found = self._look_up(name, scope)

@@ -42,8 +42,9 @@ from trcvtui.udt.well_known import WELL_KNOWN
 
 # Baosky allows 6 or 8 levels (baosky.md section 8); beyond this no tool in the field follows.
 MOST_NESTED = 32
-KNOWN_TYPE = "a known type"
-KNOWN_CONSTANT = "a known constant: NAME = VALUE in [constants] of the project, or --constant NAME=VALUE"
+KNOWN = "a known "
+KNOWN_TYPE = f"{KNOWN}type"
+KNOWN_CONSTANT = KNOWN + 'constant: "{0}" = VALUE in [constants] of the project, or --constant {0}=VALUE'
 WHOLE = (Kind.INTEGER, Kind.BITS)
 
 
@@ -218,7 +219,7 @@ class Joining:
         base, depth = self.look_up(spec.base, user)
         word = "UNION" if spec.is_union else "STRUCT"
         if isinstance(base, Union if spec.is_union else Struct):
-            return base, depth  # type: ignore[return-value]
+            return base, depth
         if base is not None:
             self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", f"a {word} to extend"))
         return None, depth
@@ -300,7 +301,7 @@ class Joining:
             return None
         for name in unknown:
             self.unknown.setdefault(name.casefold(), name)
-            self.refuse(user, Problem(number.where, f"'{name}'", KNOWN_CONSTANT))
+            self.refuse(user, Problem(number.where, f"'{name}'", KNOWN_CONSTANT.format(name)))
         return value
 
     def quietly(self, number: Number, scope: str) -> int | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.declared import Declarations, Spec
-from trcvtui.udt.joining import KNOWN_CONSTANT, KNOWN_TYPE, Joining
+from trcvtui.udt.joining import KNOWN, Joining
 from trcvtui.udt.joining import MOST_NESTED as MOST_NESTED
 from trcvtui.udt.types import Type
 
@@ -98,8 +98,8 @@ def _once_each(problems: Iterable[Problem]) -> Iterable[Problem]:
     """Leave out what is unknown a second time: one name, one line, at the first place."""
     told: set[str] = set()
     for problem in problems:
-        if problem.expected in (KNOWN_TYPE, KNOWN_CONSTANT):
-            key = problem.found.casefold() + problem.expected
+        if problem.expected.startswith(KNOWN):
+            key = problem.found.casefold() + problem.expected.casefold()
             if key in told:
                 continue
             told.add(key)

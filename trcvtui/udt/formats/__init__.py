@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.declared import Declarations
+from trcvtui.udt.formats.b_and_r import read_b_and_r
+from trcvtui.udt.formats.codesys2 import read_exp
+from trcvtui.udt.formats.siemens import read_simatic_sd, read_tia, refuse_texts
 from trcvtui.udt.formats.st import read_st
 from trcvtui.udt.formats.xml_file import read_xml_file, refuse_export
 from trcvtui.udt.formats.xml_source import xml_codec
@@ -20,6 +23,13 @@ READERS: dict[str, Reader] = {
     ".st": read_st,
     ".iecst": read_st,
     ".txt": read_st,
+    ".udt": read_tia,
+    ".scl": read_tia,
+    ".s7dcl": read_simatic_sd,
+    ".s7res": refuse_texts,
+    ".exp": read_exp,
+    ".typ": read_b_and_r,
+    ".var": read_b_and_r,
     ".tcdut": read_xml_file,
     ".tcgvl": read_xml_file,
     ".xml": read_xml_file,
@@ -29,12 +39,14 @@ LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
 
 
-def read_file(path: Path) -> TypeSet:
+def read_file(path: Path, constants: Mapping[str, int] | None = None) -> TypeSet:
     """Return the types of a file, good and bad; raise UserError when it cannot be read at all."""
-    return join([_declarations(path)], str(path))
+    return join([_declarations(path)], str(path), constants)
 
 
-def read_files(paths: Iterable[Path]) -> TypeSet:
+def read_files(
+    paths: Iterable[Path], constants: Mapping[str, int] | None = None, last_wins: Collection[str] = ()
+) -> TypeSet:
     """Return the types of several files, which may use each other's; raise UserError as read_file does."""
     files: list[Declarations] = []
     problems: list[Problem] = []
@@ -46,11 +58,11 @@ def read_files(paths: Iterable[Path]) -> TypeSet:
             problems.extend(refused.problems)
     if problems:
         raise UserError(problems)
-    return join(files, ", ".join(map(str, paths)))
+    return join(files, ", ".join(map(str, paths)), constants, last_wins)
 
 
 def decode_text(data: bytes) -> str:
-    """Return the text of a source file: by its mark, its XML declaration, UTF-8, Windows-1252; never fails."""
+    """Return the text of a file: by mark, XML declaration, UTF-8 or Windows-1252; never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")

@@ -1,0 +1,19 @@
+"""CODESYS 2.3 and TwinCAT 2 `.exp`: ST text whose headers are comments, between objects of other kinds."""
+
+from __future__ import annotations
+
+import re
+
+from trcvtui.udt.declared import Declarations
+from trcvtui.udt.formats.dialect import Dialect
+from trcvtui.udt.formats.st import read_st
+
+CODESYS_2 = Dialect(has_objects=True)
+
+_NESTED = re.compile(r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)")
+
+
+def read_exp(text: str, name: str) -> Declarations:
+    """Return what an export declares; its own headers say whether comments nest."""
+    nests = "No" not in _NESTED.findall(text) or "Yes" in _NESTED.findall(text)
+    return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))

@@ -9,6 +9,7 @@ from contextlib import suppress
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.declared import Declarations
 from trcvtui.udt.formats.b_and_r import read_b_and_r
+from trcvtui.udt.formats.c_header import read_c
 from trcvtui.udt.formats.codesys2 import read_exp
 from trcvtui.udt.formats.siemens import read_simatic_sd, read_tia, refuse_texts
 from trcvtui.udt.formats.st import read_st
@@ -34,6 +35,7 @@ READERS: dict[str, Reader] = {
     ".tcgvl": read_xml_file,
     ".xml": read_xml_file,
     ".export": refuse_export,
+    ".h": read_c,
 }
 LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))

@@ -1,0 +1,292 @@
+"""A C header made ready for a C parser: comments, directives, macros and attributes, line by line.
+
+Only what a declaration needs: conditions, `#define` of numbers and of words, `#pragma pack`, `packed`.
+Rule: lines keep their numbers; what changes a layout is understood or refused, never passed over.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Callable
+
+from trcvtui.errors import Problem, UserError
+
+PACKS = (1, 2, 4, 8, 16)
+LONGEST_WORDS = 200
+MOST_NESTED = 64
+# A macro with one of these in it is no number.
+KEYWORDS = frozenset(
+    {
+        *(
+            "struct",
+            "union",
+            "enum",
+            "typedef",
+            "const",
+            "volatile",
+            "static",
+            "extern",
+            "inline",
+            "restrict",
+        ),
+        *("void", "char", "short", "int", "long", "float", "double", "signed", "unsigned", "_Bool", "bool"),
+        *("return", "if", "else", "for", "while", "do", "switch", "case", "break", "goto", "sizeof"),
+        *("__attribute__", "__packed", "__declspec", "_Alignas"),
+    }
+)
+# Of all attributes only these change nothing in a layout and may be left out.
+HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct", "ms_struct", "nonstring"})
+
+_SKIPPED = re.compile(r"""//[^\n]*|/\*.*?(?:\*/|\Z)|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL)
+_DIRECTIVE = re.compile(r"[ \t]*#[ \t]*(\w*)[ \t]*(.*)", re.DOTALL)
+_MACRO = re.compile(r"([A-Za-z_]\w*)(\(?)[ \t]*(.*)", re.DOTALL)
+_WORD = re.compile(r"[A-Za-z_]\w*")
+_NUMERIC = re.compile(r"[\w\s()+\-*/%<>&|~^!=']+")
+_PACK = re.compile(r"pack\s*\(\s*(?:(push|pop|show)\b\s*,?\s*)?(?:([A-Za-z_]\w*)\s*,?\s*)?(\w*)\s*\)\s*")
+_ATTRIBUTE = re.compile(r"__attribute__\s*\(\((?P<list>[^()]*(?:\([^()]*\)[^()]*)*)\)\)|__packed\b")
+_HEAD = re.compile(r"\s*(?:(?:typedef|struct|union|const|volatile)\b\s*)*(?:[A-Za-z_]\w*\s*)?\{")
+
+
+class CSource:
+    """A header: its ready text, its macros, and what is wrong in it.
+
+    `evaluate` works out a condition or the number of a macro; None when nobody can.
+    """
+
+    def __init__(self, text: str, name: str, evaluate: Callable[[str, CSource], int | None]) -> None:
+        self.name, self.evaluate = name, evaluate
+        self.problems: list[Problem] = []
+        self.moved: list[tuple[int, Problem]] = []
+        self.starts = [0]
+        self.numbers: dict[str, str] = {}
+        self.words: dict[str, str] = {}
+        self.includes: list[str] = []
+        self.packs: list[tuple[int, int | None]] = [(0, None)]
+        self.braces: set[int] = set()  # of the structures that are packed by an attribute
+        self._stack: list[int | None] = []
+        self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
+        self._depth = 0
+        self.text = self._attributes("\n".join(self._lines(self._without_comments(text))))
+        self.starts = [0, *(end.end() for end in re.finditer("\n", self.text))]
+
+    def place(self, offset: int) -> tuple[int, int]:
+        """Return line and column of a place in the ready text, both from 1."""
+        line = bisect_right(self.starts, offset)
+        return line, offset - self.starts[line - 1] + 1
+
+    def where(self, offset: int) -> str:
+        """Return file, line and column of a place in the ready text."""
+        line, column = self.place(offset)
+        return f"{self.name}:{line}:{column}"
+
+    def offset(self, line: int, column: int) -> int:
+        """Return the place of a line and column, within the text."""
+        return min(self.starts[min(max(line, 1), len(self.starts)) - 1] + max(column, 1) - 1, len(self.text))
+
+    def pack(self, offset: int) -> int | None:
+        """Return the packing of the STRUCT whose brace opens at or behind a place."""
+        brace = self.text.find("{", offset)
+        line = bisect_right(self.starts, offset)
+        by_pragma = self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
+        return 1 if brace in self.braces else by_pragma
+
+    def check(self, begin: int, end: int) -> None:
+        """Raise UserError when something between two places moves members in a way not understood."""
+        first, last = self.place(begin)[0], self.place(end)[0]
+        moved = [problem for line, problem in self.moved if first <= line <= last]
+        if moved:
+            raise UserError(moved)
+
+    def refuse(self, line: int, found: str, expected: str) -> None:
+        """Note what is wrong in a line."""
+        self.problems.append(Problem(f"{self.name}:{line}", found, expected))
+
+    def _refuse_move(self, line: int, found: str, expected: str) -> None:
+        self.moved.append((line, Problem(f"{self.name}:{line}", found, expected)))
+
+    # -- comments and lines ------------------------------------------------------------------------------
+
+    def _without_comments(self, text: str) -> str:
+        text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\f", " ").replace("\v", " ")
+
+        def blank(found: re.Match[str]) -> str:
+            if found.group()[0] in "\"'":
+                return found.group()
+            if found.group().startswith("/*") and (
+                not found.group().endswith("*/") or len(found.group()) < 4
+            ):
+                self.refuse(text.count("\n", 0, found.start()) + 1, "'/*' without an end", "'*/'")
+            return re.sub(r"[^\n]", " ", found.group())
+
+        return _SKIPPED.sub(blank, text)
+
+    def _lines(self, text: str) -> list[str]:
+        """Return the lines with directives carried out; a line of a directive is left empty."""
+        ready: list[str] = []
+        lines = text.split("\n")
+        at = 0
+        while at < len(lines):
+            first, line = at + 1, lines[at]
+            while line.endswith("\\") and at + 1 < len(lines):
+                at += 1
+                line = line[:-1] + " " + lines[at]
+            at += 1
+            directive = _DIRECTIVE.fullmatch(line)
+            if directive:
+                self._direct(directive.group(1), directive.group(2).strip(), first)
+            counts = not directive and self._counts()
+            ready.append(self._expanded(line) if counts else "")
+            ready.extend([""] * (at - first))
+            self._depth += ready[first - 1].count("{") - ready[first - 1].count("}")
+        if self._conditions:
+            self.refuse(len(lines), "the end of the file", "#endif")
+        return ready
+
+    def _counts(self) -> bool:
+        return all(counts for counts, _ in self._conditions)
+
+    def _expanded(self, line: str) -> str:
+        return (
+            _WORD.sub(lambda found: self.words.get(found.group(), found.group()), line)
+            if self.words
+            else line
+        )
+
+    # -- directives --------------------------------------------------------------------------------------
+
+    def _direct(self, kind: str, rest: str, line: int) -> None:
+        if kind in ("if", "ifdef", "ifndef", "elif", "else", "endif"):
+            self._condition(kind, rest, line)
+        elif not self._counts():
+            return
+        elif kind == "define":
+            self._define(rest)
+        elif kind == "undef":
+            self.numbers.pop(rest, None)
+            self.words.pop(rest, None)
+        elif kind == "include":
+            self.includes.append(rest.strip('<>" \t'))
+        elif kind == "pragma" and re.match(r"pack\b|options\s+align", rest):
+            self._pragma_pack(rest, line)
+        elif kind == "error":
+            self.refuse(line, f"'#error {rest[:60]}'", "a header that its own conditions accept")
+
+    def _condition(self, kind: str, rest: str, line: int) -> None:
+        outer = all(counts for counts, _ in self._conditions[:-1])
+        if kind in ("if", "ifdef", "ifndef"):
+            if len(self._conditions) >= MOST_NESTED:
+                self.refuse(line, f"#{kind} nested deeper", f"at most {MOST_NESTED} levels")
+                rest = "0"
+            holds = self._counts() and self._holds(kind, rest, line)
+            self._conditions.append((holds, holds))
+        elif not self._conditions:
+            self.refuse(line, f"#{kind}", "#if before it")
+        elif kind == "endif":
+            self._conditions.pop()
+        else:
+            done = self._conditions[-1][1]
+            holds = outer and not done and (kind == "else" or self._holds(kind, rest, line))
+            self._conditions[-1] = (holds, done or holds)
+
+    def _holds(self, kind: str, rest: str, line: int) -> bool:
+        """Return whether a condition holds; a name that nobody defined is 0, as in C."""
+        if kind in ("ifdef", "ifndef"):
+            return self._is_defined(rest) == (kind == "ifdef")
+        asked = re.sub(
+            r"\bdefined\b\s*(?:\(\s*(\w+)\s*\)|(\w+))",
+            lambda found: str(int(self._is_defined(found.group(1) or found.group(2)))),
+            rest,
+        )
+        asked = self._expanded(asked)
+        asked = _WORD.sub(lambda found: found.group() if found.group() in self.numbers else "0", asked)
+        value = self.evaluate(asked, self)
+        if value is None:
+            self.refuse(line, f"'#{kind} {rest[:60]}'", "a condition of numbers and defined names")
+        return bool(value)
+
+    def _is_defined(self, name: str) -> bool:
+        return name in self.numbers or name in self.words
+
+    def _define(self, rest: str) -> None:
+        macro = _MACRO.fullmatch(rest)
+        if macro is None or macro.group(2):
+            return  # a macro with arguments declares no type; where one is used, the parser says so
+        name, body = macro.group(1), macro.group(3).strip()
+        self.numbers.pop(name, None)
+        self.words.pop(name, None)
+        words = _WORD.findall(body)
+        if body and _NUMERIC.fullmatch(body) and not any(w in KEYWORDS or w in self.words for w in words):
+            self.numbers[name] = body
+        else:
+            body = self._expanded(body)
+            self.words[name] = body if len(body) <= LONGEST_WORDS else name
+
+    def _pragma_pack(self, rest: str, line: int) -> None:
+        found = _PACK.fullmatch(rest)
+        action, number = (found.group(1), self._pack_number(found.group(3))) if found else (None, -1)
+        if self._depth > 0:
+            self._refuse_move(line, f"'#pragma {rest[:60]}' inside a structure", "it outside")
+            return
+        if found is None or number == -1:
+            self.refuse(line, f"'#pragma {rest[:60]}'", "#pragma pack(push, 1), pack(pop), pack(1) or pack()")
+            return
+        now = self.packs[-1][1]
+        if action == "show":
+            return
+        if action == "push":
+            self._stack.append(now)
+        if action == "pop":
+            if not self._stack:
+                self.refuse(line, "'#pragma pack(pop)'", "#pragma pack(push) before it")
+                return
+            now = self._stack.pop()
+        self.packs.append((line, number if number or action is None else now))
+
+    def _pack_number(self, text: str) -> int | None:
+        """Return the number of a pragma, None without, -1 for one that no compiler takes; 16 is 8."""
+        if not text:
+            return None
+        number = self.evaluate(self._expanded(text), self)
+        return min(number, 8) if number in PACKS else -1
+
+    # -- attributes --------------------------------------------------------------------------------------
+
+    def _attributes(self, text: str) -> str:
+        """Return the text without attributes; note which STRUCT is packed, refuse what else moves members."""
+        pairs = _brace_pairs(text)
+
+        def blank(found: re.Match[str]) -> str:
+            listed = found.group("list")
+            names = {"packed"} if listed is None else {n.strip().strip("_") for n in listed.split(",")} - {""}
+            brace = _braced(text, found.start(), found.end(), pairs) if "packed" in names else None
+            if brace is not None:
+                self.braces.add(brace)
+                names.discard("packed")
+            if names - HARMLESS:
+                line = text.count("\n", 0, found.start()) + 1
+                shown = " ".join(found.group().split())[:60]
+                self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
+            return re.sub(r"[^\n]", " ", found.group())
+
+        return _ATTRIBUTE.sub(blank, text)
+
+
+def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:
+    """Return the brace of the STRUCT that an attribute belongs to: right behind it, or before its head."""
+    if text[max(0, begin - 400) : begin].rstrip().endswith("}"):
+        return pairs.get(text.rindex("}", 0, begin))
+    ahead = _HEAD.match(text, end)
+    return ahead.end() - 1 if ahead else None
+
+
+def _brace_pairs(text: str) -> dict[int, int]:
+    """Return, for every closing brace, where its opening one stands."""
+    opened: list[int] = []
+    pairs: dict[int, int] = {}
+    for found in re.finditer("[{}]", text):
+        if found.group() == "{":
+            opened.append(found.start())
+        elif opened:
+            pairs[found.start()] = opened.pop()
+    return pairs

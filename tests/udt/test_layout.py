@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import ctypes
 import pickle
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.udt.udt_strategies import layout_of, layouts, struct_of, types_of
+from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.decode import decode
 from trcvtui.udt.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for
-from trcvtui.udt.types import ELEMENTARY, ROWS, Array, Elementary, Kind, Member, Struct
+from trcvtui.udt.types import ELEMENTARY, ROWS, Array, Elementary, Kind, Member, Struct, Text
 
 READINGS = ("baosky", "baosky-slot4", "baosky-pack4", "natural8")
 Vector = tuple[int, list[int]]
@@ -162,14 +163,15 @@ def test_forty_times_two_empty_structures_are_still_empty() -> None:
 
 @given(layouts())
 def test_offsets_grow_and_leaves_and_gaps_fill_the_type_exactly(layout: Layout) -> None:
-    places = [(leaf.offset, leaf.size) for leaf in layout.leaves()]
-    assert places == sorted(places)
-    end = 0
-    for offset, size in sorted([*places, *layout.padding()]):
-        assert offset == end
-        end = offset + size
-    assert end == layout.size
+    places = [(leaf.offset, leaf.bit or 0) for leaf in layout.leaves()]
     assert layout.leaf_count == len(places)
+    bits = [bit for leaf in layout.leaves() for bit in bits_of(leaf)]
+    assert layout.root.overlaps or (places == sorted(places) and len(bits) == len({*bits}))
+    gaps = [byte for offset, size in layout.padding() for byte in range(offset, offset + size)]
+    assert {byte for byte, _ in bits}.isdisjoint(gaps)
+    assert sorted({*gaps, *(byte for byte, _ in bits)}) == list(range(layout.size))
+    ends = [(offset, offset + size) for offset, size in layout.padding()]
+    assert all(before < after for (_, before), (after, _) in pairwise(ends)), "each gap is told once, whole"
 
 
 @given(layouts())
@@ -177,19 +179,24 @@ def test_members_lie_on_their_alignment(layout: Layout) -> None:
     rules = layout.rules
     assert layout.size % layout.align == 0
     for leaf in layout.leaves():
-        natural = getattr(leaf.type, "align", 1)
-        assert leaf.offset % min(natural, rules.cap) == 0
+        natural = 1 if isinstance(leaf.type, Text) else rules.stored(leaf.type).align
+        # A pack_mode may place members closer; what it does to them is compared with gcc.
+        assert rules.takes_pack or leaf.offset % min(natural, rules.cap) == 0
 
 
 @given(layouts())
 def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
-    covered: dict[int, int] = {}
+    covered: dict[tuple[int, int], int] = {}
     for number, leaf in enumerate(layout.leaves()):
         assert layout.number_of(leaf.path) == layout.number_of(leaf.path.upper()) == number
         assert layout.leaf(number) == leaf
-        covered |= dict.fromkeys(range(leaf.offset, leaf.offset + leaf.size), number)
+        for byte, bit in bits_of(leaf):
+            covered.setdefault((byte, bit), number)
     for place in range(-1, layout.size + 2):
-        assert layout.leaf_at(place) == covered.get(place)
+        of_byte = [covered[place, bit] for bit in range(8) if (place, bit) in covered]
+        assert layout.leaf_at(place) == min(of_byte, default=None)
+        for bit in range(8) if of_byte else ():
+            assert layout.leaf_at(place, bit) == covered.get((place, bit))
 
 
 @given(layouts(), st.integers(-5, 40), st.integers(-5, 40))
@@ -200,13 +207,16 @@ def test_any_run_of_leaves_is_a_slice_of_all(layout: Layout, start: int, count: 
     assert list(layout.page(start, stop).leaves) == expected
 
 
-@given(st.lists(st.sampled_from([row for row in ROWS if row.kind is not Kind.BOOL]), min_size=1))
+PLAIN = [row for row in ROWS if row.kind is not Kind.BOOL and len(row.code) == 1]
+
+
+@given(st.lists(st.sampled_from(PLAIN), min_size=1))
 def test_plain_pack_agrees_with_the_c_compiler_rules_of_ctypes(rows: list[Elementary]) -> None:
     codes = {"B": ctypes.c_uint8, "H": ctypes.c_uint16, "I": ctypes.c_uint32, "Q": ctypes.c_uint64}
     codes |= {"b": ctypes.c_int8, "h": ctypes.c_int16, "i": ctypes.c_int32, "q": ctypes.c_int64}
     kinds = {**codes, "f": ctypes.c_float, "d": ctypes.c_double}
     struct = Struct("S", tuple(Member(f"m{n}", row) for n, row in enumerate(rows)))
-    for name, pack in (("baosky-pack4", 4), ("packed", 1)):
+    for name, pack in (("baosky-pack4", 4), ("packed", 1), *((f"codesys-{p}", p) for p in (8, 4, 2, 1))):
         fields = [(f"m{n}", kinds[row.code]) for n, row in enumerate(rows)]
         oracle = type("Oracle", (ctypes.Structure,), {"_pack_": pack, "_fields_": fields})
         layout = lay_out(struct, LAYOUTS[name])

@@ -48,8 +48,8 @@ def _ended(type_: Text, rules: LayoutRules, charset: str) -> Coding:
     longest = rules.text.length(type_)
 
     def to_value(raw: bytes) -> str:
-        # Without a NUL the text ends at the field (udt.md U12).
-        return raw[: _end(raw, unit)].decode(charset, "surrogatepass")
+        # Without a NUL the text ends with the last character that may be one (udt.md U12).
+        return raw[: min(_end(raw, unit), longest * unit)].decode(charset, "surrogatepass")
 
     def odd(raw: bytes) -> str:
         end = _end(raw, unit)

@@ -262,7 +262,7 @@ def gaps(node: Node) -> Iterator[tuple[int, int]]:
             end = offset + member.size
         if node.size > end:
             yield end, node.size
-    elif isinstance(node, PlacedArray) and not node.is_bits:
+    elif isinstance(node, PlacedArray) and not node.is_bits and node.size:
         inner = [*gaps(node.element), (node.element.size, node.pitch)]
         inner = [(first, last) for first, last in inner if first < last]
         for start in range(0, node.size if inner else 0, node.pitch):

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.formats import decode_text, read_file
+from trcvtui.udt.joining import MOST_NESTED
 from trcvtui.udt.layout import lay_out, rules_for
-from trcvtui.udt.type_set import MOST_NESTED, TypeSet
-from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, Struct, Text, Type, type_text
+from trcvtui.udt.type_set import TypeSet
+from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, Struct, Subrange, Text, Type, type_text
 
 DATA = Path(__file__).parent / "data"
 SAMPLES = sorted(DATA.glob("*.st"))
@@ -67,7 +68,7 @@ def test_a_whole_file_as_an_engineer_writes_it() -> None:
         ("points[3].ok", "BOOL", 184),
         ("t", "TIME", 188),
         ("at_noon", "TOD", 192),
-        ("level", "INT", 196),
+        ("level", "INT(0..10)", 196),
         ("state", "State", 198),
     ]
     assert layout.size == 200
@@ -88,8 +89,8 @@ def test_a_whole_file_as_an_engineer_writes_it() -> None:
             "a : ARRAY[1..2] OF ARRAY[0..1] OF INT;",
             Array(((1, 2),), Array(((0, 1),), ELEMENTARY["INT"])),
         ),
-        ("a : INT(0..10);", ELEMENTARY["INT"]),
-        ("a : INT(-5..INT#5) := 3;", ELEMENTARY["INT"]),
+        ("a : INT(0..10);", Subrange(ELEMENTARY["INT"], 0, 10)),
+        ("a : INT(-5..INT#5) := 3;", Subrange(ELEMENTARY["INT"], -5, 5)),
         ("a : Date_And_Time;", ELEMENTARY["DT"]),
         ("a : TIME_OF_DAY;", ELEMENTARY["TOD"]),
     ],
@@ -227,7 +228,7 @@ def test_names_compare_in_any_case_and_may_hold_any_letter() -> None:
         ("TYPE T : ARRAY[0..] OF INT; END_TYPE", "f.st:1:19: found ']', expected a whole number"),
         ("TYPE T : ARRAY[0 9] OF INT; END_TYPE", "f.st:1:18: found '9', expected '..'"),
         ("TYPE T : ARRAY[9..0] OF INT; END_TYPE", "f.st:1:19: found '0', expected a number from 9 upwards"),
-        ("TYPE T : ARRAY[0..MAX] OF INT; END_TYPE", "f.st:1:19: found 'MAX', expected a whole number"),
+        ("TYPE T : ARRAY[0..1.5] OF INT; END_TYPE", "f.st:1:19: found '1.5', expected a whole number"),
         ("TYPE T : ARRAY[0..9 OF INT; END_TYPE", "f.st:1:21: found 'OF', expected ']'"),
         ("TYPE T : ARRAY[0..9] INT; END_TYPE", "f.st:1:22: found 'INT', expected 'OF'"),
         ("TYPE T : STRING[0]; END_TYPE", "f.st:1:17: found '0', expected a length of 1 or more"),

@@ -8,7 +8,8 @@ from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.formats.st import read_st
 from trcvtui.udt.iec_type import parse_type
-from trcvtui.udt.type_set import MOST_NESTED, join
+from trcvtui.udt.joining import MOST_NESTED
+from trcvtui.udt.type_set import join
 from trcvtui.udt.types import ELEMENTARY, Array, Text
 
 

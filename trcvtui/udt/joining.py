@@ -25,6 +25,7 @@ from trcvtui.udt.declared import (
 )
 from trcvtui.udt.types import (
     ELEMENTARY,
+    VENDOR_NAMES,
     Array,
     Elementary,
     Enumeration,
@@ -80,7 +81,7 @@ class Joining:
         if first is not declaration:
             expected = f"one declaration of it; the first is at {first.where}"
             self.refuse(key, Problem(declaration.where, f"'{declaration.name}' a second time", expected))
-        if declaration.name.upper() in ELEMENTARY:
+        if declaration.name.upper() in ELEMENTARY and declaration.name.upper() not in VENDOR_NAMES:
             self.refuse(
                 key, Problem(declaration.where, f"'{declaration.name}'", "a name that no IEC type has")
             )
@@ -133,8 +134,10 @@ class Joining:
     def key_of(self, reference: Reference) -> str:
         """Return what a name is looked up by: `Lib.T` whole, or where that is unknown, T (udt.md 5)."""
         whole = reference.name.casefold()
-        last = whole.rpartition(".")[2]
-        return whole if whole in self.declared or whole in self.known or whole in self.broken else last
+        return whole if self.is_declared(whole) else whole.rpartition(".")[2]
+
+    def is_declared(self, key: str) -> bool:
+        return key in self.declared or key in self.known or key in self.broken
 
     # -- one specification -------------------------------------------------------------------------------
 
@@ -250,9 +253,10 @@ class Joining:
 
     def look_up(self, reference: Reference, user: str) -> tuple[Type | None, int]:
         row = ELEMENTARY.get(reference.name.upper())
-        if row is not None:
-            return row, 0
         key = self.key_of(reference)
+        # A vendor's own name may be declared in a file of another vendor: then that is meant.
+        if row is not None and not (reference.name.upper() in VENDOR_NAMES and self.is_declared(key)):
+            return row, 0
         if key in self.types:
             return self.types[key], self.depths[key]
         if key in self.known:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.udt.types import Pointer, Text, Type, Unplaced
+from trcvtui.udt.types import Text, Type, Unplaced
 
 FB_INSTANCE: Final = "an FB instance"
 ANY: Final = "a reference of unknown size"
@@ -20,11 +20,9 @@ _ANY = (
     *("ANY", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_BIT", "ANY_STRING", "ANY_DATE", "ANY_TYPE", "VARIANT"),
     "POINTER",
 )
-_ADDRESSES = ("PVOID", "XINT", "UXINT", "XWORD", "__XINT", "__UXINT", "__XWORD")
 
 WELL_KNOWN: Final[dict[str, Type]] = {
     **{name.casefold(): Unplaced(name, FB_INSTANCE) for name in _FUNCTION_BLOCKS},
     **{name.casefold(): Unplaced(name, ANY) for name in _ANY},
-    **{name.casefold(): Pointer(name) for name in _ADDRESSES},
     "t_maxstring": Text(255),  # TwinCAT, library Tc2_System
 }

@@ -288,8 +288,11 @@ class Joining:
         if first is None or last is None:
             return None
         if last < first:
-            number = high if isinstance(high, Formula) else low
-            self.refuse(user, _wrong(number, last, f"a number from {first} upwards", self.place(user)))
+            if isinstance(high, Formula) or isinstance(low, int):
+                problem = _wrong(high, last, f"a number from {first} upwards", self.place(user))
+            else:
+                problem = _wrong(low, first, f"a number up to {last}")
+            self.refuse(user, problem)
             return None
         return first, last
 

@@ -19,11 +19,12 @@ ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
 # TIA: what stands between the name of a type and STRUCT, each up to the end of its line.
 HEADER_LINES = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTECT")
 CONSTANT_BLOCKS = ("VAR", "VAR_GLOBAL")
+VARIABLES = (*CONSTANT_BLOCKS, "VAR_EXTERNAL", "VAR_CONFIG")
 OTHER_BLOCKS = frozenset(
     {
-        *CONSTANT_BLOCKS,
+        *VARIABLES,
         *("FUNCTION", "FUNCTION_BLOCK", "PROGRAM", "DATA_BLOCK", "ORGANIZATION_BLOCK", "CONFIGURATION"),
-        *("CLASS", "INTERFACE", "METHOD", "PROPERTY", "ACTION", "VAR_EXTERNAL", "VAR_CONFIG"),
+        *("CLASS", "INTERFACE", "METHOD", "PROPERTY", "ACTION"),
     }
 )
 PACKS = (0, 1, 2, 4, 8)
@@ -183,15 +184,18 @@ class Parser(SpecParser):
 
     def end_of_block(self) -> int | None:
         """Return the index of the END_ word of the block that begins here, None if there is none."""
-        places = [] if self.sees(*OPENERS) else self.ends.get(f"END_{self.token.upper}", [])
+        places = [] if self.sees(*OPENERS) else self.ends.get(self.end_word(), [])
         after = bisect_right(places, self.at)
         return places[after] if after < len(places) else None
+
+    def end_word(self) -> str:
+        return "END_VAR" if self.sees(*VARIABLES) else f"END_{self.token.upper}"
 
     def other_block(self) -> None:
         """Go behind a block that declares no types; keep the constants of one that declares those."""
         end = self.end_of_block()
         if end is None:
-            self.note(self.refusal(f"'END_{self.token.upper}' behind it"))
+            self.note(self.refusal(f"'{self.end_word()}' behind it"))
             self.advance()
             self.skip_to(*self.starts())
             return

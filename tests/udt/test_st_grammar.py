@@ -1,0 +1,599 @@
+"""Every row of the grammar table of udt.md section 5, each as a small file of its own."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.udt.udt_strategies import types_of
+from trcvtui.udt.formats import READERS
+from trcvtui.udt.formats.st import read_spec, read_st
+from trcvtui.udt.joining import MOST_NESTED
+from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    Array,
+    Enumeration,
+    Pointer,
+    Struct,
+    Subrange,
+    Text,
+    Type,
+    Union,
+    Unplaced,
+    type_text,
+)
+
+INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
+
+
+def read(suffix: str, text: str) -> TypeSet:
+    """Return the types of a text as of a file of that suffix."""
+    types = join([READERS[suffix](text, f"f{suffix}")], f"f{suffix}")
+    assert [str(problem) for problem in types.problems] == []
+    return types
+
+
+def good(text: str) -> TypeSet:
+    return read(".st", text)
+
+
+def members(types: TypeSet, name: str) -> dict[str, str]:
+    type_ = types.named(name)
+    assert isinstance(type_, Struct | Union)
+    return {member.name: type_text(member.type) for member in type_.members}
+
+
+def member(text: str) -> Type:
+    type_ = good(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE").named("T")
+    assert isinstance(type_, Struct)
+    (only,) = type_.members
+    return only.type
+
+
+def lines(text: str) -> list[str]:
+    return [str(problem) for problem in types_of(text, "f.st").problems]
+
+
+# -- comments, pragmas, attributes -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "pragma",
+    [
+        "{attribute 'x' := 'y'}",
+        '{attribute addProperty Name "a } b"}',
+        "{attribute 'pytmc' := '\n    pv: A;\n    field: } INVALID ;\n    io: i;\n'}",
+        "{attribute 'text' := 'the valve's state'}",
+        "{S7.extern = ReadOnly}",
+        '{\n  S7_Access := "ReadOnly := External";\n  S7_Visibility := "Hidden"\n}',
+        "{ }",
+        "{attribute wpf [Container(Layout.Tabs)]}",
+    ],
+)
+def test_pragmas_stand_before_and_behind_everything(pragma: str) -> None:
+    types = good(
+        f"{pragma} TYPE {pragma} T {pragma} : {pragma} STRUCT {pragma} a {pragma} : {pragma} INT;"
+        f"{pragma} b : {pragma} BOOL {pragma} ; {pragma} END_STRUCT {pragma} END_TYPE {pragma}"
+    )
+    assert members(types, "T") == {"a": "INT", "b": "BOOL"}
+
+
+@pytest.mark.parametrize("mode", [0, 1, 2, 4, 8])
+def test_pack_mode_above_a_type_is_kept_for_this_type_only(mode: int) -> None:
+    types = good(
+        f"TYPE A : STRUCT x : INT; END_STRUCT END_TYPE {{attribute 'hide'}}\n"
+        f"{{attribute 'pack_mode' := '{mode}'}}\n(* comment *) TYPE INTERNAL B :\nSTRUCT x : INT; END_STRUCT"
+        " END_TYPE;\n"
+        f"TYPE C : STRUCT {{attribute 'pack_mode' := '1'}} x : INT; END_STRUCT END_TYPE"
+    )
+    found = {name: types.named(name) for name in types.names()}
+    assert {name: t.pack for name, t in found.items() if isinstance(t, Struct)} == {
+        "A": None, "B": mode, "C": None,
+    }  # fmt: skip
+
+
+def test_pack_mode_of_several_types_in_one_block_and_of_a_union() -> None:
+    types = good(
+        "TYPE A : STRUCT x : INT; END_STRUCT; {attribute 'pack_mode' := '2'} B : UNION x : INT; END_UNION;"
+        " C : INT; END_TYPE"
+    )
+    a, b = types.named("A"), types.named("B")
+    assert isinstance(a, Struct) and isinstance(b, Union)
+    assert (a.pack, b.pack) == (None, 2)
+
+
+def test_a_pack_mode_that_no_compiler_takes_is_told() -> None:
+    text = "{attribute 'pack_mode' := '3'} TYPE A : STRUCT x : INT; END_STRUCT END_TYPE"
+    assert lines(text) == ["f.st:1:41: found 'STRUCT', expected pack_mode 0, 1, 2, 4 or 8 instead of '3'"]
+
+
+# -- initial values --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "initial",
+    [
+        "[3(0), 2([1, 2])]",
+        "3(0), 2(1)",
+        "(PT := T#5S)",
+        "-1, -1, -1",
+        "DTL#1970-01-01-00:00:00.5",
+        "WSTRING#'x; y'",
+        "B#16#FF",
+        "F_Sqrt(2.0 * PI) ** 2",
+        "Mode.Run",
+        "ADR(GVL.a[3]) + SIZEOF(INT)",
+        "THIS^.x",
+        "NOT (a AND b) <> 5 >= 3",
+        "'$'; $00'",
+        '"MyConst"',
+        "`x`",
+    ],
+)
+def test_initial_values_of_every_form_are_passed_over(initial: str) -> None:
+    types = good(
+        f"TYPE T : STRUCT a : INT := {initial}; b : BOOL := {initial}; END_STRUCT := {initial}; END_TYPE"
+    )
+    assert members(types, "T") == {"a": "INT", "b": "BOOL"}
+
+
+def test_the_last_member_and_the_last_type_may_lack_their_semicolon() -> None:
+    types = good(
+        "TYPE T : STRUCT a : INT; b : BOOL END_STRUCT END_TYPE TYPE U : UNION c : INT END_UNION END_TYPE;"
+    )
+    assert (members(types, "T"), members(types, "U")) == ({"a": "INT", "b": "BOOL"}, {"c": "INT"})
+
+
+# -- alias, enumeration ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "base", "is_named", "values"),
+    [
+        ("(a, b := 5) UINT := b", "UINT", True, [("a", 0), ("b", 5)]),
+        ("(a := 2#101, b) ", "INT", False, [("a", 5), ("b", 6)]),
+        ("INT (A := 1, B := 2)", "INT", True, [("A", 1), ("B", 2)]),
+        ("USINT (A, B := USINT#16#10, C,)", "USINT", True, [("A", 0), ("B", 16), ("C", 17)]),
+        ("(A := 4, B := A + 1, C, D := E#A * 2, F := T.C)", "INT", False,
+         [("A", 4), ("B", 5), ("C", 6), ("D", 8), ("F", 6)]),
+        ("(A := Nope, B, C := 3, D)", "INT", False, [("A", None), ("B", None), ("C", 3), ("D", 4)]),
+        ("Word (A := 1)", "WORD", True, [("A", 1)]),
+    ],
+)  # fmt: skip
+def test_enumerations(text: str, base: str, is_named: bool, values: list[tuple[str, int | None]]) -> None:
+    type_ = good(f"TYPE T : {text}; END_TYPE TYPE E : (A := 4); END_TYPE").named("T")
+    assert isinstance(type_, Enumeration)
+    assert (type_.base.name, type_.is_named, list(type_.values)) == (base, is_named, values)
+
+
+def test_the_base_of_an_enumeration_may_be_an_alias_or_a_subrange() -> None:
+    types = good("TYPE A : UINT; B : UINT(0..9); T : (x) A; U : B (y := 1); END_TYPE")
+    for name in ("T", "U"):
+        type_ = types.named(name)
+        assert isinstance(type_, Enumeration) and type_.base is ELEMENTARY["UINT"]
+
+
+def test_named_values_of_other_types_are_those_types() -> None:
+    types = good("TYPE Pi : LREAL (HALF := 1.57, WHOLE := 3.14); Name : STRING; END_TYPE")
+    assert types.named("Pi") is ELEMENTARY["LREAL"]
+
+
+# -- EXTENDS, access words -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "head", ["T EXTENDS B :", "T : EXTENDS B :", "T : EXTENDS B", "T EXTENDS Lib.B :", "PUBLIC T EXTENDS b :"]
+)
+def test_extends_stands_before_or_behind_the_colon(head: str) -> None:
+    types = good(
+        f"TYPE {head} STRUCT x : INT; END_STRUCT END_TYPE TYPE B : STRUCT y : BOOL; END_STRUCT END_TYPE"
+    )
+    type_ = types.named("T")
+    assert isinstance(type_, Struct)
+    assert type_.base is types.named("B")
+
+
+def test_a_union_extends_a_union() -> None:
+    types = good(
+        "TYPE V EXTENDS U : UNION b : INT; END_UNION END_TYPE TYPE U : UNION a : INT; END_UNION END_TYPE"
+    )
+    type_ = types.named("V")
+    assert isinstance(type_, Union)
+    assert type_.base is types.named("U")
+
+
+@pytest.mark.parametrize("word", ["INTERNAL", "PUBLIC", "PRIVATE", "PROTECTED"])
+def test_an_access_word_may_stand_before_a_name_and_be_one(word: str) -> None:
+    assert good(f"TYPE {word} T : INT; END_TYPE").names() == ["T"]
+    assert good(f"TYPE {word} : INT; END_TYPE").names() == [word]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (
+            "TYPE T EXTENDS Nope : STRUCT END_STRUCT END_TYPE",
+            "f.st:1:16: found 'Nope', expected a known type",
+        ),
+        (
+            "TYPE T EXTENDS T : STRUCT END_STRUCT END_TYPE",
+            "f.st:1:16: found 'T', which extends this, expected a type that does not extend itself",
+        ),
+        (
+            "TYPE A EXTENDS B : STRUCT END_STRUCT B EXTENDS A : STRUCT END_STRUCT END_TYPE",
+            "f.st:1:48: found 'A', which extends this, expected a type that does not extend itself",
+        ),
+        (
+            "TYPE A : INT; T EXTENDS A : STRUCT END_STRUCT END_TYPE",
+            "f.st:1:25: found 'A', expected a STRUCT to extend",
+        ),
+        (
+            "TYPE A : STRUCT END_STRUCT T EXTENDS A : UNION END_UNION END_TYPE",
+            "f.st:1:38: found 'A', expected a UNION to extend",
+        ),
+        (
+            "TYPE T EXTENDS A : INT; END_TYPE",
+            "f.st:1:20: found 'INT', expected STRUCT or UNION behind EXTENDS",
+        ),
+        (
+            "TYPE A : STRUCT x : INT; END_STRUCT T EXTENDS A : STRUCT X : INT; END_STRUCT END_TYPE",
+            "f.st:1:58: found member 'X' a second time, expected a name that its base has not",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_extended(text: str, line: str) -> None:
+    assert lines(text) == [line]
+
+
+def test_a_long_chain_of_bases_is_refused_and_its_lower_part_kept() -> None:
+    chain = "".join(f"T{n} EXTENDS T{n + 1} : STRUCT m{n} : INT; END_STRUCT " for n in range(3000))
+    types = types_of(f"TYPE {chain} T3000 : STRUCT END_STRUCT END_TYPE")
+    assert len(types.names()) == MOST_NESTED
+    assert types.problems
+
+
+# -- arrays, constants, texts, subranges -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("ARRAY [ 1 .. 3 , 0 .. 2 ] OF INT", "ARRAY[1..3,0..2] OF INT"),
+        ("ARRAY[0..1]OF\nARRAY[0..1]OF BYTE", "ARRAY[0..1] OF ARRAY[0..1] OF BYTE"),
+        ("ARRAY[-(3)..2*(4-1)] OF INT", "ARRAY[-3..6] OF INT"),
+        ("Array[0..\"MAX\"] of Bool", "ARRAY[0..10] OF BOOL"),
+        ("ARRAY[1..GVL.MAX+1] OF INT", "ARRAY[1..11] OF INT"),
+        ("ARRAY[1..Lib.GVL.MAX / 3] OF INT", "ARRAY[1..3] OF INT"),
+        ("ARRAY[E#A..E.C] OF INT", "ARRAY[2..4] OF INT"),
+        ("ARRAY[0..UINT#16#F] OF INT", "ARRAY[0..15] OF INT"),
+        ("STRING[gvl.max]", "STRING[10]"),
+        ("WSTRING(MAX - 1)", "WSTRING[9]"),
+        ("INT(-MAX..MAX)", "INT(-10..10)"),
+        ("Small(1..2)", "SINT(1..2)"),
+        ("REAL(0.0..1.5)", "REAL"),
+    ],
+)  # fmt: skip
+def test_bounds_and_lengths_are_worked_out(text: str, expected: str) -> None:
+    constants = "VAR_GLOBAL CONSTANT MAX : INT := 10; END_VAR"
+    types = good(f"{constants} TYPE E : (A := 2, B, C); Small : SINT(0..5); T : {text}; END_TYPE")
+    assert type_text(types.named("T")) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("ARRAY[MAX..9] OF INT", "f.st:1:16: found 'MAX', which is 10, expected a number up to 9"),
+        (
+            "ARRAY[1..MAX-10] OF INT",
+            "f.st:1:19: found 'MAX-10', which is 0, expected a number from 1 upwards",
+        ),
+        ("STRING[MAX-10]", "f.st:1:17: found 'MAX-10', which is 0, expected a length of 1 or more"),
+        ("ARRAY[0..MAX/0] OF INT", "f.st:1:19: found 'MAX/0', expected no division by zero"),
+        ("SINT(0..200)", "f.st:1:10: found SINT(0..200), expected limits from -128 to 127"),
+        ("BOOL(0..1)", "f.st:1:10: found 'BOOL', expected an integer type such as INT"),
+        ("ARRAY[*] OF INT", "f.st:1:16: found '*', expected a whole number"),
+        (
+            "ARRAY[0..9999999999999999999*9] OF INT",
+            "f.st:1:19: found '9999999999999999999*9', expected a number of at most 64 bits",
+        ),
+    ],
+)
+def test_bounds_that_do_not_work_out(text: str, line: str) -> None:
+    constants = "VAR_GLOBAL CONSTANT MAX : INT := 10; END_VAR"
+    assert lines(f"TYPE T : {text}; END_TYPE {constants}") == [line]
+
+
+def test_unknown_types_and_constants_are_told_together_each_once_and_the_good_ones_are_kept() -> None:
+    types = types_of(
+        "TYPE A : STRUCT x : ARRAY[1..GVL.N] OF Foo; y : STRING[gvl.n + M]; z : FOO; END_STRUCT\n"
+        "B : ARRAY[0..M] OF INT; C : A; D : INT; END_TYPE",
+        "f.st",
+    )
+    assert [problem.found for problem in types.problems] == ["'GVL.N'", "'Foo'", "'M'"]
+    assert types.unknown_constants == ("GVL.N", "M")
+    assert types.names() == ["D"]
+    known = join([read_st("TYPE B : ARRAY[0..M] OF INT; END_TYPE", "f.st")], "f.st", {"Lib.M": 2})
+    assert type_text(known.named("B")) == "ARRAY[0..2] OF INT"
+
+
+def test_a_huge_bound_costs_nothing() -> None:
+    type_ = good(f"TYPE T : ARRAY[0..{2**63}, 0..{2**63}] OF STRING[{2**40}]; END_TYPE").named("T")
+    assert isinstance(type_, Array)
+    assert type_.count == (2**63 + 1) ** 2
+
+
+# -- names -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Lib.T", "_.T", "Ns.Sub.t", "`T`", '"T"', '_."T"', "x . T"])
+def test_a_qualified_name_is_known_by_its_last_part(name: str) -> None:
+    types = good(f"TYPE T : STRUCT END_STRUCT U : {name}; END_TYPE")
+    assert types.named("U") is types.named("T")
+
+
+def test_quoted_names_may_be_keywords_and_hold_anything() -> None:
+    types = good(
+        'TYPE "My type-1" : STRUCT "Type" : INT; "END_STRUCT" : BOOL; `x y` : "My type-2"; END_STRUCT;'
+        ' "My type-2" : INT; END_TYPE'
+    )
+    assert members(types, "my TYPE-1") == {"Type": "INT", "END_STRUCT": "BOOL", "x y": "INT"}
+
+
+def test_places_and_several_names() -> None:
+    types = good(
+        "TYPE T : STRUCT a AT %I* : INT; b AT%Q*:BOOL; c, d AT %MD48 : BYTE; e {x} AT %IX0.3 : BIT;"
+        " AT : INT; END_STRUCT END_TYPE"
+    )
+    assert members(types, "T") == {"a": "INT", "b": "BOOL", "c": "BYTE", "d": "BYTE", "e": "BIT", "AT": "INT"}
+
+
+def test_names_of_all_letters_and_an_empty_struct() -> None:
+    types = good("TYPE 温度_1 : STRUCT END_STRUCT; Größe : STRUCT ключ : 温度_1; END_STRUCT END_TYPE // ±°C")
+    assert members(types, "温度_1") == {}
+    assert members(types, "Größe") == {"ключ": "温度_1"}
+
+
+# -- structures ------------------------------------------------------------------------------------------
+
+
+def test_structures_and_unions_in_place() -> None:
+    types = good(
+        "TYPE T : STRUCT a : STRUCT b : UNION x : REAL := 1.0; y : ARRAY[0..3] OF BYTE; END_UNION;"
+        " END_STRUCT;"
+        " c : ARRAY[0..1] OF STRUCT d : INT END_STRUCT; e : (P, Q); END_STRUCT; END_TYPE"
+    )
+    assert members(types, "T") == {"a": "STRUCT", "c": "ARRAY[0..1] OF STRUCT", "e": "INT"}
+
+
+@pytest.mark.parametrize("word", ["OVERLAP", "PERSISTENT"])
+def test_a_word_behind_struct_is_accepted_and_may_be_a_member(word: str) -> None:
+    assert members(good(f"TYPE T : STRUCT {word} a : INT; END_STRUCT END_TYPE"), "T") == {"a": "INT"}
+    assert members(good(f"TYPE T : STRUCT {word} : INT; END_STRUCT END_TYPE"), "T") == {word: "INT"}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("POINTER TO Nowhere", "POINTER TO Nowhere"),
+        ("pointer to array[0..9] of Lib.T", "pointer to array[0..9] of Lib.T"),
+        ("REFERENCE TO INT", "REFERENCE TO INT"),
+        ("REF_TO STRING[20]", "REF_TO STRING[20]"),
+        ("POINTER TO POINTER TO BYTE", "POINTER TO POINTER TO BYTE"),
+    ],
+)
+def test_pointers_keep_their_text_and_their_target_may_be_unknown(text: str, expected: str) -> None:
+    assert member(f"a : {text} := 0;") == Pointer(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("TON := (PT := T#5S)", "TON"),
+        ("TON", "TON"),
+        ("Standard.R_TRIG", "R_TRIG"),
+        ("Lib.Cyl(MAIN._a, b := (1))", "Lib.Cyl"),
+        ("Inspector(THISSTRUCT)", "Inspector"),
+        ("ANY_NUM", "ANY_NUM"),
+        ("Variant", "VARIANT"),
+        ("Pointer", "POINTER"),
+    ],
+)
+def test_what_nobody_can_lay_out_keeps_its_name_and_the_members_around_it(text: str, name: str) -> None:
+    types = good(f"TYPE T : STRUCT x : INT; a : {text}; y : INT; END_STRUCT END_TYPE")
+    type_ = types.named("T")
+    assert isinstance(type_, Struct)
+    unplaced = type_.members[1].type
+    assert isinstance(unplaced, Unplaced)
+    assert unplaced.name == name
+
+
+def test_a_declared_type_wins_over_a_well_known_one() -> None:
+    types = good(
+        "TYPE TON : STRUCT a : INT; END_STRUCT; T : TON; DTL : INT; U : DTL; V : T_MaxString; END_TYPE"
+    )
+    assert types.named("T") is types.named("TON")
+    assert types.named("U") is INT
+    assert types.named("V") == Text(255)
+
+
+# -- what stands around the types ------------------------------------------------------------------------
+
+
+def test_other_blocks_of_the_file_are_passed_over() -> None:
+    types = good(
+        "FUNCTION_BLOCK F VAR x : T; END_VAR {attribute 'pack_mode' := '1'} x := 5; IF a THEN TYPE_ :="
+        " 1; END_IF"
+        " END_FUNCTION_BLOCK\n TYPE T : STRUCT a : INT; END_STRUCT END_TYPE\n PROGRAM MAIN END_PROGRAM\n"
+        'VAR_GLOBAL RETAIN x : INT; END_VAR DATA_BLOCK "db" STRUCT a : Int; END_STRUCT BEGIN a := 5;'
+        " END_DATA_BLOCK"
+        " TYPE U : T; END_TYPE CONFIGURATION c RESOURCE r END_RESOURCE END_CONFIGURATION"
+    )
+    assert types.names() == ["T", "U"]
+    type_ = types.named("T")
+    assert isinstance(type_, Struct) and type_.pack is None
+
+
+def test_a_block_without_an_end_is_told_and_hides_nothing() -> None:
+    types = types_of("PROGRAM MAIN x := 5; TYPE T : INT; END_TYPE", "f.st")
+    assert [str(p) for p in types.problems] == ["f.st:1:1: found 'PROGRAM', expected 'END_PROGRAM' behind it"]
+    assert types.names() == ["T"]
+    types = types_of("TYPE T : INT; PROGRAM MAIN END_PROGRAM TYPE U : INT; END_TYPE", "f.st")
+    assert [str(p) for p in types.problems] == ["f.st:1:15: found 'PROGRAM', expected 'END_TYPE'"]
+    assert types.names() == ["T", "U"]
+
+
+def test_constants_of_the_file_are_kept_the_others_passed_over() -> None:
+    declared = read_st(
+        "VAR_GLOBAL CONSTANT {x} A : INT := 5; B, C : UINT := A * 2; s : STRING := 'a;b'; r : REAL := 1.5;\n"
+        "t : BOOL := TRUE; d AT %MW0 : INT := 16#F END_VAR VAR_GLOBAL x : INT := 1; END_VAR",
+        "f.st",
+    )
+    assert declared.problems == ()
+    found = [(name, n if isinstance(n, int) else n.text) for name, n in declared.constants]
+    assert found == [
+        ("A", 5), ("B", "A*2"), ("C", "A*2"), ("t", "TRUE"), ("d", 15),
+    ]  # fmt: skip
+
+
+def test_ax_namespaces_using_and_named_values() -> None:
+    types = good(
+        "USING System.Strings;\nNAMESPACE Simatic.Ax.Io\n  {S7.extern=ReadWrite}\n  TYPE PUBLIC State :"
+        " INT (Idle := 0,"
+        " Busy := UINT#1); END_TYPE\n  NAMESPACE Inner TYPE T : STRUCT s : State := State#Idle;"
+        " a : ARRAY[0..Limits#UPPER] OF BYTE; r : REF_TO INT; END_STRUCT; END_TYPE END_NAMESPACE\n"
+        "  TYPE Limits : UINT (LOWER := 0, UPPER := 7); END_TYPE\nCLASS C METHOD M END_METHOD END_CLASS"
+        " END_NAMESPACE"
+    )
+    assert members(types, "T") == {"s": "State", "a": "ARRAY[0..7] OF BYTE", "r": "REF_TO INT"}
+
+
+# -- the other text formats ------------------------------------------------------------------------------
+
+TIA = """TYPE "Motor"
+TITLE = it's the STRUCT of a motor
+{ S7_Optimized_Access := 'TRUE' }
+AUTHOR : Me
+FAMILY : F
+NAME : N
+VERSION : 0.1
+//comment
+   STRUCT
+      speed { S7_SetPoint := 'False'} : Real := 1.0;   // m/s
+      "Type" : "Kind";
+      Name : String[10];
+      list : Array[0..3] of Struct
+         x : Bool;
+      END_STRUCT;
+   END_STRUCT;
+
+END_TYPE
+
+TYPE Kind
+VERSION : 0.1
+   STRUCT
+      a : Byte;
+   END_STRUCT;
+END_TYPE
+FUNCTION_BLOCK "x"
+BEGIN
+END_FUNCTION_BLOCK
+"""
+
+
+@pytest.mark.parametrize("suffix", [".udt", ".scl", ".txt"])
+def test_a_tia_source_has_header_lines_and_no_colon(suffix: str) -> None:
+    types = read(suffix, TIA)
+    assert members(types, "Motor") == {
+        "speed": "REAL",
+        "Type": "Kind",
+        "Name": "STRING[10]",
+        "list": "ARRAY[0..3] OF STRUCT",
+    }
+    assert list(types.notes) == ["motor"]
+    assert "optimised access" in types.notes["motor"][0]
+
+
+def test_a_tia_header_that_does_not_end_is_told() -> None:
+    declared = READERS[".udt"](
+        'TYPE "A" VERSION : 0.1\nEND_TYPE TYPE "B" STRUCT a : Int; END_STRUCT; END_TYPE', "f.udt"
+    )
+    types = join([declared], "f.udt")
+    assert [str(p) for p in types.problems] == ["f.udt:2:1: found 'END_TYPE', expected 'STRUCT'"]
+    assert types.names() == ["B"]
+
+
+def test_simatic_sd_has_a_colon_pragma_blocks_and_blocks_of_the_same_suffix() -> None:
+    types = read(
+        ".s7dcl",
+        'TYPE\n  T : STRUCT\n    {\n      S7_Access := "ReadOnly := External";\n      S7_MLC :='
+        ' "MLC_1"\n    }\n'
+        '    "M" : USInt;\n    a : Array[0..1] of _.U;\n  END_STRUCT;\nEND_TYPE\nTYPE U : STRUCT b :'
+        " Bool; END_STRUCT; END_TYPE",
+    )
+    assert members(types, "T") == {"M": "USINT", "a": "ARRAY[0..1] OF U"}
+    assert read(".s7dcl", 'FUNCTION_BLOCK "B" VAR_INPUT a : Bool; END_VAR END_FUNCTION_BLOCK').names() == []
+
+
+def test_b_and_r_has_many_types_in_a_block_and_enumerations_of_four_bytes() -> None:
+    types = read(
+        ".typ",
+        "TYPE\n\tA : \tSTRUCT  (*c*)\n\t\tx : {REDUND_UNREPLICABLE} ARRAY[0..1]OF BOOL; (*c*)\n\t\tm :"
+        " Mode := RUN;\n"
+        "\tEND_STRUCT;\n\tMode : \n\t\t( (*c*)\n\t\tSTOP := 10, (*c*)\n\t\tRUN\n\t\t);\n\tB : (P)"
+        " USINT;\nEND_TYPE",
+    )
+    mode, other = types.named("Mode"), types.named("B")
+    assert isinstance(mode, Enumeration) and isinstance(other, Enumeration)
+    assert (mode.base.name, mode.values, other.base.name) == ("DINT", (("STOP", 10), ("RUN", 11)), "USINT")
+    assert members(types, "A") == {"x": "ARRAY[0..1] OF BOOL", "m": "Mode"}
+    constants = READERS[".var"](
+        "VAR CONSTANT\n\tMAX : USINT := 5;\nEND_VAR\nVAR x : INT := 3; END_VAR", "f.var"
+    )
+    assert constants.constants == (("MAX", 5),)
+
+
+def test_codesys_2_3_headers_are_comments_and_other_objects_are_passed_over() -> None:
+    types = read(
+        ".exp",
+        "\r\n\r\n(* @NESTEDCOMMENTS := 'Yes' *)\r\n(* @PATH := '\\/Types' *)\r\n(* @OBJECTFLAGS := '0,"
+        " 8' *)\r\n"
+        "TYPE T :\r\nSTRUCT\r\n\ta: ARRAY [0..2] OF INT := 1,2,3; (* (* *)"
+        " *)\r\nEND_STRUCT\r\nEND_TYPE\r\n\r\n"
+        "(* @END_DECLARATION := '0' *)\r\nPROGRAM P\r\n_LD_BODY\r\n_NETWORKS :"
+        " 1\r\nEND_PROGRAM\r\n_ALARMCONFIG\r\n"
+        "_ALARMCONFIGNEXTTEXTID : 1\r\nTYPE U : T; END_TYPE\r\nVISUALISATION x _VISU_END\r\n",
+    )
+    assert types.names() == ["T", "U"]
+    text = "(* @NESTEDCOMMENTS := 'No' *) (* a (* b *) TYPE T : INT; END_TYPE (* c *) (* d *) *) "
+    assert join([READERS[".exp"](text, "f.exp")], "f.exp").names() == ["T"]
+
+
+# -- inside another file ---------------------------------------------------------------------------------
+
+
+def test_a_text_inside_another_file_tells_the_lines_of_that_file() -> None:
+    declared = read_st("TYPE T :\nSTRUCT a INT; END_STRUCT END_TYPE", "f.xml", first_line=40)
+    assert [str(p) for p in declared.types[0].problems] == ["f.xml:41:10: found 'INT', expected ':'"]
+    assert declared.types[0].where == "f.xml:40:6"
+
+
+def test_one_type_of_tia_is_read_as_a_specification() -> None:
+    assert read_spec("String[10]", "m") == Text(10)
+    assert type(read_spec('Array[0.."N"] of "My type"', "m")).__name__ == "ArraySpec"
+
+
+def test_a_second_declaration_counts_only_when_that_is_asked_for() -> None:
+    files = [
+        read_st("TYPE A : INT; END_TYPE", "a.st"),
+        read_st("TYPE a : STRUCT x : BOOL; END_STRUCT END_TYPE", "b.st"),
+    ]
+    asked = join(files, "both")
+    assert asked.names() == []
+    assert asked.twice == {"a": ("a.st:1:6", "b.st:1:6")}
+    answered = join(files, "both", last_wins=["A"])
+    assert answered.problems == ()
+    assert members(answered, "A") == {"x": "BOOL"}
+
+
+def test_a_subrange_is_stored_as_its_base() -> None:
+    assert member("a : UINT(0..10) := 5;") == Subrange(ELEMENTARY["UINT"], 0, 10)

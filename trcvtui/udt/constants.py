@@ -1,6 +1,7 @@
 """Constants by name: the user's own, the ones that source files declare, and the values of enumerations.
 
-Rule: what the user gives wins over what a file says; a name that could mean two numbers means none.
+Rule: a whole name goes before the end of one, what the user gives before what a file says; a name that
+could mean two numbers means none.
 """
 
 from __future__ import annotations
@@ -12,13 +13,14 @@ from trcvtui.errors import UserError
 from trcvtui.udt.declared import Number
 from trcvtui.udt.formula import evaluate, plain_name
 
-DEEPEST = 32  # constants that are made of constants
+DEEPEST = 12  # constants that are made of constants below them in the file
 MOST_LIKE = 64  # of one last name; with more of them none is meant
 
 
 class _Entry(NamedTuple):
     """A number plus an offset; names in it are looked up in `scope` first."""
 
+    name: str
     parts: tuple[str, ...]
     layer: int
     number: Number
@@ -41,6 +43,7 @@ class Constants:
         self.by_end: dict[str, list[_Entry]] = {}
         self.found: dict[tuple[str, str], _Found] = {}
         self.depth = 0
+        self.is_first = True
         for name, number in (given or {}).items():
             self._add(name, 0, number)
         for name, declared_number in declared:
@@ -57,6 +60,12 @@ class Constants:
     def value(self, number: Number, unknown: list[str], scope: str = "") -> int | None:
         """Return the value of a number, None with the unknown names in the list; may raise UserError."""
 
+        if self.is_first:  # in the order of the files each is made of known ones, however long the chain
+            self.is_first = False
+            for entries in list(self.whole.values()):
+                if entries[0].layer == 1:
+                    self._look_up(entries[0].name, "")
+
         def look_up(name: str) -> int | None:
             found = self._look_up(name, scope)
             unknown.extend(found.unknown)
@@ -65,8 +74,9 @@ class Constants:
         return evaluate(number, look_up)
 
     def _add(self, name: str, layer: int, number: Number, offset: int = 0, scope: str = "") -> None:
-        key = plain_name(name).casefold()
-        entry = _Entry(tuple(key.split(".")), layer, number, offset, scope)
+        name = plain_name(name)
+        key = name.casefold()
+        entry = _Entry(name, tuple(key.split(".")), layer, number, offset, scope)
         self.whole.setdefault(key, []).append(entry)
         self.by_end.setdefault(entry.parts[-1], []).append(entry)
 

@@ -16,7 +16,7 @@ from trcvtui.udt.types import ELEMENTARY
 LookUp = Callable[[str], int | None]
 
 LONGEST = 1000
-DEEPEST = 32
+DEEPEST = 8  # with constants.DEEPEST: what stays well below the depth of calls that Python allows
 LARGEST = 1 << 64
 
 _NAME = r'(?:[^\W\d]\w*|"[^"]*"|`[^`]*`)'

@@ -6,7 +6,7 @@ Rule: a mistake ends its declaration, never the file. The types themselves are r
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 
 from trcvtui.errors import UserError
 from trcvtui.udt.declared import Declaration, Declarations, Number, Reference, Spec, StructSpec
@@ -138,7 +138,7 @@ class Parser(SpecParser):
             base = self.extends()
             if base is not None:
                 self.accept(":")
-        pragmas = [text for at, text in self.source.pragmas if self.since <= at <= self.at]
+        pragmas = self.pragmas_since()
         first = self.token
         spec = self.spec()
         if base is not None and not isinstance(spec, StructSpec):
@@ -146,6 +146,12 @@ class Parser(SpecParser):
         if isinstance(spec, StructSpec):
             spec = spec._replace(base=base, pack=self.pack(pragmas, first))
         return spec, (OPTIMISED,) if any(map(_OPTIMISED.search, pragmas)) else ()
+
+    def pragmas_since(self) -> list[str]:
+        """Return the pragmas between the last declaration and the cursor."""
+        pragmas = self.source.pragmas
+        first, last = bisect_left(pragmas, (self.since, "")), bisect_left(pragmas, (self.at + 1, ""))
+        return [text for _, text in pragmas[first:last]]
 
     def extends(self) -> Reference | None:
         """Return the name behind EXTENDS, None where there is no such word."""

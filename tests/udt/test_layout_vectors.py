@@ -1,0 +1,394 @@
+"""Where members lie at CODESYS and S7: every vector of udt.md 3.4, and the example of siemens.md 6.2."""
+
+from __future__ import annotations
+
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.udt.decode import decode, decode_leaves
+from trcvtui.udt.encode import encode
+from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.report import show_json, show_text
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    Array,
+    Enumeration,
+    Member,
+    Pointer,
+    Struct,
+    Subrange,
+    Text,
+    Type,
+    Union,
+    Unplaced,
+)
+
+T = ELEMENTARY
+
+
+def members(*types: Type | str) -> tuple[Member, ...]:
+    """Return members m0, m1, ... of these types; a text is the name of an elementary one."""
+    return tuple(Member(f"m{n}", T[t] if isinstance(t, str) else t) for n, t in enumerate(types))
+
+
+def struct(*types: Type | str, base: Struct | None = None, pack: int | None = None) -> Struct:
+    """Return a STRUCT of these members."""
+    return Struct("S", members(*types), base, pack)
+
+
+def array(element: Type | str, *bounds: tuple[int, int]) -> Array:
+    """Return an ARRAY."""
+    return Array(bounds, T[element] if isinstance(element, str) else element)
+
+
+def places(layout: Layout, whole: bool = False) -> list[str]:
+    """Return the place of every member, as `2` or `2.7`: of its first leaf, with `whole` of all leaves."""
+    numbers = range(layout.leaf_count) if whole else layout.root.firsts  # type: ignore[union-attr]
+    leaves = [layout.leaf(number) for number in numbers]
+    return [str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}" for leaf in leaves]
+
+
+ENUM = Enumeration("E", T["INT"], (("A", 0), ("B", 1)), is_named=False)
+ENUM_DWORD = Enumeration("F", T["DWORD"], (("A", 0),))
+PACKS = (8, 4, 2, 1)
+# udt.md 3.4: per P = 8, 4, 2, 1 the size and the places of the members.
+CODESYS_VECTORS: list[tuple[str, Struct, tuple[str, str, str, str]]] = [
+    (
+        "C1",
+        struct("BYTE", "DINT", "BYTE", "INT"),
+        ("12: 0 4 8 10", "12: 0 4 8 10", "10: 0 2 6 8", "8: 0 1 5 6"),
+    ),
+    ("C2", struct("BYTE", "LREAL"), ("16: 0 8", "12: 0 4", "10: 0 2", "9: 0 1")),
+    ("C3", struct("LREAL", "BYTE"), ("16: 0 8", "12: 0 8", "10: 0 8", "9: 0 8")),
+    (
+        "C4",
+        struct("BYTE", "WORD", "DWORD", "LREAL"),
+        ("16: 0 2 4 8", "16: 0 2 4 8", "16: 0 2 4 8", "15: 0 1 3 7"),
+    ),
+    ("C5", struct("SINT", "LREAL", "DINT"), ("24: 0 8 16", "16: 0 4 12", "14: 0 2 10", "13: 0 1 9")),
+    ("C6", struct("BOOL", "INT", "BOOL", "BOOL"), ("6: 0 2 4 5", "6: 0 2 4 5", "6: 0 2 4 5", "5: 0 1 3 4")),
+    ("C7", struct(Text(3), "DINT"), ("8: 0 4", "8: 0 4", "8: 0 4", "8: 0 4")),
+    ("C8", struct(Text(), Text(2, wide=True)), ("88: 0 82", "88: 0 82", "88: 0 82", "87: 0 81")),
+    (
+        "C9",
+        struct("BYTE", array(struct("DINT", "BYTE"), (0, 2)), "BYTE"),
+        ("32: 0 4 28", "32: 0 4 28", "22: 0 2 20", "17: 0 1 16"),
+    ),
+    (
+        "C10",
+        struct("BYTE", struct("BYTE", "DINT", pack=1), "DINT"),
+        ("12: 0 1 8", "12: 0 1 8", "10: 0 1 6", "10: 0 1 6"),
+    ),
+    (
+        "C11",
+        struct("BYTE", struct("BYTE", "LREAL"), pack=1),
+        ("17: 0 1", "13: 0 1", "11: 0 1", "10: 0 1"),
+    ),
+    (
+        "C12",
+        struct("BYTE", Union("U", members("REAL", array("BYTE", (0, 4)))), "BYTE"),
+        ("16: 0 4 12", "16: 0 4 12", "10: 0 2 8", "7: 0 1 6"),
+    ),
+    (
+        "C13",
+        struct(*["BIT"] * 9, "BYTE", "BIT", "INT"),
+        ("6: 0.0 0.1 0.2 0.3 0.4 0.5 0.6 0.7 1.0 2 3.0 4",) * 4,
+    ),
+    ("C14", struct("BYTE", ENUM, ENUM_DWORD), ("8: 0 2 4", "8: 0 2 4", "8: 0 2 4", "7: 0 1 3")),
+    ("C15", struct("BYTE", array("INT", (1, 3), (0, 2))), ("20: 0 2", "20: 0 2", "20: 0 2", "19: 0 1")),
+    (
+        "C16",
+        struct("BYTE", "INT", base=struct("DINT", "BYTE")),
+        ("12: 0 8 10", "12: 0 8 10", "10: 0 6 8", "8: 0 5 6"),
+    ),
+    (
+        "C17",
+        struct("BOOL", Subrange(T["INT"], -5, 5), "TIME", "LTIME"),
+        ("16: 0 2 4 8", "16: 0 2 4 8", "16: 0 2 4 8", "15: 0 1 3 7"),
+    ),
+    ("C18", struct("BOOL", Pointer("POINTER TO BYTE")), ("16: 0 8", "12: 0 4", "10: 0 2", "9: 0 1")),
+    ("C19", struct("BOOL"), ("1: 0",) * 4),
+    ("C20", struct("INT", "BOOL"), ("4: 0 2", "4: 0 2", "4: 0 2", "3: 0 2")),
+    (
+        "C21",
+        struct("DINT", struct("BYTE", "LREAL"), "BYTE"),
+        ("32: 0 8 24", "20: 0 4 16", "16: 0 4 14", "14: 0 4 13"),
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "type_", "expected"), CODESYS_VECTORS, ids=[v[0] for v in CODESYS_VECTORS])
+def test_the_codesys_vectors_at_every_pack(
+    name: str, type_: Struct, expected: tuple[str, str, str, str]
+) -> None:
+    layouts = [lay_out(type_, rules_for(f"codesys-{pack}")) for pack in PACKS]
+    assert tuple(f"{layout.size}: {' '.join(places(layout))}" for layout in layouts) == expected
+
+
+def test_the_bytes_of_the_manual_for_c2() -> None:
+    data = {"m0": 0xFF, "m1": 1234.5678}
+    wide, tight = (lay_out(struct("BYTE", "LREAL"), rules_for(f"codesys-{pack}")) for pack in (8, 1))
+    assert encode(wide, data) == bytes.fromhex("FF00000000000000 ADFA5C6D454A9340")
+    assert encode(tight, data) == bytes.fromhex("FF ADFA5C6D454A9340")
+    assert decode(wide, bytes.fromhex("FFEEEEEEEEEEEEEE ADFA5C6D454A9340")) == (0xFF, 1234.5678)
+
+
+# udt.md 3.4: size and places of all leaves, byte.bit.
+S7_VECTORS: list[tuple[str, Struct, str]] = [
+    ("S1", struct("BOOL", "BOOL", "BYTE", "BOOL", "INT"), "6: 0.0 0.1 1 2.0 4"),
+    ("S2", struct("BYTE", "BYTE", "BYTE", "WORD"), "6: 0 1 2 4"),
+    ("S3", struct("BOOL", "DINT"), "6: 0.0 2"),
+    ("S4", struct("BYTE", "REAL", "LREAL"), "14: 0 2 6"),
+    (
+        "S5",
+        struct(array("BOOL", (0, 9)), "BOOL"),
+        "4: 0.0 0.1 0.2 0.3 0.4 0.5 0.6 0.7 1.0 1.1 2.0",
+    ),
+    ("S6", struct(array("BYTE", (1, 3)), "BYTE"), "6: 0 1 2 4"),
+    ("S7", struct("BOOL", struct("BOOL"), "BOOL"), "6: 0.0 2.0 4.0"),
+    ("S8", struct(Text(5), "BYTE", "INT"), "12: 0 8 10"),
+    ("S9", struct(Text(), "BOOL"), "258: 0 256.0"),
+    ("S10", struct(array(struct("INT", "BOOL"), (1, 2)), "BYTE"), "10: 0 2.0 4 6.0 8"),
+    ("S11", struct(array("BOOL", (0, 1), (0, 2))), "2: 0.0 0.1 0.2 1.0 1.1 1.2"),
+    ("S12", struct("USINT", "DTL", Text(3, wide=True)), "24: 0 2 14"),
+    ("S13", struct("CHAR", "DATE", "TIME_OF_DAY", "DATE_AND_TIME"), "16: 0 2 4 8"),
+    ("S14", struct(array(Text(3), (0, 1)), "BOOL"), "14: 0 6 12.0"),
+    ("S15", struct("INT", array("BYTE", (1, 8)), "INT", "INT"), "14: 0 2 3 4 5 6 7 8 9 10 12"),
+]
+
+
+@pytest.mark.parametrize(("name", "type_", "expected"), S7_VECTORS, ids=[v[0] for v in S7_VECTORS])
+def test_the_vectors_of_s7_standard(name: str, type_: Struct, expected: str) -> None:
+    layout = lay_out(type_, rules_for("s7-standard"))
+    assert f"{layout.size}: {' '.join(places(layout, whole=True))}" == expected
+
+
+def test_s16_an_array_of_three_dimensions() -> None:
+    layout = lay_out(struct(array("INT", (0, 67), (0, 16), (1, 2))), rules_for("s7-standard"))
+    assert (layout.size, layout.leaf_count) == (4624, 68 * 17 * 2)
+
+
+def test_s8_without_string_even_goes_on_directly_behind_the_string() -> None:
+    layout = lay_out(struct(Text(5), "BYTE", "INT"), rules_for("s7-standard", string_even=False))
+    assert f"{layout.size}: {' '.join(places(layout))}" == "10: 0 7 8"
+
+
+WORKED = Struct(
+    "Worked",
+    (
+        Member("bReady", T["BOOL"]),
+        Member("bFault", T["BOOL"]),
+        Member("byMode", T["BYTE"]),
+        Member("bAck", T["BOOL"]),
+        Member("iCount", T["INT"]),
+        Member("rTemp", T["REAL"]),
+        Member("sName", Text(5)),
+        Member("byTail", T["BYTE"]),
+        Member("aFlags", array("BOOL", (0, 9))),
+        Member("aRaw", array("BYTE", (0, 2))),
+        Member("usi", T["USINT"]),
+        Member("stIn", Struct("", (Member("x", T["BOOL"]), Member("y", T["DINT"])))),
+        Member("dtl", T["DTL"]),
+        Member("lr", T["LREAL"]),
+        Member("bEnd", T["BOOL"]),
+    ),
+)
+
+
+def test_the_worked_example_of_the_siemens_page() -> None:
+    layout = lay_out(WORKED, rules_for("s7-standard"))
+    assert " ".join(places(layout)) == "0.0 0.1 1 2.0 4 6 10 18 20.0 22 26 28.0 34 46 54.0"
+    assert layout.leaf(layout.number_of("stIn.y")).offset == 30
+    assert layout.leaf(layout.number_of("aFlags[9]"))[2:4] == (21, 1)
+    assert layout.leaf(layout.number_of("aFlags[9]")).bit == 1
+    assert (layout.size, layout.align, layout.rules.byte_order) == (56, 2, "big")
+    assert list(layout.padding()) == [(3, 1), (17, 1), (19, 1), (25, 1), (27, 1), (29, 1), (55, 1)]
+
+
+# -- bits ----------------------------------------------------------------------------------------------------
+
+
+def test_bits_are_decoded_by_page_at_once_and_as_far_as_bytes_go() -> None:
+    layout = lay_out(WORKED, rules_for("s7-standard"))
+    data = bytes([0b10, 7, 1]) + bytes(17) + bytes([0b1010_0101, 0b10]) + bytes(34)
+    flags = (True, False, True, False, False, True, False, True, False, True)
+    assert decode(layout, data)[:4] == (False, True, 7, True)
+    assert decode(layout, data)[8:18] == flags
+    assert decode_leaves(layout, data, 13, 18) == flags[5:]
+    assert decode(layout, data[:21])[8:18] == (*flags[:8], None, None), "a bit whose byte is there is there"
+    assert layout.leaf_at(20) == 8
+    assert layout.leaf_at(20, bit=3) == 11
+    assert layout.leaf_at(21, bit=2) is None
+
+
+def test_a_bit_is_written_beside_its_neighbours() -> None:
+    layout = lay_out(struct("BOOL", "BOOL", "BOOL", "BYTE"), rules_for("s7-standard"))
+    assert encode(layout, {"m0": True, "m2": True, "m3": 255}) == bytes([0b101, 255])
+    assert encode(layout, {"m0": True, "m1": False}) == bytes([1, 0])
+
+
+def test_bits_in_json_have_a_byte_and_a_bit() -> None:
+    layout = lay_out(struct("BIT", "BIT", "INT"), rules_for("codesys-8"))
+    assert show_json(layout)["members"] == [
+        {"path": "m0", "type": "BIT", "offset": 0, "bit": 0, "size": 1},
+        {"path": "m1", "type": "BIT", "offset": 0, "bit": 1, "size": 1},
+        {"path": "m2", "type": "INT", "offset": 2, "size": 2},
+    ]
+    assert show_json(layout)["padding"] == [{"offset": 1, "size": 1}]
+    assert show_text(layout).splitlines()[2:5] == [
+        "   0.0     1  BIT   m0",
+        "   0.1     1  BIT   m1",
+        "     1     1        (padding)",
+    ]
+
+
+def test_each_bit_of_a_union_is_the_first_bit() -> None:
+    union = Union("U", members("BIT", "BIT", "BYTE"))
+    layout = lay_out(union, rules_for("codesys-8"))
+    assert places(layout, whole=True) == ["0.0", "0.0", "0"]
+    assert decode(layout, b"\x05") == (True, True, 5)
+
+
+def test_a_million_bits_are_an_eighth_of_a_million_bytes() -> None:
+    layout = lay_out(array("BOOL", (0, 1048575)), rules_for("s7-standard"))
+    data = bytes([0b1]) * 131072
+    assert layout.size == len(data)
+    assert sum(map(bool, decode(layout, data))) == len(data)
+    assert decode_leaves(layout, data, 800_000, 800_009) == (True, *[False] * 7, True)
+
+
+# -- what is extended, overlaid, or cannot be laid out -------------------------------------------------------
+
+
+def test_what_a_type_extends_comes_first_without_a_name_in_front() -> None:
+    base = Struct("Base", (Member("id", T["DINT"]), Member("kind", T["BYTE"])))
+    middle = Struct("Middle", (Member("a", T["BYTE"]),), base)
+    type_ = Struct("Top", (Member("b", T["INT"]), Member("in", middle)), middle)
+    layout = lay_out(type_, rules_for("codesys-8"))
+    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
+        ("id", 0),
+        ("kind", 4),
+        ("a", 8),
+        ("b", 12),
+        ("in.id", 16),
+        ("in.kind", 20),
+        ("in.a", 24),
+    ]
+    assert layout.number_of("Kind") == 1
+    assert layout.number_of("in.KIND") == 5
+    with pytest.raises(UserError, match="expected a member"):
+        layout.number_of("in.b")
+
+
+def test_members_of_a_union_share_their_bytes() -> None:
+    pair = Struct("", (Member("a", T["BYTE"]), Member("b", T["DINT"])))
+    type_ = Struct(
+        "S",
+        (
+            Member("n", T["INT"]),
+            Member(
+                "u",
+                Union(
+                    "U",
+                    (Member("real", T["REAL"]), Member("pair", pair), Member("raw", array("WORD", (0, 1)))),
+                ),
+            ),
+            Member("end", T["BYTE"]),
+        ),
+    )
+    layout = lay_out(type_, rules_for("codesys-8"))
+    assert layout.size == 16
+    assert [(leaf.path, leaf.offset) for leaf in layout.leaves()] == [
+        ("n", 0),
+        ("u.real", 4),
+        ("u.pair.a", 4),
+        ("u.pair.b", 8),
+        ("u.raw[0]", 4),
+        ("u.raw[1]", 6),
+        ("end", 12),
+    ]
+    assert list(layout.padding()) == [(2, 2), (13, 3)], "the gap in one member is data of another"
+    assert [layout.leaf_at(place) for place in (2, 4, 7, 8, 12)] == [None, 1, 1, 3, 6]
+    data = bytes.fromhex("0100 EEEE 00509A44 07000000 09 EEEEEE")
+    assert decode(layout, data) == (1, 1234.5, 0, 7, 0x5000, 0x449A, 9)
+    assert decode(layout, data[:6]) == (1, None, 0, None, 0x5000, None, None)
+    assert decode_leaves(layout, data[:6], 1, 6) == (None, 0, None, 0x5000, None)
+    assert [layout.next_leaf(n) for n in (0, 2, 4, 6, 8, 12, 13)] == [0, 1, 1, 1, 3, 6, None]
+    offsets = [member["offset"] for member in show_json(layout)["members"]]  # type: ignore[attr-defined]
+    assert offsets == sorted(offsets)
+
+
+def test_what_comes_next_is_named_by_the_bytes_that_are_there() -> None:
+    layout = lay_out(struct("BOOL", "BOOL", "INT", array("INT", (1, 2))), rules_for("s7-standard"))
+    paths = [layout.leaf(n).path if (n := layout.next_leaf(have)) is not None else "" for have in range(9)]
+    assert paths == ["m0", "m2", "m2", "m2", "m3[1]", "m3[1]", "m3[2]", "m3[2]", ""]
+
+
+@pytest.mark.parametrize("type_", [Struct("E", ()), Union("E", ())])
+def test_an_empty_type_has_no_size_and_moves_nothing(type_: Type) -> None:
+    for name in ("codesys-8", "s7-standard", "baosky"):
+        layout = lay_out(struct("BYTE", type_, array(type_, (0, 3)), "BYTE"), rules_for(name))
+        assert lay_out(type_, rules_for(name)).size == 0
+        assert [leaf.path for leaf in layout.leaves()] == ["m0", "m3"]
+        assert len(decode(layout, bytes(layout.size))) == 2
+
+
+def test_what_cannot_be_laid_out_is_named_with_its_path_and_the_reason() -> None:
+    inner = Struct("Inner", (Member("t", array(Unplaced("TON", "an FB instance"), (0, 1))),))
+    type_ = Struct("S", (Member("a", T["INT"]), Member("in", inner)))
+    with pytest.raises(UserError) as refused:
+        lay_out(type_, rules_for("codesys-8"))
+    assert refused.value.lines() == [
+        "S.in.t: found TON, an FB instance, expected a type that can be laid out"
+    ]
+
+
+def test_pack_mode_counts_at_codesys_only() -> None:
+    type_ = struct("BYTE", "DINT", pack=0)
+    sizes = {name: lay_out(type_, rules_for(name)).size for name in ("codesys-8", "baosky", "s7-standard")}
+    assert sizes == {"codesys-8": 5, "baosky": 8, "s7-standard": 6}
+
+
+# -- settings ------------------------------------------------------------------------------------------------
+
+
+def test_the_settings_of_a_layout_replace_its_own() -> None:
+    def size(type_: Type, rules: LayoutRules) -> int:
+        return lay_out(type_, rules).size
+
+    pointer = Pointer("POINTER TO BYTE")
+    assert (size(pointer, rules_for("codesys-8")), size(pointer, rules_for("codesys-8", pointer_size=4))) == (
+        8,
+        4,
+    )
+    assert size(T["XWORD"], rules_for("codesys-4", pointer_size=4)) == 4
+    assert size(ENUM, rules_for("baosky", enum_base="dint")) == 4
+    assert size(ENUM_DWORD, rules_for("baosky", enum_base="SINT")) == 4, "a named base stays"
+    assert [size(Text(9), rules_for("codesys-8", None, form)) for form in ("nul", "s7", "cstr")] == [
+        10,
+        11,
+        11,
+    ]
+    assert [size(Text(), rules_for(name)) for name in ("baosky", "codesys-8", "s7-standard")] == [82, 81, 256]
+    assert size(Text(None, wide=True), rules_for("s7-standard")) == 2 * 254 + 4
+    assert rules_for("s7-standard", "little").byte_order == "little"
+
+
+@pytest.mark.parametrize(
+    ("settings", "line"),
+    [
+        ({"text": "pascal"}, "STRING form: found 'pascal', expected one of s7, cstr, nul"),
+        ({"pointer_size": 6}, "pointer size: found 6, expected 4 or 8"),
+        ({"enum_base": "REAL"}, "enum base: found 'REAL', expected one of "),
+    ],
+)
+def test_an_unknown_setting_is_refused_with_the_known_ones(settings: dict[str, object], line: str) -> None:
+    with pytest.raises(UserError) as refused:
+        rules_for("baosky", **settings)  # type: ignore[arg-type]
+    assert str(refused.value).startswith(line)
+
+
+def test_a_wstring_of_an_s7_may_have_16382_characters() -> None:
+    assert lay_out(Text(16382, wide=True), rules_for("s7-standard")).size == 32768
+    with pytest.raises(UserError, match="at most 16382 characters"):
+        lay_out(Text(16383, wide=True), rules_for("s7-standard"))

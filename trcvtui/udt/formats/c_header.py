@@ -23,7 +23,7 @@ from trcvtui.udt.declared import (
     Spec,
     StructSpec,
 )
-from trcvtui.udt.formats.c_number import fold
+from trcvtui.udt.formats.c_number import fold, formula
 from trcvtui.udt.formats.c_parse import Macros, evaluate, parsed
 from trcvtui.udt.formats.c_source import CSource
 from trcvtui.udt.formats.c_types import C_TYPES, FOUR_BYTES, NO_ONE_SIZE
@@ -215,9 +215,12 @@ class _Reader:
             raise mistake(where, "an array without a length", "[N]")
         length = fold(node.dim, self.look_up)
         if length is None:
-            from pycparser.c_generator import CGenerator  # type: ignore[import-untyped]
-
-            return Formula(f"({CGenerator().visit(node.dim)}) - 1", where)
+            text = formula(node.dim)
+            if text is None:
+                raise mistake(
+                    where, "a length that is no number", "a number, or + - * / of names and numbers"
+                )
+            return Formula(f"{text} - 1", where)
         if length < 1:
             raise mistake(where, f"[{length}]", "a length of 1 or more")
         return length - 1

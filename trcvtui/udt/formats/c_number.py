@@ -68,6 +68,22 @@ def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int
     return value if value is not None and abs(value) <= LARGEST else None
 
 
+def formula(node: Any, depth: int = 0) -> str | None:
+    """Return an expression as IEC 61131-3 writes it; None if it cannot."""
+    match type(node).__name__ if depth <= DEEPEST else "":
+        case "Constant":
+            value = _constant(node.value)
+            return None if value is None else str(value)
+        case "ID":
+            return str(node.name)
+        case "Cast":
+            return formula(node.expr, depth + 1)
+        case "BinaryOp" if node.op in "+-*/":
+            left, right = formula(node.left, depth + 1), formula(node.right, depth + 1)
+            return None if left is None or right is None else f"({left} {node.op} {right})"
+    return None
+
+
 def is_short(text: str) -> bool:
     """Return whether an expression is one that a C parser may be asked to read: not long, not deep."""
     depth = deepest = 0

@@ -17,6 +17,8 @@ _FOREIGN = re.compile(
     r"(?:(?<=[;{}(,])|\A|\b(?:const|volatile|typedef|extern|static)\b)\s*([A-Za-z_]\w*)"
     r"(?=[\s*](?:[\s*]|const\b|volatile\b)*[A-Za-z_]\w*\s*[;,\[:=()])"
 )
+# What may declare a type or a constant; functions and variables are passed over.
+_DECLARES = re.compile(r"\btypedef\b|\b(?:struct|union|enum)\b[^;{}()]*\{|\bconst\b[^;{}()]*=")
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _FAILED = re.compile(r"(?:.*?):(\d+):(\d+): (.*)", re.DOTALL)
 
@@ -27,6 +29,8 @@ def parsed(parser: Callable[[], Any], source: CSource) -> Iterator[Any]:
     types |= NAMED_TYPES
     for begin, end in _statements(source.text):
         text = source.text[begin:end]
+        if not _DECLARES.search(text):
+            continue
         used = sorted(types & set(_WORD.findall(text)))
         try:
             if not _is_flat(text):
@@ -71,7 +75,7 @@ def _is_flat(text: str) -> bool:
 
 
 def _statements(text: str) -> Iterator[tuple[int, int]]:
-    """Yield where each outer declaration begins and ends; a function ends with its brace."""
+    """Yield where each outer declaration begins and ends; functions are left out."""
     depth, begin, is_function = 0, _begin(text, 0), False
     for found in re.finditer("[{};]", text):
         if found.group() == "{":
@@ -84,7 +88,8 @@ def _statements(text: str) -> Iterator[tuple[int, int]]:
             continue
         depth = max(0, depth - 1) if found.group() == "}" else depth
         if depth == 0 and (found.group() == ";" or is_function):
-            yield begin, found.end()
+            if not is_function:
+                yield begin, found.end()
             begin, is_function = _begin(text, found.end()), False
     if begin < len(text):
         yield begin, len(text)
@@ -114,6 +119,7 @@ class Macros:
     def __init__(self, source: CSource) -> None:
         self.source = source
         self.known: dict[str, int | None] = {}
+        self.depth = 0
 
     def value(self, text: str) -> int | None:
         """Return the value of an expression, None if it has none."""
@@ -121,21 +127,21 @@ class Macros:
             return int(text)
         from pycparser.c_parser import CParser
 
+        if not is_short(text):
+            return None
         types = sorted(NAMED_TYPES & set(_WORD.findall(text)))
         try:
-            (node,) = (
-                _parse(CParser, f"enum {{ x = ({text}) }};", types, self.source, 0)
-                if is_short(text)
-                else [None]
-            )
-            return fold(node.type.values.enumerators[0].value, self.macro)
-        except (UserError, ValueError, AttributeError):  # two statements, or no expression at all
+            nodes = _parse(CParser, f"enum {{ x = ({text}) }};", types, self.source, 0)
+            return fold(nodes[0].type.values.enumerators[0].value, self.macro) if len(nodes) == 1 else None
+        except (UserError, AttributeError):  # no expression at all
             return None
 
     def macro(self, name: str) -> int | None:
         """Return the number of a macro; one that needs itself has none."""
         if name not in self.known:
             self.known[name] = None
-            if name in self.source.numbers and len(self.known) <= 1000:
+            if name in self.source.numbers and self.depth < DEEPEST:
+                self.depth += 1
                 self.known[name] = self.value(self.source.numbers[name])
+                self.depth -= 1
         return self.known[name]

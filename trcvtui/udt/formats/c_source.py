@@ -10,7 +10,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable
 
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, mistake
 
 PACKS = (1, 2, 4, 8, 16)
 LONGEST_WORDS = 200
@@ -58,7 +58,6 @@ class CSource:
         self.name, self.evaluate = name, evaluate
         self.problems: list[Problem] = []
         self.moved: list[tuple[int, Problem]] = []
-        self.starts = [0]
         self.numbers: dict[str, str] = {}
         self.words: dict[str, str] = {}
         self.includes: list[str] = []
@@ -67,8 +66,9 @@ class CSource:
         self._stack: list[int | None] = []
         self._conditions: list[tuple[bool, bool]] = []  # (this branch counts, one of them has counted)
         self._depth = 0
-        self.text = self._attributes("\n".join(self._lines(self._without_comments(text))))
-        self.starts = [0, *(end.end() for end in re.finditer("\n", self.text))]
+        ready = "\n".join(self._lines(self._without_comments(text)))
+        self.starts = [0, *(end.end() for end in re.finditer("\n", ready))]
+        self.text = self._attributes(ready)
 
     def place(self, offset: int) -> tuple[int, int]:
         """Return line and column of a place in the ready text, both from 1."""
@@ -176,8 +176,9 @@ class CSource:
         outer = all(counts for counts, _ in self._conditions[:-1])
         if kind in ("if", "ifdef", "ifndef"):
             if len(self._conditions) >= MOST_NESTED:
-                self.refuse(line, f"#{kind} nested deeper", f"at most {MOST_NESTED} levels")
-                rest = "0"
+                raise mistake(
+                    f"{self.name}:{line}", f"#{kind} nested deeper", f"at most {MOST_NESTED} levels"
+                )
             holds = self._counts() and self._holds(kind, rest, line)
             self._conditions.append((holds, holds))
         elif not self._conditions:
@@ -264,7 +265,7 @@ class CSource:
                 self.braces.add(brace)
                 names.discard("packed")
             if names - HARMLESS:
-                line = text.count("\n", 0, found.start()) + 1
+                line, _ = self.place(found.start())
                 shown = " ".join(found.group().split())[:60]
                 self._refuse_move(line, f"'{shown}'", "no attribute but packed, on a struct or union")
             return re.sub(r"[^\n]", " ", found.group())

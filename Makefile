@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 ARGS   ?=
 READY  := $(VENV)/.ready
 
-.PHONY: run test lint types contracts unit soak bench scenarios pictures atlas clean
+.PHONY: run test lint types contracts unit soak oracle bench scenarios pictures atlas clean
 
 run: $(READY)
 	@$(BIN)/trcvtui $(ARGS)
@@ -30,6 +30,10 @@ scenarios: $(READY)
 # A million random scans on simulated networks: minutes. TRCVTUI_SOAK_SCANS says how many.
 soak: $(READY)
 	TRCVTUI_SOAK=1 $(BIN)/pytest -s tests/properties/test_soak.py $(ARGS)
+
+# Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred.
+oracle: $(READY)
+	TRCVTUI_ORACLE=10000 $(BIN)/pytest -s -o timeout=900 tests/udt/test_oracle_gcc.py $(ARGS)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks $(ARGS)

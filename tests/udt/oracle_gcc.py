@@ -1,0 +1,189 @@
+"""Random types as IEC types and as C, and what gcc makes of them: sizes, alignments, offsets of all leaves."""
+
+from __future__ import annotations
+
+import array
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from random import Random
+from typing import NamedTuple
+
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    Array,
+    Elementary,
+    Enumeration,
+    Member,
+    Pointer,
+    Struct,
+    Subrange,
+    Text,
+    Type,
+    Union,
+)
+
+PACKS = (8, 4, 2, 1)
+MOST_LEAVES = 60
+C_TYPES = {"b": "int8_t", "h": "int16_t", "i": "int32_t", "q": "int64_t", "f": "float", "d": "double"}
+C_TYPES |= {"B": "uint8_t", "H": "uint16_t", "I": "uint32_t", "Q": "uint64_t", "?": "_Bool", "12s": "dtl"}
+ROWS = [row for row in ELEMENTARY.values() if row.name != "BIT"]
+HEAD = """#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+typedef struct { uint16_t year; uint8_t parts[6]; uint32_t ns; } dtl;
+"""
+
+
+class Case(NamedTuple):
+    """A random type and the pack that it is laid out with."""
+
+    type: Struct | Union
+    pack: int
+
+
+class Measured(NamedTuple):
+    """What a type came to: its size, its alignment, and the offsets of its leaves in declared order."""
+
+    size: int
+    align: int
+    offsets: list[int]
+
+
+def cases(count: int, seed: int) -> Iterator[Case]:
+    """Yield random types, each pack in turn."""
+    random = Random(seed)
+    for number in range(count):
+        type_ = _record(random, 3)
+        while _leaves(type_) > MOST_LEAVES:
+            type_ = _record(random, 3)
+        yield Case(type_, PACKS[number % len(PACKS)])
+
+
+def _leaves(type_: Type) -> int:
+    match type_:
+        case Struct(base=base, members=members) | Union(base=base, members=members):
+            return sum(_leaves(member.type) for member in members) + (_leaves(base) if base else 0)
+        case Array(element=element):
+            return type_.count * _leaves(element)
+        case _:
+            return 1
+
+
+def _record(random: Random, depth: int) -> Struct | Union:
+    pack = random.choice((None, None, None, 0, 1, 2, 4, 8))
+    members = [_type(random, depth - 1) for _ in range(random.randint(0 if depth < 3 else 1, 6))]
+    if random.random() < 0.2:
+        return Union("U", _members(members), None, pack)
+    base = _record(random, depth - 1) if depth and random.random() < 0.2 else None
+    return Struct("S", _members(members), base if isinstance(base, Struct) else None, pack)
+
+
+def _members(types: Sequence[Type]) -> tuple[Member, ...]:
+    return tuple(Member(f"m{number}", type_) for number, type_ in enumerate(types))
+
+
+def _type(random: Random, depth: int) -> Type:
+    chance = random.random()
+    if depth > 0 and chance < 0.3:
+        return _record(random, depth)
+    if chance < 0.5:
+        lows = [random.randint(-2, 2) for _ in range(random.randint(1, 2))]
+        return Array(tuple((low, low + random.randint(0, 2)) for low in lows), _type(random, depth - 1))
+    return _leaf(random)
+
+
+def _leaf(random: Random) -> Type:
+    row = random.choice(ROWS)
+    match random.randrange(8):
+        case 0:
+            return Text(random.randint(1, 9), random.random() < 0.5)
+        case 1:
+            return Pointer("POINTER TO BYTE")
+        case 2:
+            return Subrange(ELEMENTARY["INT"], 0, 9)
+        case 3:
+            return Enumeration("E", ELEMENTARY[random.choice(("SINT", "UINT", "DINT"))], (("A", 0),))
+        case _:
+            return row
+
+
+class _Writer:
+    """C text of records: each a typedef of its own, so that each has its own pack."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.names: dict[Struct | Union, str] = {}
+
+    def name(self, type_: Struct | Union, pack: int) -> str:
+        if type_ not in self.names:
+            fields = [] if type_.base is None else [self.field("base", type_.base, pack)]
+            fields += [self.field(member.name, member.type, pack) for member in type_.members]
+            name = self.names[type_] = f"t{len(self.names)}"
+            own = pack if type_.pack is None else max(type_.pack, 1)
+            word = "union" if isinstance(type_, Union) else "struct"
+            self.lines += [f"#pragma pack(push, {own})", f"typedef {word} {{ {' '.join(fields)} }} {name};"]
+            self.lines.append("#pragma pack(pop)")
+        return self.names[type_]
+
+    def field(self, name: str, type_: Type, pack: int) -> str:
+        sizes = ""
+        while isinstance(type_, Array):
+            sizes += "".join(f"[{high - low + 1}]" for low, high in type_.bounds)
+            type_ = type_.element
+        if isinstance(type_, Text):
+            assert type_.length is not None
+            return f"{'uint16_t' if type_.wide else 'char'} {name}{sizes}[{type_.length + 1}];"
+        return f"{self.c_name(type_, pack)} {name}{sizes};"
+
+    def c_name(self, type_: Type, pack: int) -> str:
+        match type_:
+            case Struct() | Union():
+                return self.name(type_, pack)
+            case Elementary(code=code) | Subrange(base=Elementary(code=code)):
+                return C_TYPES[code]
+            case Enumeration(base=Elementary(code=code)):
+                return C_TYPES[code]
+            case _:
+                return "void *"
+
+
+def _designators(type_: Type, path: str = "") -> Iterator[str]:
+    """Yield the leaves of a type in declared order, as C names them."""
+    match type_:
+        case Struct(base=base, members=members) | Union(base=base, members=members):
+            for name, inner in [("base", base), *((m.name, m.type) for m in members)]:
+                if inner is not None:
+                    yield from _designators(inner, f"{path}.{name}" if path else name)
+        case Array(bounds=((low, high), *rest), element=element):
+            below = Array(tuple(rest), element) if rest else element
+            for index in range(high - low + 1):
+                yield from _designators(below, f"{path}[{index}]")
+        case _:
+            yield path
+
+
+def measured(batch: Sequence[Case], folder: Path) -> list[Measured]:
+    """Compile the types and return what gcc says of each."""
+    writer = _Writer()
+    numbers: list[str] = []
+    counts: list[int] = []
+    for case in batch:
+        name = writer.name(case.type, case.pack)
+        leaves = [f"offsetof({name}, {leaf})" for leaf in _designators(case.type)]
+        numbers += [f"sizeof({name})", f"_Alignof({name})", *leaves]
+        counts.append(len(leaves))
+    table = f"static const uint32_t numbers[] = {{\n{','.join(numbers)}\n}};\n"
+    main = "int main(void) { return fwrite(numbers, sizeof numbers, 1, stdout) != 1; }\n"
+    source, program = folder / "types.c", folder / "types"
+    source.write_text(HEAD + "\n".join(writer.lines) + "\n" + table + main)
+    subprocess.run(["gcc", "-std=gnu11", "-w", "-O0", "-o", program, source], check=True)
+    found = array.array("I", subprocess.run([program], capture_output=True, check=True).stdout).tolist()
+    return list(_split(found, counts))
+
+
+def _split(found: list[int], counts: Sequence[int]) -> Iterator[Measured]:
+    at = 0
+    for count in counts:
+        yield Measured(found[at], found[at + 1], found[at + 2 : at + 2 + count])
+        at += 2 + count

@@ -1,0 +1,39 @@
+"""Random types agree with gcc under the matching #pragma pack, offset for offset.
+
+`make oracle` compares 10,000 types, `make test` a few hundred in one compilation.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from tests.udt.oracle_gcc import Case, Measured, cases, measured
+from trcvtui.udt.layout import lay_out, rules_for
+
+COUNT = int(os.environ.get("TRCVTUI_ORACLE", "300"))
+BATCH = 500
+SEED = 5
+
+
+def ours(case: Case) -> Measured:
+    layout = lay_out(case.type, rules_for(f"codesys-{case.pack}"))
+    return Measured(layout.size, layout.root.align, [leaf.offset for leaf in layout.leaves()])
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed: nothing to compare with")
+def test_random_types_lie_where_gcc_puts_them(tmp_path: Path) -> None:
+    random_types = cases(COUNT, SEED)
+    leaves = compared = 0
+    while batch := list(islice(random_types, BATCH)):
+        for case, theirs in zip(batch, measured(batch, tmp_path), strict=True):
+            assert ours(case) == theirs, f"pack {case.pack}: {case.type}"
+            leaves += len(theirs.offsets)
+        compared += len(batch)
+    assert compared == COUNT
+    assert leaves > 5 * COUNT, "small types only would prove little"
+    print(f"{compared} types, {leaves} leaves: equal")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from benchmarks import busy, hex_export, hex_view, idle, lateness, start_up, throughput
+from benchmarks import busy, hex_export, hex_view, idle, lateness, start_up, throughput, udt_decode
 from benchmarks.figures import Effort, Figure
 
 Measure = Callable[[Effort], Iterator[Figure]]
@@ -29,7 +29,7 @@ TARGETS: Final = (
     Target("M5", "key to paint p50 <= 16 ms with 256 instances; UI <= 30 % of a core"),
     Target("M6", "hex view of 1 GiB as fast as of 64 KiB", hex_view.measure),
     Target("M7", "hex export identical to hexdump -v -C, >= 2x the speed of xxd", hex_export.measure),
-    Target("M8", "UDT decode <= 1.1x one struct.Struct, >= 50x construct"),
+    Target("M8", "UDT decode <= 1.1x one struct.Struct, >= 50x construct", udt_decode.measure),
     Target("M9", "first full screen <= 1.3x an empty Textual app; headless <= 3x python", start_up.measure),
     Target("M10", "ledger event <= 3.5x a bare timestamp; journal >= 1 M events/s"),
 )

@@ -86,3 +86,11 @@ def test_what_is_no_constant_is_one_line() -> None:
     assert lines_of(f"constants = 5\n{PROJECT}")[0] == (
         "p.toml: constants: found 5, expected a table [constants]"
     )
+
+
+def test_a_bad_udt_that_no_variable_has_is_no_mistake_of_the_project() -> None:
+    Path("telegram.st").write_text("TYPE Bad : ARRAY[0..N] OF Nope; Telegram : DINT; END_TYPE")
+    assert size_of(PROJECT) == 4
+    assert lines_of(PROJECT.replace('"Telegram"', '"Bad"'))[0] == (
+        "telegram.st:1:27: found 'Nope', expected a known type"
+    )

@@ -170,8 +170,9 @@ def placeless(spec: Any) -> Any:
         case Reference(name):
             return Reference(name.upper() if name.upper() in ELEMENTARY else name, HERE)
         case tuple() if hasattr(spec, "_replace"):
-            changed = {key: placeless(value) for key, value in spec._asdict().items()}
-            return spec._replace(**changed | ({"where": HERE} if "where" in changed else {}))
+            named: Any = spec
+            changed = {key: placeless(value) for key, value in named._asdict().items()}
+            return named._replace(**changed | ({"where": HERE} if "where" in changed else {}))
         case tuple():
             return tuple(map(placeless, spec))
     return spec

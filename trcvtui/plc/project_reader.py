@@ -147,7 +147,9 @@ class Reader:
         except UserError as refused:
             self.problems += refused.problems
             return None
-        self.problems += types.problems
+        # What is wrong in a type is told with the variable that has it: files hold types of no use here too.
+        of_types = {problem for bad in types.broken.values() for problem in bad}
+        self.problems += [problem for problem in types.problems if problem not in of_types]
         return types if None not in files else None
 
     def file_of(self, table: Table) -> Path | None:

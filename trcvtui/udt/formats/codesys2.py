@@ -10,10 +10,11 @@ from trcvtui.udt.formats.st import read_st
 
 CODESYS_2 = Dialect(has_objects=True)
 
-_NESTED = re.compile(r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)")
+_NESTED = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 
 
 def read_exp(text: str, name: str) -> Declarations:
     """Return what an export declares; its own headers say whether comments nest."""
-    nests = "No" not in _NESTED.findall(text) or "Yes" in _NESTED.findall(text)
+    said = re.findall(_NESTED, text)
+    nests = "No" not in said or "Yes" in said
     return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))

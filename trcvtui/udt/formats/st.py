@@ -30,8 +30,9 @@ OTHER_BLOCKS = frozenset(
 PACKS = (0, 1, 2, 4, 8)
 OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as standard access"
 
-_PACK_MODE = re.compile(r"""attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]""", re.IGNORECASE)
-_OPTIMISED = re.compile(r"""S7_Optimized_Access\s*:=\s*['"]TRUE['"]""", re.IGNORECASE)
+# Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
+_PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""
+_OPTIMISED = r"""(?i)S7_Optimized_Access\s*:=\s*['"]TRUE['"]"""
 
 
 def read_st(text: str, name: str, first_line: int = 1, dialect: Dialect = IEC) -> Declarations:
@@ -145,7 +146,7 @@ class Parser(SpecParser):
             raise self.refusal("STRUCT or UNION behind EXTENDS", first)
         if isinstance(spec, StructSpec):
             spec = spec._replace(base=base, pack=self.pack(pragmas, first))
-        return spec, (OPTIMISED,) if any(map(_OPTIMISED.search, pragmas)) else ()
+        return spec, (OPTIMISED,) if any(re.search(_OPTIMISED, text) for text in pragmas) else ()
 
     def pragmas_since(self) -> list[str]:
         """Return the pragmas between the last declaration and the cursor."""
@@ -178,7 +179,7 @@ class Parser(SpecParser):
 
     def pack(self, pragmas: list[str], token: Token) -> int | None:
         """Return the pack_mode among the pragmas of a type; refuse one that no compiler takes."""
-        found = next((mode for text in pragmas if (mode := _PACK_MODE.search(text))), None)
+        found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
             return None
         number = int(found[1]) if found[1] in map(str, PACKS) else None

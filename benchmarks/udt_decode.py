@@ -17,9 +17,15 @@ from trcvtui.udt.types import ELEMENTARY, Array, Member, Struct
 from trcvtui.udt.value_text import value_text
 
 NAMES: Final = ("BYTE", "DINT", "BYTE", "INT", "REAL", "LREAL", "WORD", "UDINT")
-CODES: Final = {"B": ("Int8ul", "uint8"), "H": ("Int16ul", "uint16"), "h": ("Int16sl", "int16")}
-CODES |= {"i": ("Int32sl", "int32"), "I": ("Int32ul", "uint32"), "f": ("Float32l", "float")}
-CODES |= {"d": ("Float64l", "double")}
+CODES: Final = {
+    "B": ("Int8ul", "uint8"),
+    "H": ("Int16ul", "uint16"),
+    "h": ("Int16sl", "int16"),
+    "i": ("Int32sl", "int32"),
+    "I": ("Int32ul", "uint32"),
+    "f": ("Float32l", "float"),
+    "d": ("Float64l", "double"),
+}
 REPEATS: Final = 25  # the eight members that often, one behind the other
 SLICE_S: Final = 0.05
 WHOLE_AIM, CONSTRUCT_AIM, PAGE_AIM = 1.1, 50.0, 1.2

@@ -98,7 +98,11 @@ def _bytes_for(target: Target, words: Words, project: Project) -> bytes:
         return _struct_for(target, words.rest_text(VALUE_FORM), words)
     value = words.next(VALUE_FORM)
     words.finish()
-    return leaf_bytes(target.decl.layout, target.leaf(words), value, words.where)
+    leaf = target.leaf(words)
+    if leaf.bit is not None:  # a write has whole bytes, and the other bits of this one are not known here
+        found = f"'{leaf.path}', bit {leaf.bit} of byte {leaf.offset}"
+        raise words.wrong(found, f"the whole byte, such as: write {target.decl.name}+{leaf.offset} hex 01")
+    return leaf_bytes(target.decl.layout, leaf, value, words.where)
 
 
 def _fitting(target: Target, payload: bytes, words: Words) -> bytes:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Callable
 from typing import Final
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.plc.tables import shown
 from trcvtui.udt.coding import Value
+from trcvtui.udt.decode import decode_leaf
 from trcvtui.udt.encode import encode, encode_leaf
-from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
+from trcvtui.udt.layout import Layout, Leaf
 
 # `name`, `st.arr[2].x`, `[1,2].y`, each with `=` behind it.
 _STEPS: Final = r"(?:\.[^\W\d]\w*|\[[^\]]*\])*"
@@ -110,9 +110,7 @@ def leaf_bytes(layout: Layout, leaf: Leaf, text: str, where: str) -> bytes:
 
 def leaf_value(layout: Layout, leaf: Leaf, payload: bytes) -> Value:
     """Return the value of one leaf's bytes."""
-    (raw,) = struct.unpack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, payload)
-    value: Value = leaf.coding.to_value(raw) if leaf.coding.to_value else raw
-    return value
+    return decode_leaf(layout, leaf, payload)
 
 
 def _told(where: str, act: Callable[[], bytes]) -> bytes:

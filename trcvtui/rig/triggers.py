@@ -82,7 +82,7 @@ class MemberCompares:
         return COMPARE[self.operator](self._value(content), self._value(self.payload))
 
     def _value(self, content: bytes) -> Any:
-        if isinstance(self.leaf.type, Text):
+        if isinstance(self.leaf.type, Text) or self.leaf.bit is not None:
             return leaf_value(self.layout, self.leaf, content)
         order = BYTE_ORDERS[self.layout.rules.byte_order]
         return struct.unpack(order + self.leaf.coding.code, content)[0]

@@ -188,8 +188,8 @@ class _Reader:
         if node.align:
             raise mistake(self.where(node), f"_Alignas at '{node.name}'", "a member without it")
         if node.name is None:
-            if getattr(node.type, "name", None):
-                return  # struct inner {...}; declares no member
+            if type(node.type).__name__ not in ("Struct", "Union") or node.type.name:
+                raise mistake(self.where(node), "a member without a name", "a name")
             self.notes["a member without a name is called anonymous_N"] = None
             yield MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), self.where(node))
             return

@@ -58,6 +58,7 @@ class CSource:
         self.name, self.evaluate = name, evaluate
         self.problems: list[Problem] = []
         self.moved: list[tuple[int, Problem]] = []
+        self.starts = [0]
         self.numbers: dict[str, str] = {}
         self.words: dict[str, str] = {}
         self.includes: list[str] = []

@@ -1,0 +1,280 @@
+"""C headers: what a member is read as, what is refused by name, and the same offsets as gcc."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.udt.declared import (
+    ArraySpec,
+    Declaration,
+    Declarations,
+    Formula,
+    PointerSpec,
+    Reference,
+    StructSpec,
+)
+from trcvtui.udt.formats.c_header import read_c
+from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.type_set import join
+
+
+def lines_of(read: Declarations) -> list[str]:
+    own = [problem for type_ in read.types for problem in type_.problems]
+    return [str(problem) for problem in (*own, *read.problems)]
+
+
+def only(text: str) -> Declaration:
+    read = read_c(text, "H")
+    assert lines_of(read) == []
+    (type_,) = read.types
+    return type_
+
+
+def members(text: str, before: str = "") -> dict[str, object]:
+    spec = only(f"{before}\ntypedef struct {{ {text} }} T;").spec
+    assert isinstance(spec, StructSpec)
+    return {m.name: m.spec.name if isinstance(m.spec, Reference) else m.spec for m in spec.members}
+
+
+def line_of(text: str, before: str = "") -> str:
+    (line,) = lines_of(read_c(f"{before}typedef struct {{ {text} }} T;", "H"))
+    return line
+
+
+def test_c_types_are_the_iec_types_of_their_size() -> None:
+    found = members(
+        "uint8_t a; int8_t b; uint16_t c; int16_t d; uint32_t e; int32_t f; uint64_t g; int64_t h;"
+        "float i; double j; bool k; _Bool l; char m; signed char n; unsigned char o; short p;"
+        "unsigned short int q; int r; unsigned s; long long t; unsigned long long int u; char16_t v;"
+        "const volatile uint8_t w;"
+    )
+    assert " ".join(map(str, found.values())) == (
+        "USINT SINT UINT INT UDINT DINT ULINT LINT REAL LREAL BOOL BOOL CHAR SINT USINT INT UINT DINT UDINT"
+        " LINT ULINT WCHAR USINT"
+    )
+
+
+def test_what_is_taken_for_granted_is_noted() -> None:
+    type_ = only("typedef struct { int a; char b[5]; enum { X, Y = 7, Z } c; union { int d; float e; }; } T;")
+    assert type_.notes == (
+        "int is taken as 4 bytes",
+        "char[] is read as ARRAY OF CHAR: a text ends with its NUL",
+        "an enum is taken as 4 bytes",
+        "a member without a name is called anonymous_N",
+    )
+
+
+def test_arrays_pointers_and_several_names() -> None:
+    found = members("uint16_t a, b[3][2]; void *p, (*q)(int); struct tag *next;")
+    assert found["a"] == "UINT"
+    assert isinstance(found["b"], ArraySpec) and found["b"].bounds == ((0, 2), (0, 1))
+    assert [found[name] for name in ("p", "q", "next")] == [
+        PointerSpec("POINTER TO void"),
+        PointerSpec("POINTER TO a function"),
+        PointerSpec("POINTER TO tag"),
+    ]
+
+
+def test_defines_and_values_of_enumerations_are_numbers() -> None:
+    before = "#define N 5 // five\n#define M ((uint16_t)(N * 2 + 0x10UL)) /* more */\nenum { A, B = M };"
+    read = read_c(
+        f"{before}\nstatic const int K = B << 1;\ntypedef struct {{ char a[M], b[B], c[K / 2]; }} T;", "H"
+    )
+    assert read.constants == (("N", 5), ("M", 26), ("A", 0), ("B", 26), ("K", 52))
+    spec = read.types[0].spec
+    assert isinstance(spec, StructSpec)
+    assert [m.spec.bounds for m in spec.members if isinstance(m.spec, ArraySpec)] == [((0, 25),)] * 3
+
+
+def test_a_number_of_another_header_is_asked_for() -> None:
+    found = members("uint8_t a[LIMIT + 1];", '#include "limits.h"')["a"]
+    assert isinstance(found, ArraySpec)
+    assert found.bounds == ((0, Formula("(LIMIT + 1) - 1", "H:2:26")),)
+    types = join([read_c("typedef struct { uint8_t a[LIMIT]; } T;", "H")], "H")
+    assert types.unknown_constants == ("LIMIT",)
+
+
+def test_a_type_of_another_header_is_an_unknown_type() -> None:
+    types = join(
+        [
+            read_c(
+                '#include "x.h"\ntypedef struct { pos_t a; uint8_t b; } T; typedef struct { int c; } U;', "H"
+            )
+        ],
+        "H",
+    )
+    assert types.names() == ["U"]
+    assert [str(p) for p in types.problems] == ["H:2:18: found 'pos_t', expected a known type"]
+
+
+def test_typedefs_tags_and_macros_name_types() -> None:
+    before = (
+        "typedef unsigned char u8; typedef unsigned short UINT;\n#define WORD16 unsigned short\n"
+        "typedef struct inner { u8 a; } Inner; typedef struct inner Same; struct plain { int x; };\n"
+    )
+    read = read_c(
+        before + "typedef struct { u8 a; UINT b; WORD16 c; struct inner d; struct plain e; Same f; } T;", "H"
+    )
+    assert lines_of(read) == []
+    spec = read.types[-1].spec
+    assert isinstance(spec, StructSpec)
+    assert [m.spec.name for m in spec.members if isinstance(m.spec, Reference)] == [
+        *("USINT", "UINT", "UINT", "Inner", "plain", "Same")
+    ]
+    assert join([read], "H").problems == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "packs"),
+    [
+        ("#pragma pack(push, 1)\n{0}\n#pragma pack(pop)\n{1}", (1, None)),
+        ("#pragma pack(2)\n{0}\n#pragma pack()\n{1}", (2, None)),
+        ("#pragma pack(push)\n#pragma pack(4)\n{0}\n#pragma pack(pop)\n{1}", (4, None)),
+        ("#define P 1\n#pragma pack(push, id, P)\n{0}\n#pragma pack(pop, id)\n{1}", (1, None)),
+        ("{0}\n#pragma once\n#pragma pack(16)\n{1}", (None, 8)),
+        ("#if 0\n#pragma pack(1)\n#endif\n{0}{1}", (None, None)),
+    ],
+)
+def test_pragma_pack_holds_from_line_to_line(text: str, packs: tuple[int | None, int | None]) -> None:
+    one, two = "typedef struct { char a; int b; } A;", "typedef struct { char a; int b; } B;"
+    read = read_c(text.replace("{0}", one).replace("{1}", two), "H")
+    assert lines_of(read) == []
+    assert tuple(t.spec.pack for t in read.types if isinstance(t.spec, StructSpec)) == packs
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "typedef struct __attribute__((packed)) { char a; int b; } T;",
+        "typedef struct { char a; int b; } __attribute__((__packed__)) T;",
+        "#define PACKED __attribute__((packed))\ntypedef struct PACKED tag { char a; int b; } T;",
+        "typedef __packed struct { char a; int b; } T;",
+    ],
+)
+def test_a_packed_attribute_packs_its_structure(text: str) -> None:
+    spec = only(text).spec
+    assert isinstance(spec, StructSpec) and spec.pack == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("uint8_t f : 3;", "found bit-field 'f', expected a whole type such as uint8_t"),
+        ("long a;", "H:1:18: found 'long', expected int32_t or int64_t"),
+        ("size_t a;", "found 'size_t', expected a type of one size"),
+        ("UINT a;", "found 'UINT', expected its typedef in this header"),
+        ("int;", "found a member without a name"),
+        ("char a[];", "found an array without a length, expected [N]"),
+        ("char a[0];", "found [0], expected a length of 1 or more"),
+        ("char a[sizeof(int)];", "found a length that is no number"),
+        ("_Alignas(8) char a;", "found _Alignas at 'a'"),
+        ("char a __attribute__((aligned(8)));", "found '__attribute__((aligned(8)))', expected no attribute"),
+        ("char a;\n#pragma pack(1)\n char b;", "H:2: found '#pragma pack(1)' inside a structure"),
+        ("char a; ? b;", "C that cannot be read"),
+    ],
+)
+def test_what_would_move_a_member_is_refused_by_name(text: str, line: str) -> None:
+    assert line in line_of(text)
+
+
+def test_a_bad_type_never_hides_a_good_one() -> None:
+    read = read_c(
+        "typedef struct { int int; } A;\ntypedef struct { int a; } B;\ntypedef struct { A a; } C;", "H"
+    )
+    assert join([read], "H").names() == ["B"]
+    assert len(lines_of(read)) == 1
+
+
+def test_conditions_choose_what_counts() -> None:
+    text = (
+        '#ifndef H_\n#define H_\n#ifdef __cplusplus\nextern "C" {\n#endif\n#define V 2\n'
+        "#if V > 1 && defined(H_) && !defined(X)\n"
+        "typedef struct { int a; } A;\n#elif 1\nno\n#else\nno\n#endif\n"
+        "#if V == 1\ntypedef struct { int a; } B;\n#else\ntypedef struct { int a; } C;\n#endif\n#endif\n"
+        "static inline int f(struct g *x) { return x ? 1 : 2; }\nint h(unknown_t *x);\n"
+    )
+    read = read_c(text, "H")
+    assert lines_of(read) == [] and [type_.name for type_ in read.types] == ["A", "C"]
+    assert [type_.where for type_ in read.types] == ["H:8:27", "H:17:27"]
+
+
+def test_directives_that_do_not_close_are_told() -> None:
+    for text in ("#if 1", "#endif", "#else", "/* open", "#pragma pack(3)", "#pragma pack(pop)", "#error no"):
+        assert len(lines_of(read_c(text, "H"))) == 1, text
+
+
+def test_hostile_headers_end_at_once() -> None:
+    lol = "".join(f"#define L{n} L{n + 1} L{n + 1} x\n" for n in range(60)) + "typedef struct { L0 a; } T;"
+    sums = (
+        "".join(f"#define L{n} (L{n + 1}+L{n + 1})\n" for n in range(99))
+        + "typedef struct { char a[L0]; } T;"
+    )
+    for text in (
+        lol,
+        sums,
+        "typedef struct {" * 5000,
+        "typedef int a[" + "(" * 5000,
+        "#if 1\n" * 5000,
+        "/*" * 50_000,
+    ):
+        try:
+            read_c(text, "H")
+        except UserError as refused:
+            assert refused.lines()
+    assert lines_of(read_c("typedef struct { char a[1 << 60 << 60]; } T;", "H"))
+
+
+def test_without_pycparser_one_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pycparser.c_parser", None)
+    with pytest.raises(UserError) as refused:
+        read_c("", "device.h")
+    assert refused.value.lines() == [
+        "device.h: found a C header, but no pycparser, expected it: pip install 'trcvtui[c]'"
+    ]
+
+
+PROBE = """#include <stdint.h>
+#include <stdbool.h>
+enum Mode { OFF, ON };
+typedef struct { uint8_t a; double b; } Inner;
+#pragma pack(push, 2)
+typedef struct { uint8_t a; Inner b; uint32_t c[3]; union { uint16_t d; float e; } f; } Tight;
+#pragma pack(pop)
+typedef struct {
+  char a; struct { char x; int64_t y; } __attribute__((packed)) b; bool c; enum Mode d;
+} Mixed;
+typedef struct { Tight a[2]; uint8_t b; Mixed c; void *p; } All;
+"""
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
+def test_a_header_is_laid_out_as_gcc_does(tmp_path: Path) -> None:
+    places = {
+        "Inner": ("a", "b"),
+        "Tight": ("a", "b.a", "b.b", "c[1]", "f.d", "f.e"),
+        "Mixed": ("a", "b.x", "b.y", "c", "d"),
+        "All": ("a[1].b.b", "a[1].c[2]", "b", "c.b.y", "c.d", "p"),
+    }
+    prints = "".join(
+        f'printf("%zu\\n", sizeof({name}));'
+        + "".join(f'printf("%zu\\n", __builtin_offsetof({name}, {path}));' for path in paths)
+        for name, paths in places.items()
+    )
+    source = tmp_path / "probe.c"
+    source.write_text(f"{PROBE}#include <stdio.h>\nint main(void) {{ {prints} return 0; }}")
+    subprocess.run(["gcc", "-o", str(tmp_path / "probe"), str(source)], check=True)
+    said = subprocess.run([str(tmp_path / "probe")], check=True, capture_output=True, text=True).stdout
+    types = join([read_c(PROBE, "H")], "H")
+    assert types.problems == ()
+    ours: list[int] = []
+    for name, paths in places.items():
+        laid = lay_out(types.named(name), rules_for("codesys-8"), name)
+        offsets = {leaf.path.removeprefix(f"{name}."): leaf.offset for leaf in laid.leaves()}
+        ours += [laid.size, *(offsets[path] for path in paths)]
+    assert ours == [int(line) for line in said.split()]

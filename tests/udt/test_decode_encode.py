@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import apart, layout_of, layouts, leaf_types, rules, same, types_of, values_of
 from trcvtui.errors import UserError
-from trcvtui.udt.decode import decode, decode_leaves
+from trcvtui.udt.decode import decode, decode_leaf, decode_leaves
 from trcvtui.udt.encode import encode, put
 from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.types import ROWS, Type
@@ -219,3 +219,18 @@ def test_a_megabyte_is_decoded_at_once_and_by_pages() -> None:
     data = bytes(range(256)) * 4096
     assert bytes(v for v in decode(wide, data) if isinstance(v, int)) == data
     assert decode_leaves(wide, data, 70_000, 70_004) == tuple(data[70_000:70_004])
+
+
+@given(layouts(), st.data())
+def test_a_leaf_alone_reads_as_in_the_whole(layout: Layout, data: st.DataObject) -> None:
+    raw = data.draw(st.binary(min_size=layout.size, max_size=layout.size))
+    leaves = list(layout.leaves(0, 20))
+    found = tuple(decode_leaf(layout, leaf, raw[leaf.offset : leaf.offset + leaf.size]) for leaf in leaves)
+    assert same(found, decode(layout, raw)[:20])
+
+
+@given(layouts(), st.data())
+def test_the_next_leaf_is_the_first_that_is_not_wholly_there(layout: Layout, data: st.DataObject) -> None:
+    length = data.draw(st.integers(0, layout.size + 1))
+    ends = [leaf.offset + leaf.size for leaf in layout.leaves()]
+    assert layout.next_leaf(length) == next((n for n, end in enumerate(ends) if end > length), None)

@@ -9,16 +9,35 @@ from contextlib import suppress
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.declared import Declarations
 from trcvtui.udt.formats.b_and_r import read_b_and_r
-from trcvtui.udt.formats.c_header import read_c
 from trcvtui.udt.formats.codesys2 import read_exp
 from trcvtui.udt.formats.siemens import read_simatic_sd, read_tia, refuse_texts
 from trcvtui.udt.formats.st import read_st
-from trcvtui.udt.formats.xml_file import read_xml_file, refuse_export
-from trcvtui.udt.formats.xml_source import xml_codec
 from trcvtui.udt.type_set import TypeSet, join
 
 Path = str | os.PathLike[str]
 Reader = Callable[[str, str], Declarations]
+
+
+def read_xml_file(text: str, name: str) -> Declarations:
+    """Return what an XML file declares; its reader is imported by the first such file."""
+    from trcvtui.udt.formats import xml_file
+
+    return xml_file.read_xml_file(text, name)
+
+
+def refuse_export(text: str, name: str) -> Declarations:
+    """Raise the UserError of a CODESYS 3 `.export`."""
+    from trcvtui.udt.formats import xml_file
+
+    return xml_file.refuse_export(text, name)
+
+
+def read_c(text: str, name: str) -> Declarations:
+    """Return what a C header declares; its reader is imported by the first such file."""
+    from trcvtui.udt.formats import c_header
+
+    return c_header.read_c(text, name)
+
 
 READERS: dict[str, Reader] = {
     ".st": read_st,
@@ -68,10 +87,13 @@ def decode_text(data: bytes) -> str:
     for mark, codec in BYTE_ORDER_MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(codec, "replace")
-    declared = xml_codec(data)
-    if declared:
-        with suppress(LookupError, UnicodeError):
-            return data.decode(declared)
+    if data[:400].lstrip(b"\0 \t\r\n").startswith(b"<"):
+        from trcvtui.udt.formats.xml_source import xml_codec
+
+        declared = xml_codec(data)
+        if declared:
+            with suppress(LookupError, UnicodeError):
+                return data.decode(declared)
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:

@@ -312,6 +312,8 @@ def test_unknown_types_and_constants_are_told_together_each_once_and_the_good_on
     assert [problem.found for problem in types.problems] == ["'GVL.N'", "'Foo'", "'M'"]
     assert types.unknown_constants == ("GVL.N", "M")
     assert types.names() == ["D"]
+    later = types_of("TYPE A : ARRAY[0..Z] OF B; B : ARRAY[0..Y] OF INT; C : ARRAY[0..X] OF INT; END_TYPE")
+    assert later.unknown_constants == ("Z", "Y", "X")
     known = join([read_st("TYPE B : ARRAY[0..M] OF INT; END_TYPE", "f.st")], "f.st", {"Lib.M": 2})
     assert type_text(known.named("B")) == "ARRAY[0..2] OF INT"
 
@@ -367,7 +369,9 @@ def test_structures_and_unions_in_place() -> None:
 
 @pytest.mark.parametrize("word", ["OVERLAP", "PERSISTENT"])
 def test_a_word_behind_struct_is_accepted_and_may_be_a_member(word: str) -> None:
-    assert members(good(f"TYPE T : STRUCT {word} a : INT; END_STRUCT END_TYPE"), "T") == {"a": "INT"}
+    types = good(f"TYPE T : STRUCT {word} a : INT; END_STRUCT END_TYPE TYPE U : INT; END_TYPE")
+    assert members(types, "T") == {"a": "INT"}
+    assert list(types.notes) == (["t"] if word == "OVERLAP" else [])
     assert members(good(f"TYPE T : STRUCT {word} : INT; END_STRUCT END_TYPE"), "T") == {word: "INT"}
 
 

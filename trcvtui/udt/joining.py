@@ -66,7 +66,6 @@ class Joining:
         self.types: dict[str, Type] = {}
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
-        self.unknown: dict[str, str] = {}
 
     def declare(self, declaration: Declaration) -> None:
         key = declaration.name.casefold()
@@ -307,7 +306,6 @@ class Joining:
             self.refuse(user, *refused.problems)
             return None
         for name in unknown:
-            self.unknown.setdefault(name.casefold(), name)
             self.refuse(user, Problem(number.where, f"'{name}'", KNOWN_CONSTANT.format(name)))
         return value
 

@@ -82,12 +82,15 @@ def join(
     found = {problem: None for bad in joining.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
     types = {key: (joining.declared[key].name, type_) for key, type_ in joining.types.items()}
+    problems = tuple(_once_each(sorted(found, key=_reading_order)))
     return TypeSet(
         where,
         types={key: types[key] for key in joining.declared if key in types},
         broken={key: tuple(bad) for key, bad in joining.bad.items() if key not in types},
-        problems=tuple(_once_each(sorted(found, key=_reading_order))),
-        unknown_constants=tuple(joining.unknown.values()),
+        problems=problems,
+        unknown_constants=tuple(
+            [p.found[1:-1] for p in problems if p.expected.startswith(f"{KNOWN}constant")]
+        ),
         notes={key: declared.notes for key, declared in joining.declared.items() if declared.notes},
         twice={key: tuple(places) for key, places in joining.places.items() if len(places) > 1},
         constants=known,

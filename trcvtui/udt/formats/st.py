@@ -108,15 +108,14 @@ class Parser(SpecParser):
     def declaration(self) -> Declaration | None:
         """Return one declaration with its own problems; None when it has not even a name."""
         others, self.problems = self.problems, []
-        self.nested = 0
+        self.nested, self.notes = 0, []
         name: Token | None = None
         spec: Spec | None = None
-        notes: tuple[str, ...] = ()
         try:
             if self.sees(*ACCESS) and self.is_name(1):
                 self.advance()
             name = self.name("the name of a type or 'END_TYPE'")
-            spec, notes = self.declared()
+            spec = self.declared()
             self.rest(spec, "END_TYPE")
         except UserError as refused:
             self.note(refused)
@@ -129,10 +128,10 @@ class Parser(SpecParser):
         if name is None:
             self.problems += own
             return None
-        return Declaration(name.name, spec, self.where(name), tuple(own), notes)
+        return Declaration(name.name, spec, self.where(name), tuple(own), tuple(dict.fromkeys(self.notes)))
 
-    def declared(self) -> tuple[Spec, tuple[str, ...]]:
-        """Return what stands behind the name of a type: EXTENDS, colon or header, the type; and its notes."""
+    def declared(self) -> Spec:
+        """Return what stands behind the name of a type: EXTENDS, colon or header, the type."""
         base = self.extends()
         self.header()
         if base is None:
@@ -146,7 +145,9 @@ class Parser(SpecParser):
             raise self.refusal("STRUCT or UNION behind EXTENDS", first)
         if isinstance(spec, StructSpec):
             spec = spec._replace(base=base, pack=self.pack(pragmas, first))
-        return spec, (OPTIMISED,) if any(re.search(_OPTIMISED, text) for text in pragmas) else ()
+        if any(re.search(_OPTIMISED, text) for text in pragmas):
+            self.notes.append(OPTIMISED)
+        return spec
 
     def pragmas_since(self) -> list[str]:
         """Return the pragmas between the last declaration and the cursor."""

@@ -29,6 +29,7 @@ from trcvtui.udt.types import ELEMENTARY, Kind, Text
 
 MOST_DIMENSIONS = 8
 QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN")
+OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
 WHOLE = (Kind.INTEGER, Kind.BITS)
 
 
@@ -39,6 +40,7 @@ class SpecParser(Cursor):
         super().__init__(source)
         self.dialect = dialect
         self.nested = 0
+        self.notes: list[str] = []  # of the declaration at hand
 
     def spec(self) -> Spec:
         """Return a type, whatever it is."""
@@ -56,6 +58,7 @@ class SpecParser(Cursor):
         """Return STRUCT ... END_STRUCT or UNION ... END_UNION; a bad member is noted and left out."""
         word = self.advance().upper
         if self.sees(*QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
+            self.notes += [OVERLAP] if self.sees("OVERLAP") else []
             self.advance()
         members: list[MemberSpec] = []
         nested = self.nested

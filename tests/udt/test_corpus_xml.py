@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.udt.corpus import GIVEN, OWN, cuts, files
+from tests.udt.corpus import FULL, GIVEN, OWN, cuts, files
 from tests.udt.xml_writer import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.declared import Declarations
@@ -62,6 +62,7 @@ def test_a_type_in_two_formats_is_one_declaration_and_one_layout(xml: Path, sour
     assert sides[:2] == sides[2:] and sides[0][1]
 
 
+@pytest.mark.timeout(1800 if FULL else 120)
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_a_file_cut_anywhere_ends_in_types_or_lines(path: Path) -> None:
     data = path.read_bytes()

@@ -1,0 +1,206 @@
+"""A Wireshark dissector in Lua: a ProtoField for each member, TCP segments put together to whole values."""
+
+from __future__ import annotations
+
+from trcvtui.errors import mistake, one_line
+from trcvtui.udt.exports.lua_library import HEAD, READERS, TAIL
+from trcvtui.udt.exports.naming import Taken, ascii_word
+from trcvtui.udt.exports.outline import MOST_FIELDS, count_fields, fields_of, refuse_empty, structs_of
+from trcvtui.udt.layout import Layout
+from trcvtui.udt.literals import PREFIXES
+from trcvtui.udt.placed import Node, PlacedArray, PlacedLeaf, PlacedStruct
+from trcvtui.udt.types import (
+    DAY,
+    Array,
+    Elementary,
+    Enumeration,
+    Kind,
+    Struct,
+    Text,
+    Type,
+    Union,
+)
+
+PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
+LARGEST_EXACT = 1 << 53  # a number of Lua 5.2 is a double
+CLOCKS = {
+    Kind.DURATION: "duration",
+    Kind.DATE: "date",
+    Kind.TIME_OF_DAY: "clock",
+    Kind.DATE_AND_TIME: "date_clock",
+}
+OWN_FORMS = {"8s": "bcd", "12s": "dtl"}
+
+
+def write(layout: Layout, port: int | None = None) -> str:
+    """Return the dissector; without a port it waits for "Decode As"."""
+    refuse_empty(layout)
+    count = count_fields(layout.type, layout.root)
+    if count > MOST_FIELDS:
+        raise mistake(layout.name, f"{count} members", f"at most {MOST_FIELDS} for a dissector")
+    writer = _Writer(layout)
+    root = writer.node(layout.type, layout.root, 0, None, "FILTER", 0)
+    structs = writer.structs()  # finds out what else is needed
+    return "\n".join(
+        [
+            *_introduction(layout, port),
+            HEAD,
+            *(READERS[name][0] for name in READERS if name in writer.readers),
+            *writer.enumerations.values(),
+            *structs,
+            f"local root = {root}",
+            TAIL,
+            f'DissectorTable.get("tcp.port"):add({port}, proto)'
+            if port
+            else 'DissectorTable.get("tcp.port"):add_for_decode_as(proto)',
+            "",
+        ]
+    )
+
+
+def _introduction(layout: Layout, port: int | None) -> list[str]:
+    rules = layout.rules
+    form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
+    where = f"TCP port {port}" if port else '"Decode As" on a TCP port'
+    name = one_line(layout.name)
+    return [
+        f"-- {name}: {form}. Wireshark: {where}; tshark: -X lua_script:FILE",
+        f"local LITTLE, SIZE = {str(rules.byte_order == 'little').lower()}, {layout.size}",
+        f"local TITLE, FILTER = {quoted(name)}, {quoted(filter_name(layout.name))}",
+        f"local proto = Proto(FILTER, {quoted(f'{name} ({form})')})",
+    ]
+
+
+def filter_name(name: str) -> str:
+    """Return the name of the protocol in a display filter."""
+    return PREFIX + ascii_word(name).lower()
+
+
+def quoted(text: str) -> str:
+    """Return the text as a Lua string; what is not plain ASCII as its UTF-8 bytes."""
+    written = []
+    for byte in text.encode("utf-8", "replace"):
+        plain = 0x20 <= byte < 0x7F and byte not in b'"\\'
+        written.append(chr(byte) if plain else f"\\{byte:03d}")
+    return f'"{"".join(written)}"'
+
+
+class _Writer:
+    """Writes nodes, and remembers the readers and the enumerations that they need."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout, self.rules = layout, layout.rules
+        self.readers: set[str] = set()
+        self.enumerations: dict[Enumeration, str] = {}
+        self.value_names: dict[Enumeration, str] = {}
+        self.type_names: dict[Struct | Union, str] = {}
+        self.taken_types, self.taken_values = Taken(ascii_word), Taken(ascii_word)
+
+    def structs(self) -> list[str]:
+        """Return a function for each structure: its members, their fields below a path."""
+        return [self.struct(type_, node) for type_, node in structs_of(self.layout.type, self.layout.root)]
+
+    def struct_name(self, type_: Struct | Union) -> str:
+        if type_ not in self.type_names:
+            self.type_names[type_] = self.taken_types("t_" + (type_.name or "in_place"))
+        return self.type_names[type_]
+
+    def struct(self, type_: Struct | Union, node: PlacedStruct) -> str:
+        lines = [f"types.{self.struct_name(type_)} = function(path)", "  return {"]
+        taken = Taken(ascii_word)
+        for field in fields_of(type_, node):
+            path = f'path .. ".{taken(field.name)}"' if field.name else "path"
+            text = self.node(field.type, field.node, field.offset, field.name or None, path, field.bit)
+            lines.append(f"    {text},")
+        return "\n".join([*lines, "  }", "end", ""])
+
+    def node(self, type_: Type, node: Node, at: int, name: str | None, path: str, bit: int) -> str:
+        """Return the Lua of one node; a name of nil is shown without a branch of its own."""
+        shown = "nil" if name is None else quoted(name)
+        place = f"{at}, {node.size}, {shown}"
+        match type_, node:
+            case Struct() | Union(), PlacedStruct():
+                return f"branch({place}, types.{self.struct_name(type_)}({path}))"
+            case Array(), PlacedArray():
+                return self.array(type_, node, at, name, path)
+            case _, PlacedLeaf():
+                return self.leaf(node, place, name or self.layout.name, path, bit)
+        raise AssertionError(type_)  # pragma: no cover
+
+    def array(self, type_: Array, node: PlacedArray, at: int, name: str | None, path: str) -> str:
+        shown = name or self.layout.name
+        bounds = "{ " + ", ".join(f"{{ {low}, {high} }}" for low, high in type_.bounds) + " }"
+        place = f"{at}, {node.size}, {quoted(shown)}, {bounds}"
+        if node.is_bits:
+            masked = f"masks({path}, {quoted(shown)}, {min(8, node.columns)})"
+            return f"bit_list({place}, {node.row_size}, {masked})"
+        return f"list({place}, {node.pitch}, {self.node(type_.element, node.element, 0, shown, path, 0)})"
+
+    def bit_field(self, path: str, name: str, bit: int) -> str:
+        return f'field("bool", {path}, {quoted(name)}, 8, nil, {1 << bit})'
+
+    def leaf(self, node: PlacedLeaf, place: str, name: str, path: str, bit: int) -> str:
+        path = f'{path} .. ".value"' if path == "FILTER" else path
+        if node.is_bit:
+            return f"leaf({place}, {self.bit_field(path, name, bit)})"
+        kind, more, read = self.form(node)
+        more = f", {more}" if more else ""
+        read = f", {read}" if read else ""
+        return f'leaf({place}, field("{kind}", {path}, {quoted(name)}{more}){read})'
+
+    def form(self, node: PlacedLeaf) -> tuple[str, str, str]:
+        """Return the kind of ProtoField, its further arguments, and what reads a text value."""
+        if isinstance(node.type, Text):
+            return "string", "", self.reads_text(node.type)
+        row = self.rules.stored(node.type)
+        if isinstance(node.type, Enumeration):
+            return _integer(row), f"base.DEC, {self.enumeration(node.type, row)}", ""
+        match row.kind:
+            case Kind.BOOL:
+                return "bool", "", ""
+            case Kind.INTEGER:
+                return _integer(row), "base.DEC", ""
+            case Kind.BITS | Kind.ADDRESS:
+                return _integer(row), "base.HEX", ""
+            case Kind.REAL:
+                return "float" if row.size == 4 else "double", "", ""
+            case Kind.CHARACTER:
+                return "string", "", self.uses("latin1" if row.size == 1 else "wide")
+            case _:
+                return "string", "", self.reads_time(row)
+
+    def reads_text(self, text: Text) -> str:
+        name = ("headed" if self.rules.text.header else "ended") + ("_wide" if text.wide else "")
+        return f"{self.uses(name)}({self.rules.text.length(text)})"
+
+    def reads_time(self, row: Elementary) -> str:
+        if row.code in OWN_FORMS or row.name == "S5TIME":
+            return self.uses(OWN_FORMS.get(row.code, "s5time"))
+        epoch = f", {row.epoch_ns // DAY}" if row.kind in (Kind.DATE, Kind.DATE_AND_TIME) else ""
+        signed = str(row.code.islower()).lower()
+        return f"{self.uses(CLOCKS[row.kind])}({quoted(PREFIXES[row.name])}, {signed}, {row.unit_ns}{epoch})"
+
+    def uses(self, reader: str) -> str:
+        """Return the name of a reader that from now on is part of the dissector."""
+        if reader not in self.readers:
+            self.readers.add(reader)
+            for needed in READERS[reader][1]:
+                self.uses(needed)
+        return reader
+
+    def enumeration(self, type_: Enumeration, row: Elementary) -> str:
+        if type_ not in self.enumerations:
+            name = self.taken_values("e_" + (type_.name or row.name))
+            lines = [f"values.{name} = {{"]
+            told: set[int] = set()
+            for word, number in type_.values:
+                if number is not None and abs(number) < LARGEST_EXACT and number not in told:
+                    told.add(number)
+                    lines.append(f"  [{number}] = {quoted(word)},")
+            self.enumerations[type_] = "\n".join([*lines, "}", ""])
+            self.value_names[type_] = name
+        return f"values.{self.value_names[type_]}"
+
+
+def _integer(row: Elementary) -> str:
+    return f"{'int' if row.code.islower() else 'uint'}{8 * row.size}"

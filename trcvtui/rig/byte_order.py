@@ -6,20 +6,18 @@ where there is no other). Small numbers look sensible in either order and say no
 
 from __future__ import annotations
 
-import math
 import struct
 from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
+from trcvtui.udt.plausible import swap_verdict
 from trcvtui.udt.types import Elementary, Enumeration, Kind
 
 MOST_LEAVES: Final = 256  # that are looked at
 NAMED: Final = 2  # that the sentence names
 OTHER: Final = {"little": "big", "big": "little"}
 NUMBERS: Final = frozenset({Kind.INTEGER, Kind.REAL})
-SENSIBLE_REAL: Final = (1e-5, 1e8)
-SENSELESS_REAL: Final = (1e-15, 1e18)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +63,7 @@ def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
             continue
         (read,), (swapped,) = struct.unpack(here + row.code, part), struct.unpack(there + row.code, part)
         asked += read != swapped
-        verdict = _verdict(row, read, swapped)
+        verdict = swap_verdict(row, read, swapped)
         if verdict < 0:
             return None
         if verdict:
@@ -83,27 +81,6 @@ def _number(leaf: Leaf) -> Elementary | None:
     if isinstance(row, Elementary) and row.kind in NUMBERS and row.size > 1:
         return row
     return None
-
-
-def _verdict(row: Elementary, read: float, swapped: float) -> int:
-    """Return 1: makes sense swapped only; -1: makes sense as read only; 0: says nothing."""
-    if row.kind is Kind.REAL:
-        good, bad = _is_sensible_real, _is_senseless_real
-        return (bad(read) and good(swapped)) - (good(read) and bad(swapped))
-    large = 1 << 8 * (row.size - 1)  # the highest byte is needed
-    small = 1 << 4 * row.size  # the upper half of the bytes is not
-    read, swapped = abs(read), abs(swapped)
-    return (read >= large and 0 < swapped < small) - (swapped >= large and 0 < read < small)
-
-
-def _is_sensible_real(value: float) -> bool:
-    low, high = SENSIBLE_REAL
-    return math.isfinite(value) and low <= abs(value) <= high
-
-
-def _is_senseless_real(value: float) -> bool:
-    low, high = SENSELESS_REAL
-    return not math.isfinite(value) or 0 < abs(value) < low or abs(value) > high
 
 
 def _short(value: float) -> str:

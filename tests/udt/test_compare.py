@@ -1,0 +1,107 @@
+"""Two profiles side by side: what differs, on the same bytes."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
+from trcvtui.udt.compare import Row, compare
+from trcvtui.udt.decode import decode
+from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.value_text import value_text
+
+MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"
+CONTENT = bytes.fromhex("01 00000000000000 0000000000002940 0700 000000000000")
+
+
+def told(row: Row) -> str:
+    """Return a row in one line."""
+    sides = [
+        f"{cell.place_text} {cell.type} {cell.value}" if cell else "-" for cell in (row.ours, row.theirs)
+    ]
+    return f"{row.path}: {sides[0]} | {sides[1]} {', '.join(row.differs)}".rstrip()
+
+
+def test_cap4_and_natural8_read_the_same_bytes_in_two_ways() -> None:
+    both = compare(layout_of(MEMBERS, "baosky"), layout_of(MEMBERS, "natural8"))
+    assert [told(row) for row in both.rows(CONTENT)] == [
+        "kind: 0 BYTE 1 (16#01) | 0 BYTE 1 (16#01)",
+        "weight: 4 LREAL 0.0 | 8 LREAL 12.5 place, value",
+        "count: 12 INT 0 | 16 INT 7 place, value",
+    ]
+    assert str(both.summary(CONTENT)) == (
+        "ours 16 bytes, theirs 24; 2 of 3 members differ, the first at byte 4"
+    )
+
+
+def test_a_profile_does_not_differ_from_itself() -> None:
+    both = compare(layout_of(MEMBERS), layout_of(MEMBERS))
+    assert str(both.summary(CONTENT)) == "ours 16 bytes, theirs 16; none of 3 members differs"
+
+
+def test_members_in_another_order_and_case_are_the_same_members() -> None:
+    ours = types_of(
+        "TYPE T : STRUCT a : INT; b : REAL; s : STRUCT x : INT; y : INT; END_STRUCT END_STRUCT END_TYPE"
+    )
+    theirs = types_of(
+        "TYPE T : STRUCT B : REAL; A : INT; new : BOOL; S : STRUCT y : DINT; END_STRUCT END_STRUCT END_TYPE"
+    )
+    both = compare(lay_out(ours.named("T"), rules_for()), lay_out(theirs.named("T"), rules_for()))
+    assert [told(row) for row in both.rows(bytes(20))] == [
+        "a: 0 INT 0 | 4 INT 0 place",
+        "b: 4 REAL 0.0 | 0 REAL 0.0 place",
+        "s.x: 8 INT 0 | - only ours",
+        "s.y: 10 INT 0 | 8 DINT 0 place, type",
+        "new: - | 6 BOOL FALSE only theirs",
+    ]
+
+
+def test_arrays_of_other_bounds_meet_at_the_same_index() -> None:
+    both = compare(layout_of("a : ARRAY[0..2] OF INT;"), layout_of("a : ARRAY[1..3] OF INT;"))
+    assert [told(row) for row in both.rows(bytes.fromhex("0100 0200 0300"))] == [
+        "a[0]: 0 INT 1 | - only ours",
+        "a[1]: 2 INT 2 | 0 INT 1 place, value",
+        "a[2]: 4 INT 3 | 2 INT 2 place, value",
+        "a[3]: - | 4 INT 3 only theirs",
+    ]
+
+
+def test_what_is_not_there_any_more_is_told_on_both_sides() -> None:
+    both = compare(layout_of(MEMBERS), layout_of(MEMBERS, "natural8"))
+    assert [told(row) for row in both.rows(CONTENT[:14], 2, 3)] == [
+        "count: 12 INT 0 | 16 INT no data place, value"
+    ]
+
+
+def test_a_million_members_cost_the_rows_that_are_shown() -> None:
+    row = "STRUCT a : BYTE; b : INT; c : BYTE; d : BYTE; END_STRUCT"
+    text = f"head : BYTE; rows : ARRAY[1..262142] OF {row}; tail : INT;"
+    both = compare(layout_of(text), layout_of(text, "packed"))
+    assert both.row_count == 4 * 262142 + 2
+    (row,) = both.rows(bytes(1_000_000), both.row_count - 1, both.row_count)
+    assert told(row) == "tail: 2097140 INT no data | 1310711 INT no data place"
+    summary = both.summary(b"", most=100)
+    assert str(summary) == (
+        "ours 2097144 bytes, theirs 1310713; 99 of the first 100 members differ, the first at byte 1"
+    )
+
+
+@settings(max_examples=60, deadline=None)
+@given(structs(types, least=1), rules, rules, st.binary(max_size=200), st.data())
+def test_rows_agree_with_two_decodes_of_their_own(type_, ours, theirs, content, data) -> None:  # type: ignore[no-untyped-def]
+    a, b = lay_out(type_, ours), lay_out(type_, theirs)
+    both = compare(a, b)
+    start = data.draw(st.integers(0, both.row_count))
+    rows = list(both.rows(content, start, start + 7))
+    leaves = zip(a.leaves(), b.leaves(), decode(a, content), decode(b, content), strict=True)
+    expected = list(leaves)[start : start + 7]
+    assert len(rows) == len(expected)
+    for row, (our, their, our_value, their_value) in zip(rows, expected, strict=True):
+        assert row.ours is not None and row.theirs is not None
+        assert (row.path, row.ours.leaf[:4], row.theirs.leaf[:4]) == (our.path, our[:4], their[:4])
+        assert row.ours.value == value_text(our, our_value, content[our.offset : our.offset + our.size])
+        assert row.theirs.value == value_text(their, their_value, content[their.offset :][: their.size])
+        assert ("place" in row.differs) == (
+            (our.offset, our.size, our.bit) != (their.offset, their.size, their.bit)
+        )

@@ -87,6 +87,15 @@ class Terminal:
         """Return the newest of what the program has written, without its escape sequences."""
         return ESCAPE.sub(b"", self._written)
 
+    def forget(self) -> None:
+        """Let only what is written from now on count."""
+        self._written = b""
+
+    def used_s(self) -> float:
+        """Return how many seconds of processor time the program has used, without its children (Linux)."""
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def type(self, keys: str) -> None:
         """Send keys as a person would type them."""
         os.write(self._screen, keys.encode())

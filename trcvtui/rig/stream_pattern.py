@@ -1,8 +1,8 @@
 """A pattern as a machine that takes a stream byte by byte and never goes back: a bounded cost a byte.
 
 Why not `re` itself: it tries again from each start, so a few bytes of a peer keep `(a+)+b` running for hours,
-and what it finds depends on how the stream was cut. Here all ways of matching go on at once (Glushkov): a place
-is one byte of the pattern, a state the set of places that may have come last, one bit each.
+and what it finds depends on how the stream was cut. Here all ways of matching go on at once (Glushkov): a
+place is one byte of the pattern, a state the set of places that may have come last, one bit each.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import re
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-MOST_PLACES: Final = 256  # a step looks at every place once at most
+MOST_PLACES: Final = 128  # a step looks at every place once at most
 MOST_NESTED: Final = 32
 MOST_KNOWN: Final = 4096  # steps remembered; beyond them the memory begins anew
 CHUNK: Final = 8

@@ -37,8 +37,8 @@ async def test_j_selects_the_next_instance_for_all_panes(size: tuple[int, int]) 
         await looker.press("1", "j", "2")
         assert "2 TRCV_C_2" in looker.text
         await looker.settle()
-        assert looker.driver.requests[-1].partial_of == ("TRCV_C_2",)
-        assert looker.driver.requests[-1].data == ("small",)
+        assert looker.driver.requests[-1].partial_of == ("TRCV_C_2", "TRCV_C_1")
+        assert looker.driver.requests[-1].data == ("small", "rx")
 
 
 async def test_a_click_selects_an_instance() -> None:

@@ -6,6 +6,7 @@ Rule: frozen pictures come in by `take`, nothing else changes what is shown of t
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
 from typing import Final
 
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -23,6 +24,8 @@ MOST_LINES: Final = 400
 MOST_DRAWN: Final = 8  # instances over time at once
 THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
 KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
+MOST_ALONG: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
+BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
 
 
 class Scene:
@@ -99,6 +102,7 @@ class Scene:
 
     def _take_project(self, project: Project) -> None:
         self.project = project
+        self._sizes = {decl.name: decl.size for decl in project.data}
         self.selected = _one_of(self.selected, [instance.name for instance in project.instances])
         self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
 
@@ -118,14 +122,26 @@ class Scene:
         self.is_frozen, self.fired = False, None
 
     def request(self) -> PictureRequest:
-        """Return what to ask for next: the ledger's news, and the bytes of the selected instance."""
+        """Return what to ask for next: the ledger's news, and the bytes of the selected instance and of others.
+
+        The others' come along while they are few: nobody knows before `F` whose will be looked at behind it.
+        """
         instance = self.instance
-        data = (instance.data,) if instance and instance.data else ()
-        partial = (instance.name,) if instance else ()
+        shown = (instance, *self._others(instance)) if instance else ()
+        data = tuple(dict.fromkeys(each.data for each in shown if each.data))
+        partial = tuple(each.name for each in shown)
         most = THAW_LINES if self._thawing else MOST_LINES
         waves = self.waves.asked(self.drawn_instances)
         numbers = self.bench, self._project_number
         return PictureRequest(self._seq, data, partial, most, *numbers, waves, history=self.past_wanted)
+
+    def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:
+        left, found = BYTES_ALONG, 0
+        for each in self.instances:
+            size = self._sizes.get(each.data or "", 0)
+            if each is not selected and found < MOST_ALONG and size <= left:
+                left, found = left - size, found + 1
+                yield each
 
     # -- what is shown ------------------------------------------------------------------------------
 
@@ -200,6 +216,11 @@ class Scene:
     def partial(self) -> bytes:
         """Return the bytes that the running job of the selected instance has collected."""
         return self._bytes(self.picture.partial, self.selected) if self.picture else b""
+
+    @property
+    def has_bytes(self) -> bool:
+        """Return whether the picture that is shown has the selected instance's bytes."""
+        return self.picture is not None and any(name == self.selected for name, _ in self.picture.partial)
 
     @staticmethod
     def _bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:

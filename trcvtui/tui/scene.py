@@ -122,7 +122,7 @@ class Scene:
         self.is_frozen, self.fired = False, None
 
     def request(self) -> PictureRequest:
-        """Return what to ask for next: the ledger's news, and the bytes of the selected instance and of others.
+        """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
 
         The others' come along while they are few: nobody knows before `F` whose will be looked at behind it.
         """

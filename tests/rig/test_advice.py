@@ -154,8 +154,8 @@ SITUATIONS = [
     ),
     pytest.param(
         ("set U CONT=1 EN_R=1", "run 4", "peer P5 send hex 01 02 03", "run 200"), "U",
-        "armed for 96 bytes: none is here yet, the last one came 1.9 s ago",
-        "not stuck: the last frame (3 bytes) was delivered in scan 5",
+        "armed for one datagram of at most 96 bytes: none is here yet, the last one came 1.9 s ago",
+        "not stuck: the last datagram (3 bytes) was delivered in scan 5",
         id="a datagram is whole, whatever its size",
     ),
     pytest.param(

@@ -108,6 +108,8 @@ class Facts:
     second_client: TurnedAway | None = None
     loss: Loss | None = None
     losses: int = 0
+    datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
+    open_since: Moment | None = None  # that socket
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ def test_every_make_target_of_the_readme_is_in_the_makefile() -> None:
 
 def test_the_project_file_of_the_readme_is_a_project(tmp_path: Path) -> None:
     from trcvtui.plc.project_file import load_project
-    from trcvtui.rig.routine import read_routines
+    from trcvtui.rig.bench_routine import read_routines
 
     (toml,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     (tmp_path / "types").mkdir()

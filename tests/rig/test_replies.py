@@ -20,10 +20,10 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_lines import rule_text
+from trcvtui.rig.bench_routine import read_replies
 from trcvtui.rig.bench_words import ReplyOn
 from trcvtui.rig.fills import filled
 from trcvtui.rig.replies import Replies
-from trcvtui.rig.routine import read_replies
 
 ROOM = 1000
 

@@ -14,14 +14,15 @@ from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resour
 from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project import Project
+from trcvtui.plc.project import InstanceDecl, MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
+from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.checking import Checking
 from trcvtui.rig.peer_links import link_of
 from trcvtui.rig.picture import PeerSnapshot
-from trcvtui.rig.routine import SelfActing, read_replies, read_routines
+from trcvtui.rig.routine import SelfActing
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
 from trcvtui.rig.wire import set_link
 
@@ -45,16 +46,7 @@ class Bench:
             self._peer_port,
         )
         self.plan.fired = self._fault_fired
-        self.peers = {
-            decl.name: new_peer(
-                decl,
-                self._kernel,
-                self._listening_end,
-                self.runtime.ledger.write,
-                project.rules.policy.small_buffers,
-            )
-            for decl in project.peers
-        }
+        self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
         self._checks: dict[str, Checking] = {}
@@ -66,6 +58,10 @@ class Bench:
         for peer in self.peers.values():
             if not peer.decl.active:
                 self._must_listen(peer)
+
+    def _new_peer(self, decl: PeerDecl) -> AnyPeer:
+        small = self.project.rules.policy.small_buffers
+        return new_peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write, small)
 
     def _must_listen(self, peer: AnyPeer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""
@@ -145,6 +141,8 @@ class Bench:
             words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
             words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
             words.Create: lambda c: self._change(c, commands.CreateInstance(c.decl)),
+            words.Add: self._add,
+            words.AddData: lambda c: self._change(c, commands.Declare(c.decl)),
             words.Delete: lambda c: self._change(c, commands.DeleteInstance(c.instance)),
             words.Download: lambda c: self._change(c, commands.DownloadInstance(c.instance)),
             words.Resize: lambda c: self._change(c, commands.ResizeData(c.decl)),
@@ -176,6 +174,36 @@ class Bench:
     def _change(self, command: words.BenchCommand, change: commands.Command) -> str:
         self.project = after(command, self.project)
         return self._submit(change)
+
+    def _add(self, command: words.Add) -> str:
+        wrong = ""
+        match command.decl:
+            case InstanceDecl() as decl:
+                self._submit(commands.CreateInstance(decl))
+            case PeerDecl() as decl:
+                wrong = self._add_peer(decl)
+            case MessageDecl() | SequenceDecl() as decl:
+                self._note(decl.name, "in the library")
+            case decl:
+                self._submit(commands.Declare(decl))
+        if not wrong:
+            self.project = after(command, self.project)
+            self._links = [link_of(decl, self.project) for decl in self.project.peers]
+        return wrong
+
+    def _add_peer(self, decl: PeerDecl) -> str:
+        """Let one more peer begin as those of the file do; a taken port is the user's to mend."""
+        peer = self._new_peer(decl)
+        wrong = "" if decl.active else peer.listen()
+        if wrong:
+            peer.end()
+            return wrong
+        alone = replace(self.project, peers=(decl,))
+        for rule in read_replies(alone):
+            peer.replies.add(rule)
+        self._self_acting += [SelfActing(peer, routine) for routine in read_routines(alone).values()]
+        self.peers[decl.name] = peer
+        return ""
 
     def _set(self, command: words.Set) -> str:
         for pin, value in command.pins:

@@ -22,6 +22,7 @@ from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.checking import Checking
 from trcvtui.rig.peer_links import link_of
 from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.program import Program, read_program
 from trcvtui.rig.routine import SelfActing
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
 from trcvtui.rig.wire import set_link
@@ -53,6 +54,7 @@ class Bench:
         self._self_acting = [
             SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
         ]
+        self._program = Program(read_program(project), self)
         for rule in read_replies(project):
             self.peers[rule.peer].replies.add(rule)
         for peer in self.peers.values():
@@ -94,6 +96,7 @@ class Bench:
         if self._sim is not None:
             self._sim.advance(self.now)
         self.step_peers()
+        self._program.go_on()
         self.runtime.scan(self.now)
         if self._checks:
             self._check_data()
@@ -183,7 +186,7 @@ class Bench:
             case PeerDecl() as decl:
                 wrong = self._add_peer(decl)
             case MessageDecl() | SequenceDecl() as decl:
-                self._note(decl.name, "in the library")
+                self.note(decl.name, "in the library")
             case decl:
                 self._submit(commands.Declare(decl))
         if not wrong:
@@ -227,24 +230,25 @@ class Bench:
         wrong, how = set_link(self._kernel, command.connect, command.up)
         if not wrong:
             (self._down.discard if command.up else self._down.add)(command.connect)
-            self._note(command.connect, "link up" if command.up else "link down", how)
+            self.note(command.connect, "link up" if command.up else "link down", how)
         return wrong
 
     def _fault(self, command: words.FaultOn) -> str:
         times = None if command.times == words.FOREVER else command.times
         self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
-        self._note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
+        self.note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
         return ""
 
     def _clear_faults(self, command: words.FaultClear) -> str:
         self.plan.clear()
-        self._note("bench", "faults cleared")
+        self.note("bench", "faults cleared")
         return ""
 
     def _fault_fired(self, owner: str, fault: Fault) -> None:
-        self._note(owner, "fault fired", str(fault))
+        self.note(owner, "fault fired", str(fault))
 
-    def _note(self, subject: str, what: str, detail: str = "") -> None:
+    def note(self, subject: str, what: str, detail: str = "") -> None:
+        """Write into the ledger what came from outside of the PLC."""
         self.runtime.ledger.write(BenchNote(subject, what, detail))
 
     def close(self) -> None:

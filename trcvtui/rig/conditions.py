@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from trcvtui.rig import bench_words as words
-from trcvtui.rig.assembly import Bench
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode_leaves
+
+if TYPE_CHECKING:  # a bench with a program asks for conditions itself
+    from trcvtui.rig.assembly import Bench
 
 
 def holds(bench: Bench, condition: words.Condition) -> bool:

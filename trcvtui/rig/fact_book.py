@@ -264,7 +264,8 @@ class FactBook:
         if link.drop is None:
             return known
         behind = sent.at(link.drop.end)
-        return replace(known, drop_cuts=behind is not None and behind.offset < link.drop.end)
+        cuts = behind is not None and behind.offset < link.drop.end
+        return replace(known, drop_cuts=cuts, behind_drop=behind)
 
 
 def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, Moment]:

@@ -101,6 +101,7 @@ class Facts:
     drop: Drop | None = None
     drops: int = 0
     drop_cuts: bool | None = None  # whether a message goes on behind the last drop
+    behind_drop: Message | None = None  # the message that holds the first byte behind it
     up_since: Moment | None = None
     down_since: Moment | None = None
     failures: tuple[Failures, ...] = ()

@@ -16,6 +16,7 @@ from trcvtui.rig.bench_instances import after
 from trcvtui.rig.bench_library import check_library
 from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.bench_words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, TrySplits, Wait
+from trcvtui.rig.program import read_program
 
 T = TypeVar("T")
 
@@ -43,6 +44,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     table.finish()
     problems = table.problems
     start = _collected(problems, lambda: start_steps(project)) or ()
+    _collected(problems, lambda: read_program(project))
     _collected(problems, lambda: read_routines(project))
     _collected(problems, lambda: read_replies(project))
     _collected(problems, lambda: check_library(project))
@@ -76,6 +78,7 @@ def check_bench(project: Project) -> None:
     """Raise UserError with every mistake in the bench commands of a project."""
     problems: list[Problem] = []
     _collected(problems, lambda: start_steps(project))
+    _collected(problems, lambda: read_program(project))
     _collected(problems, lambda: read_routines(project))
     _collected(problems, lambda: read_replies(project))
     _collected(problems, lambda: check_library(project))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.advice import Advice, advice_on, because
+from trcvtui.rig.advice_receive import STUCK, state
 from trcvtui.rig.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.tui.advice import notes_of
+from trcvtui.tui.formatting import plain
 from trcvtui.tui.scene import Scene
 
 
@@ -31,8 +34,25 @@ class Explainer:
             return Advice(why(instance), ())
         told = advice_on(evidence)
         checks = told.checks or tuple(notes_of(instance, scene.provenance))
-        swapped = self._swapped(evidence)
-        return Advice(told.why, (swapped, *checks) if swapped else checks)
+        of_bytes = self._swapped(evidence), *checks[:1], self._missing(evidence), *checks[1:]
+        return Advice(told.why, tuple(check for check in of_bytes if check))
+
+    def _missing(self, e: Evidence) -> str:
+        """Return which member a stuck frame's bytes end at; of a shifted one nobody knows."""
+        decl = self._scene.declaration
+        whole = decl is not None and decl.size == e.need and not e.adhoc
+        if decl is None or not whole or e.condition != Condition.RECEIVING or state(e) != STUCK:
+            return ""
+        if e.facts.drop is not None or self._wanders(e):
+            return ""
+        number = decl.layout.leaves_within(e.have)
+        if not number or number == decl.layout.leaf_count:
+            return ""
+        last, next_ = decl.layout.leaf(number - 1), decl.layout.leaf(number)
+        if not last.path or last.path.startswith("["):
+            return ""  # an array's index says no more than the number of bytes does
+        part = "the rest of " if next_.offset < e.have else ""
+        return f"{plain(last.path)} is the last member here: {part}{plain(next_.path)} is missing"
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""

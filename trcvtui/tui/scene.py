@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Final
 
-from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.rig.facts import Fired
@@ -25,6 +25,7 @@ MOST_DRAWN: Final = 8  # instances over time at once
 THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
 KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
 MOST_ALONG: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
+GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an instance
 BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
 
 
@@ -86,6 +87,8 @@ class Scene:
             if isinstance(line.event, StatusEdge):
                 self.history.note(line, line.event)
                 self.afterglow.note(line.scan, line.t_ns, line.event)
+            elif isinstance(line.event, BenchNote) and line.event.what in GONE:
+                self.afterglow.forget(line.event.subject)
         if picture.lines:
             self._seq = picture.lines[-1].seq
         if picture.lines_skipped:

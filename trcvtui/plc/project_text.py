@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from trcvtui.errors import mistake
+from trcvtui.errors import UserError, mistake
 from trcvtui.plc.project_keys import KIND_OF, Declaration, KeyValue, keys_of
 from trcvtui.plc.toml_file import parse_toml
 
@@ -62,9 +62,16 @@ def _checked(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[st
     plain += "\n" if plain and not plain.endswith("\n") else ""
     for edit in edits:
         edited = edit(plain)
-        if edited is not None and parse_toml(edited, where) == wanted:
+        if edited is not None and _says(edited, wanted):
             return edited.replace("\n", ends)
     raise mistake(where, "a form that cannot be extended", "tables that begin with [[connect]] and the like")
+
+
+def _says(text: str, wanted: dict[str, Any]) -> bool:
+    try:
+        return parse_toml(text, "") == wanted
+    except UserError:
+        return False
 
 
 # -- with tomlkit ----------------------------------------------------------------------------------------

@@ -131,7 +131,10 @@ class Console:
         """Add to the bench and to the project; the bench of a scenario is nobody's project."""
         if self.player is not None:
             return self.bench.do(command)
-        self._edits.check(command)
+        try:
+            self._edits.check(command)
+        except UserError as error:
+            return error.lines()[0]
         wrong = self.bench.do(command)
         if not wrong:
             self._edits.note(command)

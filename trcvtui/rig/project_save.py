@@ -53,6 +53,8 @@ def _refuse_what_came_along(path: Path, where: str) -> None:
 
 def save_project(own: Path, path: Path, added: Sequence[Declaration], where: str) -> Project:
     """Write the text of `own` with what was added to `path`; return what it loads as; raise UserError."""
+    if not path.parent.is_dir():
+        raise mistake(where, f"{path}: no folder {path.parent}", "a file that can be written")
     text = with_files_from(read_text(own), own.parent, path.parent, str(own))
     if added:
         text = with_entries(text, added, str(own))

@@ -154,6 +154,11 @@ class Scene:
         return self.picture.snapshot if self.picture else None
 
     @property
+    def unsaved(self) -> int:
+        """Return how many additions to the project are in no file."""
+        return self.live.unsaved if self.live else 0
+
+    @property
     def past(self) -> HistoryWindow | None:
         """Return the newest window on the bytes received so far, also while the view is frozen."""
         newest = self.live or self.picture

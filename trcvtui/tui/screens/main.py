@@ -59,6 +59,7 @@ class MainScreen(Screen[None]):
         Binding("v", "members", show=False, id="members"),
         Binding("y", "yank", show=False, id="yank"),
         Binding("K", "mark", show=False, id="mark"),
+        Binding("A", "app.add('instance')", show=False, id="add"),
         Binding("U", "mouse", show=False, id="mouse"),
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
         Binding("question_mark,f1", "help", show=False, id="help"),

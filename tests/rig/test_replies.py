@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -12,10 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.rig.bench_project import bench_project
-from tests.rig.test_peer import Wire, connected, write
+from tests.rig.peer_wire import Wire, connected, write
 from trcvtui.errors import UserError
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.bench import parse_line
@@ -32,18 +30,6 @@ ROOM = 1000
 def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Return the project of these tests."""
     return bench_project(tmp_path_factory.mktemp("bench"))
-
-
-@pytest.fixture(params=["sim", "live"])
-def wire(request: pytest.FixtureRequest) -> Iterator[Wire]:
-    """Return a wire on each of the two kernels."""
-    kernel = SimKernel() if request.param == "sim" else OsKernel()
-    wire = Wire(kernel)
-    yield wire
-    for peer in wire.peers:
-        peer.end()
-    if isinstance(kernel, OsKernel):
-        kernel.close_all()
 
 
 def rule(text: str, project: Project) -> ReplyOn:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.facts import Drop
 from trcvtui.rig.wording import SECOND, age, count, rate, times
@@ -26,6 +27,11 @@ def state(e: Evidence) -> str:
         return ARMED
     patience = max(QUIET_NS, SLOW * e.facts.longest_gap_ns)
     return STUCK if e.quiet_ns is not None and e.quiet_ns >= patience else FILLING
+
+
+def is_stuck(e: Evidence) -> bool:
+    """Return whether a static frame has begun and its sender seems to have no more."""
+    return e.condition == Condition.RECEIVING and not e.adhoc and state(e) == STUCK
 
 
 def how_it_stands(e: Evidence) -> str:
@@ -136,7 +142,7 @@ def _held_back(e: Evidence, size: int, missing: int) -> str:
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
         return f"; each frame takes {count(missing, 'byte')} of the next message, so the values wander"
     whole = e.have and e.have % size == 0
-    waits = f"; {count(e.need - e.have, 'byte')} stay missing until it sends again"
+    waits = f"; {count(e.need - e.have, 'byte')} stay missing"
     return waits if whole and not e.is_past else ""
 
 

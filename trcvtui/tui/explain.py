@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.advice import Advice, advice_on, because
-from trcvtui.rig.advice_receive import STUCK, state
+from trcvtui.rig.advice_receive import is_stuck
 from trcvtui.rig.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.tui.advice import notes_of
 from trcvtui.tui.formatting import plain
@@ -34,14 +33,13 @@ class Explainer:
             return Advice(why(instance), ())
         told = advice_on(evidence)
         checks = told.checks or tuple(notes_of(instance, scene.provenance))
-        of_bytes = self._swapped(evidence), *checks[:1], self._missing(evidence), *checks[1:]
-        return Advice(told.why, tuple(check for check in of_bytes if check))
+        swapped = self._swapped(evidence)
+        return Advice(told.why + self._missing(evidence), (swapped, *checks) if swapped else checks)
 
     def _missing(self, e: Evidence) -> str:
         """Return which member a stuck frame's bytes end at; of a shifted one nobody knows."""
         decl = self._scene.declaration
-        whole = decl is not None and decl.size == e.need and not e.adhoc
-        if decl is None or not whole or e.condition != Condition.RECEIVING or state(e) != STUCK:
+        if decl is None or decl.size != e.need or not is_stuck(e):
             return ""
         if e.facts.drop is not None or self._wanders(e):
             return ""
@@ -52,7 +50,7 @@ class Explainer:
         if not last.path or last.path.startswith("["):
             return ""  # an array's index says no more than the number of bytes does
         part = "the rest of " if next_.offset < e.have else ""
-        return f"{plain(last.path)} is the last member here: {part}{plain(next_.path)} is missing"
+        return f"; {plain(last.path)} is the last member, {part}{plain(next_.path)} is missing"
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""

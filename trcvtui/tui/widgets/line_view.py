@@ -75,7 +75,7 @@ class LineView(ScrollView, can_focus=True):
         self._painted: dict[int, Row] = {}
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
-        self._drawn: tuple[Region, list[Strip]] | None = None
+        self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
     # -- what a subclass says -----------------------------------------------------------------------
 
@@ -121,7 +121,7 @@ class LineView(ScrollView, can_focus=True):
         self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
     ) -> Self:
         """Paint anew, the whole pane or some of its lines."""
-        self._drawn = None
+        self._strips_in_view = None
         return super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
 
     def render_lines(self, crop: Region) -> list[Strip]:
@@ -129,9 +129,9 @@ class LineView(ScrollView, can_focus=True):
 
         Textual asks every pane for all of its lines whenever a line of any pane has changed.
         """
-        if self._drawn is None or self._drawn[0] != crop:
-            self._drawn = crop, super().render_lines(crop)
-        return self._drawn[1]
+        if self._strips_in_view is None or self._strips_in_view[0] != crop:
+            self._strips_in_view = crop, super().render_lines(crop)
+        return self._strips_in_view[1]
 
     def render_line(self, y: int) -> Strip:
         """Return line `y` of what is in view."""
@@ -145,7 +145,7 @@ class LineView(ScrollView, can_focus=True):
     @property
     def line_width(self) -> int:
         """Return how many columns a row has room for, beside a scrollbar."""
-        return self.scrollable_content_region.width
+        return self.container_size.width - self.scrollbar_size_vertical
 
     def _strip(self, line: Row) -> Strip:
         base = self.named_style(line.style)
@@ -165,7 +165,7 @@ class LineView(ScrollView, can_focus=True):
         """Forget styles made under the old theme."""
         super().notify_style_update()
         self._ready_styles.clear()
-        self._drawn = None
+        self._strips_in_view = None
 
     def on_mount(self) -> None:
         """Know the rows before the first paint."""

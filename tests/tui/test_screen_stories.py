@@ -1,4 +1,4 @@
-"""The three prepared faults as a newcomer meets them: opened, a key or two, and the screen names the cause."""
+"""The three prepared faults as a newcomer meets them: opened, a key or two, the screen names the cause."""
 
 from __future__ import annotations
 

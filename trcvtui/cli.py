@@ -135,6 +135,8 @@ def _open_screen(
     driver = start_engine(path, kernel, netns)  # at once: it loads the project while this process does
     try:
         project = _load_bench(path)
+        # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
+        os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
         return run_app(driver, project, theme, read_only)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.project import DataDecl, Project
@@ -29,12 +29,29 @@ GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an i
 BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
 
 
+class Index(NamedTuple):
+    """The instances and the CONNECTs of a snapshot by name: each pane looks some of them up."""
+
+    snapshot: Snapshot | None
+    instances: dict[str, InstanceSnapshot]
+    connections: dict[str, ConnectionSnapshot]
+
+
+def index_of(snapshot: Snapshot | None) -> Index:
+    """Return the index of a snapshot, without one an empty index."""
+    if snapshot is None:
+        return Index(None, {}, {})
+    instances = {instance.name: instance for instance in snapshot.instances}
+    return Index(snapshot, instances, {connection.name: connection for connection in snapshot.connections})
+
+
 class Scene:
     """The bench as the screen knows it. Sizes in bytes, times in ns of the run."""
 
     def __init__(self, project: Project) -> None:
         self._home = project
         self.picture: Picture | None = None
+        self._indexed = index_of(None)
         self.history = History()
         self.afterglow = Afterglow()
         self.provenance = Provenance()
@@ -177,7 +194,7 @@ class Scene:
     @property
     def instance(self) -> InstanceSnapshot | None:
         """Return the selected instance."""
-        return self.picture.snapshot.instance(self.selected) if self.picture else None
+        return self._index().instances.get(self.selected)
 
     @property
     def drawn_instances(self) -> tuple[str, ...]:
@@ -196,7 +213,13 @@ class Scene:
 
     def connection_of(self, instance: InstanceSnapshot) -> ConnectionSnapshot | None:
         """Return the CONNECT of an instance."""
-        return self.picture.snapshot.connection(instance.connect) if self.picture else None
+        return self._index().connections.get(instance.connect)
+
+    def _index(self) -> Index:
+        """Return what is in the newest snapshot by name; made once a picture."""
+        if self._indexed.snapshot is not self.snapshot:
+            self._indexed = index_of(self.snapshot)
+        return self._indexed
 
     @property
     def peers(self) -> tuple[PeerSnapshot, ...]:

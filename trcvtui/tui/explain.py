@@ -50,7 +50,7 @@ class Explainer:
         if not last.path or last.path.startswith("["):
             return ""  # an array's index says no more than the number of bytes does
         part = "the rest of " if next_.offset < e.have else ""
-        return f"; {plain(last.path)} is the last member, {part}{plain(next_.path)} is missing"
+        return f"; {plain(last.path)} is the last whole member, {part}{plain(next_.path)} is missing"
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""

@@ -76,7 +76,7 @@ def additions(draw: st.DrawFn, project: Project) -> list[Declaration]:
         connects = names_of("connect", project) or ("",)
         kind = draw(st.sampled_from(["connect", "data", "instance", "peer", "message", "addr"]))
         port = draw(st.integers(0, 65535))
-        content: dict[str, Any] = {
+        every: dict[str, dict[str, Any]] = {
             "connect": {"ActiveEstablished": draw(st.booleans()), "LocalPort": port},
             "data": {"type": draw(st.sampled_from(["INT", "ARRAY[0..9] OF BYTE", "STRING[20]"]))},
             "instance": {"block": "TRCV_C", "connect": draw(st.sampled_from(connects)), "LEN": port},
@@ -87,7 +87,8 @@ def additions(draw: st.DrawFn, project: Project) -> list[Declaration]:
             },
             "message": {"text": draw(texts)},
             "addr": {"RemoteAddress": "10.0.0.7", "RemotePort": port},
-        }[kind]
+        }
+        content = every[kind]
         if content.get("connect") == "":
             continue
         decl = read_entry(kind, {"name": f"N{number}", **content}, project, "w")

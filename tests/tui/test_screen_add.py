@@ -9,8 +9,8 @@ from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.plc.project import Project
 from trcvtui.tui.add_fields import KINDS, fields_of, first_name, line_of
 from trcvtui.tui.completion import complete
-from trcvtui.tui.screens.add import AddScreen, ChoiceField
 from trcvtui.tui.validity import fault_of
+from trcvtui.tui.widgets.add_screen import AddScreen, ChoiceField
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "140x45"])
 

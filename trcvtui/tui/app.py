@@ -194,7 +194,7 @@ class BenchApp(App[None]):
 
     def action_add(self, kind: str) -> None:
         """Open the form for what is added to the project."""
-        from trcvtui.tui.screens.add import AddScreen  # read when first asked for
+        from trcvtui.tui.widgets.add_screen import AddScreen  # read when first asked for
 
         if self.screen is self.main:
             self.push_screen(AddScreen(lambda: self.scene.project, kind, {}), self._added)

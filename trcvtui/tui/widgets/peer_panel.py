@@ -206,7 +206,7 @@ class PeerPanel(Vertical):
 
     def action_keep(self) -> None:
         """Open the form that puts the message into the library under a name; go to it where there is none."""
-        from trcvtui.tui.screens.add import AddScreen  # read when first asked for
+        from trcvtui.tui.widgets.add_screen import AddScreen  # read when first asked for
 
         text = self.composer.line.partition(" send ")[2]
         if text:

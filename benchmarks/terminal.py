@@ -63,9 +63,9 @@ class Terminal:
             self._read(0.05)
 
     def wait_for(self, texts: Sequence[str], limit_s: float = 20.0) -> float:
-        """Return after how many seconds from the start all texts had been written; TimeoutError if not."""
-        wanted = [text.encode() for text in texts]
-        while time.perf_counter() - self._began < limit_s and self._read(0.5):
+        """Return how many seconds after its start it had written all texts; TimeoutError after the limit."""
+        wanted, end = [text.encode() for text in texts], time.perf_counter() + limit_s
+        while time.perf_counter() < end and self._read(0.5):
             seen = self.written()
             wanted = [text for text in wanted if text not in seen]
             if not wanted:

@@ -36,7 +36,7 @@ from trcvtui.tui.widgets.udt_table import UdtTable
 if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
-LEAST_WIDTH, LEAST_HEIGHT, TALL = 128, 38, 54
+LEAST_WIDTH, LEAST_HEIGHT, ROOMY, TALL = 128, 38, 43, 54
 BROAD, HIGH = 180, 56  # from here on history and timing both stand
 TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
 SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
@@ -130,6 +130,7 @@ class MainScreen(Screen[None]):
         """Take all panes side by side only where nothing has to be cut."""
         small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
         self.set_class(small, TABS)
+        self.set_class(event.size.height >= ROOMY, "-roomy")
         self.set_class(event.size.height >= TALL, "-tall")
         self.set_class(event.size.width >= BROAD, "-broad")
         self.set_class(event.size.height >= HIGH, "-high")

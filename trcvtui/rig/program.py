@@ -7,19 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import repeat
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc.project import Project
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench import parse_script
-from trcvtui.rig.conditions import found, holds
-
-if TYPE_CHECKING:  # a bench has a program
-    from trcvtui.rig.assembly import Bench
+from trcvtui.rig.conditions import Watched, found, holds
 
 WRITES: Final = (words.Set, words.Pulse, words.Write)
 PASSES: Final = (words.RunScans, words.RunFor, words.Wait)
+
+
+class Programmed(Watched, Protocol):
+    """The bench that a program runs on."""
+
+    def do(self, command: words.BenchCommand) -> str:
+        """Carry out a command."""
+        ...
+
+    def note(self, subject: str, what: str, detail: str = "") -> None:
+        """Write into the ledger."""
+        ...
 
 
 def read_program(project: Project) -> tuple[words.Step, ...]:
@@ -36,7 +45,7 @@ def read_program(project: Project) -> tuple[words.Step, ...]:
 class Program:
     """One course of steps on one bench; a `wait` that runs out ends it, and the ledger says so."""
 
-    def __init__(self, steps: Sequence[words.Step], bench: Bench) -> None:
+    def __init__(self, steps: Sequence[words.Step], bench: Programmed) -> None:
         self._bench = bench
         self._course = self._play(steps)
 

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from benchmarks import wired
 from benchmarks.figures import Effort, Figure
 from benchmarks.paired import Spread, percentile, ratios, spread
 from benchmarks.scans import Scans
@@ -49,7 +50,7 @@ def _cycle(interval_ns: int, literal: str, most_overruns: float, effort: Effort)
         traffic(CONNECTIONS, RECEIVING, MESSAGE, interval_ns) as ports,
     ):
         project, timing = Path(folder) / "bench.toml", Path(folder) / "timing.json"
-        project.write_text(_project(literal, ports))
+        project.write_text(wired.project(literal, ports, INSTANCES, RECEIVING, MESSAGE))
         with Terminal(_screen(project), {TIMING_FILE: str(timing)}) as terminal:
             terminal.wait_for(FIRST_PICTURE)
             terminal.read_for(1.0)
@@ -146,23 +147,3 @@ def p99_of_histogram(text: str) -> float:
         if len(words) == 2 and words[0].isdigit() and words[1].isdigit():
             late.extend([float(words[0])] * int(words[1]))
     return percentile(late, 0.99)
-
-
-# -- the project --------------------------------------------------------------------------------------------
-
-
-def _project(interval: str, ports: list[int]) -> str:
-    parts = ['dialect = "baosky"', 'model = "T4"', f'[[task]]\nname = "MAIN"\ninterval = "{interval}"']
-    for number, port in enumerate(ports):
-        parts.append(
-            f'[[connect]]\nname = "C{number}"\nActiveEstablished = true\nLocalAddress = "127.0.0.1"\n'
-            f'RemoteAddress = "127.0.0.1"\nRemotePort = {port}'
-        )
-    for number in range(INSTANCES):
-        receives = "true" if number < RECEIVING else "false"
-        parts.append(
-            f'[[data]]\nname = "rx{number}"\ntype = "ARRAY[1..{MESSAGE}] OF BYTE"\n'
-            f'[[instance]]\nname = "TRCV_C_{number}"\nblock = "TRCV_C"\nconnect = "C{number % CONNECTIONS}"\n'
-            f'data = "rx{number}"\nCONT = true\nEN_R = {receives}'
-        )
-    return "\n\n".join(parts) + "\n"

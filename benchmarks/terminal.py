@@ -63,9 +63,9 @@ class Terminal:
             self._read(0.05)
 
     def wait_for(self, texts: Sequence[str], limit_s: float = 20.0) -> float:
-        """Return after how many seconds from the start all texts had been written; TimeoutError if not."""
-        wanted = [text.encode() for text in texts]
-        while time.perf_counter() - self._began < limit_s and self._read(0.5):
+        """Return how many seconds after its start it had written all texts; TimeoutError after the limit."""
+        wanted, end = [text.encode() for text in texts], time.perf_counter() + limit_s
+        while time.perf_counter() < end and self._read(0.5):
             seen = self.written()
             wanted = [text for text in wanted if text not in seen]
             if not wanted:
@@ -86,6 +86,15 @@ class Terminal:
     def written(self) -> bytes:
         """Return the newest of what the program has written, without its escape sequences."""
         return ESCAPE.sub(b"", self._written)
+
+    def forget(self) -> None:
+        """Let only what is written from now on count."""
+        self._written = b""
+
+    def used_s(self) -> float:
+        """Return how many seconds of processor time the program has used, without its children (Linux)."""
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def type(self, keys: str) -> None:
         """Send keys as a person would type them."""

@@ -57,3 +57,8 @@ def test_every_scenario_that_the_page_links_is_there(name: str) -> None:
 def test_nothing_of_the_page_is_taken_for_html(name: str) -> None:
     outside_code = re.sub(r"`[^`]*`", "", written(name))
     assert re.findall(r"(?<!\\)<", outside_code) == []
+
+
+def test_80c3_leads_to_the_orphan_lock_of_a_deleted_instance() -> None:
+    card = written("baosky").partition("## 16#80C3")[2].partition("## 16#")[0]
+    assert "(../configs/scenarios/baosky/note-delete-mid-frame.toml)" in card

@@ -1,4 +1,4 @@
-"""Every command that the README shows in an `sh` block works as it stands."""
+"""Every command that the README and the stories show in an `sh` block works as it stands."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+STORIES = (ROOT / "docs" / "stories.md").read_text(encoding="utf-8")
 COMMANDS = [
     line
-    for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL)
+    for block in re.findall(r"```sh\n(.*?)```", README + STORIES, re.DOTALL)
     for line in block.splitlines()
     if line.strip()
 ]
@@ -36,6 +37,22 @@ def test_every_file_that_the_readme_links_is_there() -> None:
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 
+@pytest.mark.parametrize("page", ["stories", "gallery"])
+def test_every_picture_and_page_that_the_docs_link_is_there(page: str) -> None:
+    links = re.findall(r"\]\(([^)#:]+)\)", (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8"))
+    assert links
+    assert [link for link in links if not (ROOT / "docs" / link).exists()] == []
+
+
+def test_every_project_that_is_opened_in_the_readme_and_the_stories_opens() -> None:
+    from trcvtui.rig.scenario import load_bench
+
+    projects = re.findall(r"^trcvtui run (configs/\S+)$", README + STORIES, re.MULTILINE)
+    assert len(projects) == 4
+    for project in projects:
+        assert load_bench(ROOT / project).instances
+
+
 def test_every_make_target_of_the_readme_is_in_the_makefile() -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"make (\w+)", README))
@@ -45,7 +62,7 @@ def test_every_make_target_of_the_readme_is_in_the_makefile() -> None:
 
 def test_the_project_file_of_the_readme_is_a_project(tmp_path: Path) -> None:
     from trcvtui.plc.project_file import load_project
-    from trcvtui.rig.routine import read_routines
+    from trcvtui.rig.bench_routine import read_routines
 
     (toml,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     (tmp_path / "types").mkdir()

@@ -135,6 +135,8 @@ def _open_screen(
     driver = start_engine(path, kernel, netns)  # at once: it loads the project while this process does
     try:
         project = _load_bench(path)
+        # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
+        os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
         return run_app(driver, project, theme, read_only)
@@ -187,7 +189,7 @@ def _status(args: argparse.Namespace) -> int:
         return _print(as_table(found))
     from trcvtui.rig.scenario_shelf import scenarios_of
 
-    shown = with_scenarios(found, {dialect.name: scenarios_of(dialect.name) for dialect in dialects})
+    shown = with_scenarios(found, {dialect.name: scenarios_of(dialect.name, code) for dialect in dialects})
     return _print(as_json(shown) if args.format == "json" else as_text(shown))
 
 

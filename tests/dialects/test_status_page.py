@@ -64,3 +64,11 @@ def test_the_telling_scenarios_begin_with_the_code_or_name_it_else_they_are_the_
     assert one.telling() == ("s/80c5-x.toml", "s/80c3-80c5-both.toml")
     assert replace(explained(0x7002), scenarios=files).telling() == files[:3]
     assert explained(0x80C5).telling() == ()
+
+
+def test_an_error_also_tells_the_first_few_notes_of_the_manual_that_show_it() -> None:
+    files = ("s/80c5-x.toml", *(f"s/note-{n}.toml" for n in range(9)), "s/note-80c5.toml", "s/row-1.toml")
+    one = replace(explained(0x80C5), scenarios=files)
+    notes = ("s/note-0.toml", "s/note-1.toml", "s/note-2.toml")
+    assert one.telling() == ("s/80c5-x.toml", "s/note-80c5.toml", *notes)
+    assert replace(explained(0x7002), scenarios=files[1:]).telling() == notes

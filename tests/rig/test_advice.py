@@ -35,7 +35,7 @@ SITUATIONS = [
         (*UP, "peer P1 send random 92 seed=1", "run 200"), "X",
         "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
         "LEN is 0 and DATA (rx) has 96 bytes, P1's only message was 92 bytes: LEN or DATA is 4 bytes too "
-        "large for this sender; 4 bytes short, for ever",
+        "large for this sender; 4 bytes stay missing",
         id="a sender 4 bytes short",
     ),
     pytest.param(
@@ -82,15 +82,15 @@ SITUATIONS = [
         (*UP, "peer P1 send random 96 seed=1 split=4 gap=T#100ms", "run 3", "set X EN_R=0", "run 2",
          "set X EN_R=1", "run 200"), "X",
         "stuck: 92 of 96 bytes are here, the last one came 1.9 s ago",
-        "since scan 12 EN_R fell with 4 of 96 bytes collected: the stream is shifted; disconnect "
-        "(CONT 0, then 1) or COM_RST",
+        "EN_R fell in scan 12 with 4 of 96 bytes collected; they were dropped, and this frame begins with "
+        "byte 4 of P1's message 1: the stream is shifted; COM_RST (or CONT 0, then 1) puts it back in step",
         id="EN_R dropped in mid frame",
     ),
     pytest.param(
         (*UP, "peer P1 send random 96 seed=1 split=4 gap=T#100ms", "run 3", "set X EN_R=0", "run 3"), "X",
         "EN_R is 0",
         "EN_R fell in scan 12 with 4 of 96 bytes collected; they are dropped, and the next frame begins "
-        "in the middle of a message",
+        "in the middle of a message, with byte 4 of P1's message 1: COM_RST before EN_R=1",
         id="EN_R dropped, and not yet back",
     ),
     pytest.param(
@@ -154,8 +154,8 @@ SITUATIONS = [
     ),
     pytest.param(
         ("set U CONT=1 EN_R=1", "run 4", "peer P5 send hex 01 02 03", "run 200"), "U",
-        "armed for 96 bytes: none is here yet, the last one came 1.9 s ago",
-        "not stuck: the last frame (3 bytes) was delivered in scan 5",
+        "armed for one datagram of at most 96 bytes: none is here yet, the last one came 1.9 s ago",
+        "not stuck: the last datagram (3 bytes) was delivered in scan 5",
         id="a datagram is whole, whatever its size",
     ),
     pytest.param(
@@ -233,6 +233,12 @@ def test_a_partner_that_does_not_read_is_named() -> None:
             "P1's only message was 92 bytes: LEN or DATA is 4 bytes too large for this sender",
         ),
         (
+            ("peer P1 send random 96 seed=1 split=10 gap=T#100ms", "run 3", "set X EN_R=0", "run 2",
+             "set X EN_R=1", "run 50"), Condition.CONNECTED,
+            "EN_R fell in scan 12 with 10 of 96 bytes collected; they are dropped, and the next frame begins "
+            "in the middle of a message, with byte 10 of P1's message 1",
+        ),
+        (
             ("fault recv ECONNRESET on C1", "peer P1 send random 92 seed=1", "run 9"),
             Condition.RECEIVE_FAILED,
             "a fault that was injected here did that, not the network: `fault clear`",
@@ -269,9 +275,11 @@ def test_a_reset_stream_is_not_called_shifted_any_more() -> None:
 def test_each_later_frame_of_a_shifted_stream_names_the_scan_in_which_en_r_fell() -> None:
     told = Told(*UP, "peer P1 send random 96 seed=1 split=4 gap=T#50ms", "run 3", "set X EN_R=0", "run 2")
     told.do("set X EN_R=1", "peer P1 send random 96 seed=1 repeat=20 every=T#50ms", "run 300")
-    named = "since scan 12 EN_R fell with 4 of 96 bytes collected: the stream is shifted"
-    assert any(named in check for check in told.of("X").checks)
-    assert any(named in check for check in told.then("X", Condition.RECEIVED).checks)
+    named = "EN_R fell in scan 12 with 4 of 96 bytes collected; they were dropped, and this frame begins with"
+    shifted = "byte 4 of P1's message {}: the stream is shifted"
+    now, then = told.of("X").checks, told.then("X", Condition.RECEIVED).checks
+    assert any(check.startswith(f"{named} {shifted.format(21)}") for check in now)
+    assert any(check.startswith(f"{named} {shifted.format(20)}") for check in then)
 
 
 def test_a_frame_given_up_between_two_messages_shifts_nothing() -> None:

@@ -28,7 +28,7 @@ def said(line: str, project: Project) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
-VERBS = "set, pulse, write, resize, create, delete, download, plc, peer, link, fault, run, wait, expect"
+VERBS = "set, pulse, write, resize, create, add, delete, download, plc, peer, link, fault, run, wait, expect"
 FORMS = "hex, text, udt, file or random"
 HOLE = "{n}, {n:2}, {n:2:big} or a checksum such as {crc32} or {crc16-modbus:little}"
 FILL = "an offset, a width and a byte order such as n=4:2:big or crc32=8:little"

@@ -154,7 +154,8 @@ def test_the_demo_is_alive_by_itself() -> None:
     driver = start_engine(demo_path(), "live")
     try:
         picture = wait_for(driver, lambda p: all(i.jobs_done >= 2 for i in p.snapshot.instances))
-        assert [i.block for i in picture.snapshot.instances] == ["TRCV_C", "TRCV_C"]
+        assert [i.block for i in picture.snapshot.instances] == ["TRCV_C", "TRCV_C", "TSEND_C"]
+        assert [i.errors for i in picture.snapshot.instances[2:]] == [0]
     finally:
         driver.close()
 

@@ -115,6 +115,27 @@ def test_each_step_waits_to_be_asked_for_and_asks_for_its_scans(driver: LocalDri
     assert player_of(driver).steps[2].found == "STATUS=7002"
 
 
+def test_steps_asked_for_while_one_is_under_way_come_behind_it(driver: LocalDriver, tmp_path: Path) -> None:
+    driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
+    for _ in range(4):
+        driver.submit("scenario step")
+    driver.scan(1)
+    assert states(player_of(driver)) == [DONE, NOW, TO_COME, TO_COME, TO_COME]
+    driver.scan(20)
+    assert states(player_of(driver)) == [DONE, HELD, FAILED, DONE, TO_COME]
+    assert picture_of(driver).snapshot.scan == 8, "behind the fourth step no scan passes"
+
+
+def test_a_step_asked_for_in_a_run_to_the_end_stops_it_behind_the_step_under_way(
+    driver: LocalDriver, tmp_path: Path
+) -> None:
+    driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
+    for line in ("run", "step"):
+        driver.submit(f"scenario {line}")
+    driver.scan(20)
+    assert states(player_of(driver)) == [DONE, HELD, *[TO_COME] * 3]
+
+
 def test_a_run_to_the_end_takes_what_is_left(driver: LocalDriver, tmp_path: Path) -> None:
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
     driver.submit("scenario step")

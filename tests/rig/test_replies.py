@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -12,19 +12,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.rig.bench_project import bench_project
-from tests.rig.test_peer import Wire, connected, write
+from tests.rig.peer_wire import Wire, connected, write
 from trcvtui.errors import UserError
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_lines import rule_text
-from trcvtui.rig.bench_reply import LONGEST
+from trcvtui.rig.bench_routine import read_replies
 from trcvtui.rig.bench_words import ReplyOn
 from trcvtui.rig.fills import filled
 from trcvtui.rig.replies import Replies
-from trcvtui.rig.routine import read_replies
 
 ROOM = 1000
 
@@ -33,18 +30,6 @@ ROOM = 1000
 def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """Return the project of these tests."""
     return bench_project(tmp_path_factory.mktemp("bench"))
-
-
-@pytest.fixture(params=["sim", "live"])
-def wire(request: pytest.FixtureRequest) -> Iterator[Wire]:
-    """Return a wire on each of the two kernels."""
-    kernel = SimKernel() if request.param == "sim" else OsKernel()
-    wire = Wire(kernel)
-    yield wire
-    for peer in wire.peers:
-        peer.end()
-    if isinstance(kernel, OsKernel):
-        kernel.close_all()
 
 
 def rule(text: str, project: Project) -> ReplyOn:
@@ -111,13 +96,21 @@ def test_what_there_is_no_room_to_answer_is_counted_as_missed(project: Project) 
     assert (told.rule, told.hits, told.missed) == ("contains hex 05 send hex 06", 4, 5)
 
 
-def test_a_flood_that_fits_no_pattern_is_not_kept(project: Project) -> None:
+@pytest.mark.parametrize("pattern", ["x.*y", "(x+)+y", "(x|x)*y"])
+def test_a_flood_that_fits_no_pattern_holds_nobody_up(project: Project, pattern: str) -> None:
     replies = Replies()
-    replies.add(rule('regex "x.*y" send hex 06', project))
+    replies.add(rule(f'regex "{pattern}" send hex 06', project))
     for _ in range(50):
         assert list(replies.take(b"x" * 4096, 0, ROOM)) == []
-    (kept,) = [each.looking for each in replies._rules]
-    assert len(kept._kept) <= LONGEST  # type: ignore[attr-defined]
+    assert len(list(replies.take(b"xy", 0, ROOM))) == 1
+
+
+def test_a_pattern_that_no_stream_can_be_asked_for_is_refused_in_one_line(project: Project) -> None:
+    with pytest.raises(UserError) as caught:
+        rule('regex "^id" send hex 06', project)
+    assert caught.value.lines() == [
+        "w: found '^id': a place in the stream, expected a pattern that a stream can be asked for"
+    ]
 
 
 def test_rules_end_one_by_one_or_all(project: Project) -> None:

@@ -235,6 +235,21 @@ def test_several_files_follow_each_other_and_the_worst_exit_code_wins(
     assert err.count("\n") == 1 and "step 1" in err and "wiat" in err and "wait" in err
 
 
+def test_a_file_that_cannot_be_loaded_has_its_json_line_as_every_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good, absent = scenario(tmp_path, "run 1", "good.toml"), str(tmp_path / "absent.toml")
+    wrong = scenario(tmp_path, "wiat 5\nfrob", "wrong.toml")
+    assert main(["scenario", wrong, absent, good, "--format", "jsonl"]) == 2
+    out, err = capsys.readouterr()
+    told = [line for line in map(json.loads, out.splitlines()) if "scenario" in line]
+    assert [(line["passed"], line["scans"]) for line in told] == [(False, 0), (False, 0), (True, 1)]
+    assert [line["scenario"] for line in told[:2]] == [wrong, absent]
+    failures = [failure for line in told[:2] for failure in line["failures"]]
+    assert [failure["found"] for failure in failures] == err.splitlines() and len(failures) == 3
+    assert {(failure["step"], failure["line"]) for failure in failures} == {(0, "")}
+
+
 def test_mistakes_of_all_lines_are_told_together_at_most_ten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

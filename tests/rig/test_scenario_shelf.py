@@ -98,3 +98,12 @@ def test_a_file_that_is_wrong_shows_nothing(text: str, tmp_path: Path) -> None:
 def test_without_configs_the_shelf_is_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("trcvtui.rig.scenario_shelf.ROOT", tmp_path)
     assert scenarios_of("baosky") == {}
+
+
+def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
+    whole = scenarios_of("baosky")
+    for code in (0x7006, 0x80A7, 0x80C5):
+        of_code = {shown: files for shown, files in whole.items() if shown[0] == code}
+        found = scenarios_of("baosky", code)
+        assert of_code
+        assert {shown: files for shown, files in found.items() if shown[0] == code} == of_code

@@ -90,7 +90,7 @@ class Looker:
         """Return what stands inside one pane."""
         region = self.app.main.query_one(f"#{id}").region
         lines = self.text.splitlines()[region.y : region.bottom]
-        return "\n".join(line[region.x : region.right].strip(" │") for line in lines)
+        return "\n".join(line[region.x : region.right].strip(" │┃") for line in lines)
 
     def words(self, id: str) -> str:
         """Return what stands inside one pane, its lines put together."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.notes import BytesReceived, ConnectionNote, What
 from trcvtui.plc.ledger import Event, Line, PeerSent
 from trcvtui.tui.advice import notes_of
-from trcvtui.tui.provenance import KEPT, KEPT_LINKS, Provenance
+from trcvtui.tui.provenance import KEPT, KEPT_LINKS, MOST_PARTS, Provenance
 
 PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"
 
@@ -30,9 +32,9 @@ def sent(message: int, offset: int, size: int) -> PeerSent:
     return PeerSent("P1", message, PEER, PLC, offset, size)
 
 
-def taken(recv: int, offset: int, size: int, incarnation: int = 1) -> BytesReceived:
+def taken(recv: int, offset: int, size: int, incarnation: int = 1, instance: str = "") -> BytesReceived:
     """Return a recv call on C1."""
-    return BytesReceived("C1", incarnation, recv, offset, size)
+    return BytesReceived("C1", incarnation, recv, offset, size, instance)
 
 
 def started(job: int, offset: int, length: int = 24) -> JobStarted:
@@ -71,6 +73,44 @@ def test_bytes_of_another_incarnation_are_not_mixed_in() -> None:
     origin = ledger.origin("TRCV_C_1", of_job=False, byte=3)
     assert origin is not None
     assert (origin.recv, origin.message) == (None, None)
+
+
+def in_turns() -> Provenance:
+    """Return two jobs that read in turns: X has bytes 0-3 and 8-11, Y has 4-7; each message has three."""
+    x, y = "TRCV_C_1", "TRCV_C_2"
+    ledger = told(connected(), *(sent(n + 1, 3 * n, 3) for n in range(4)), started(1, 0, 8))
+    ledger.note(Line(8, 50, 0, JobStarted(y, 1, "C1", 1, 0, 4, False)))
+    for recv, (offset, instance) in enumerate(((0, x), (4, y), (8, x)), 1):
+        ledger.note(Line(8 + recv, 50 + recv, 0, taken(recv, offset, 4, instance=instance)))
+    return ledger
+
+
+@pytest.mark.parametrize("of_job", [True, False])
+def test_jobs_that_read_in_turns_know_their_own_bytes(of_job: bool) -> None:
+    ledger = in_turns()
+    if not of_job:
+        ledger.note(Line(20, 60, 0, ended(1, 0, 8)))
+        ledger.note(Line(21, 60, 0, JobEnded("TRCV_C_2", 1, "C1", 1, 4, 4, True, "")))
+    found = [ledger.origin("TRCV_C_1", of_job, byte) for byte in range(8)]
+    recvs = [origin.recv.number for origin in found if origin is not None and origin.recv is not None]
+    assert recvs == [1, 1, 1, 1, 3, 3, 3, 3]
+    messages = [
+        origin.message.number for origin in found if origin is not None and origin.message is not None
+    ]
+    assert messages == [1, 1, 1, 2, 3, 4, 4, 4]
+    assert ledger.message_starts("TRCV_C_1", of_job) == {0, 3, 5}
+    first = ledger.origin("TRCV_C_2", of_job, 0)
+    assert first is not None and first.recv is not None and first.message is not None
+    assert (first.recv.number, first.message.number, first.message_byte) == (2, 2, 1)
+    assert ledger.message_starts("TRCV_C_2", of_job) == {2}
+
+
+def test_a_job_that_was_cut_very_often_costs_no_more_memory() -> None:
+    ledger = told(connected(), started(1, 0, 10_000))
+    for n in range(1000):
+        ledger.note(Line(n, n, 0, taken(n, 2 * n, 1, instance="TRCV_C_1")))
+    assert len(ledger._parts["TRCV_C_1"]) == MOST_PARTS + 1
+    assert ledger.origin("TRCV_C_1", of_job=True, byte=5) is not None
 
 
 def test_what_is_remembered_is_bounded() -> None:

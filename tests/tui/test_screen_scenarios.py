@@ -115,6 +115,16 @@ async def test_a_broken_file_says_its_first_problem_and_is_not_loaded(size: tupl
         assert stage.driver.console.bench.runtime.scans == 20, "the bench is the one that it was"
 
 
+async def test_n_pressed_fast_takes_a_step_for_every_key() -> None:
+    async with scenarios() as stage:
+        await stage.choose("frame")
+        await stage.press("enter", *"nnnn")
+        await stage.scan(500)
+        player = stage.driver.console.player
+        assert player is not None
+        assert player.snapshot().current == 4
+
+
 async def test_a_filter_acts_while_it_is_typed_and_escape_drops_it() -> None:
     async with scenarios() as stage:
         await stage.press("slash", *"hopes")

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 
 import pytest
 
-from tests.tui.fakes import connections, peers, picture, receiving
+from tests.rig.scenarios import CONFIGS
+from tests.tui.fakes import bench_project, connections, peers, picture, receiving
 from tests.tui.looking import BOTH, WIDE, looking
+from trcvtui.plc.project_file import read_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture
+from trcvtui.tui.widgets.function_block import LATE_S
 
 
 def sending(unacknowledged: int | None = 4000, have: int = 0, need: int = 0) -> Picture:
@@ -50,13 +56,50 @@ async def test_what_the_system_does_not_say_is_left_out() -> None:
         assert "12000 B accepted · 7777 read by P1" in looker.text
 
 
-@pytest.mark.parametrize(("interval", "range_"), [(1, "2–3"), (10, "20–30")])
-async def test_beside_the_keep_alive_stands_when_a_dead_link_shows(interval: int, range_: str) -> None:
-    shown = sending()
+@pytest.mark.parametrize(
+    ("interval", "unacknowledged", "words"),
+    [
+        (1, 0, "keep-alive 1 s: dead link in 2–3 s"),
+        (10, 0, "keep-alive 10 s: dead link in 20–30 s"),
+        (10, None, "keep-alive 10 s: dead link in 20–30 s"),
+        (1, 4000, "unacknowledged: dead link in 3–5 s"),
+        (10, 4000, "unacknowledged: dead link in 30–32 s"),
+    ],
+)
+async def test_beside_the_wire_stands_when_a_dead_link_shows(
+    interval: int, unacknowledged: int | None, words: str
+) -> None:
+    shown = sending(unacknowledged)
     up = replace(shown.snapshot.connections[0], keep_alive_s=interval)
     shown = replace(shown, snapshot=replace(shown.snapshot, connections=(up,)))
     async with looking(WIDE, shown) as looker:
-        assert f"keep-alive {interval} s: dead link in {range_} s" in looker.text
+        assert words in looker.text
+
+
+async def test_without_the_limit_a_dead_link_takes_minutes_while_bytes_are_unacknowledged() -> None:
+    project = bench_project()
+    unlimited = replace(project, options={**project.options, "user_timeout": False})
+    async with looking(WIDE, replace(sending(), project=unlimited)) as looker:
+        assert "unacknowledged: dead link in minutes" in looker.text
+
+
+@pytest.mark.parametrize("interval", [1, 5, 10])
+def test_a_dead_link_shows_when_the_wire_line_says(interval: int) -> None:
+    content = tomllib.loads((CONFIGS / "scenarios/baosky/80ab-tsend-link-down-sending.toml").read_text())
+    del content["scenario"]
+    content["connect"][0]["KeepAliveTimeInterval"] = interval
+    bench = LocalDriver(Bench(read_project(content, "b.toml", CONFIGS), "sim"))
+
+    up = "set TSEND_C_1 CONT=1", "run 3", "peer P1 connect", "run 3"
+    for line in (*up, "link C1 down", "pulse TSEND_C_1 REQ", "run 1"):
+        bench.scan(int(line[4:])) if line.startswith("run") else bench.submit(line)
+    runtime = bench.console.bench.runtime
+    began, last = runtime.scans, runtime.scans + 100 * (3 * interval + LATE_S)
+    while not runtime.outputs("TSEND_C_1").error and runtime.scans < last:
+        bench.scan(1)
+    assert runtime.outputs("TSEND_C_1").error
+    assert runtime.scans - began >= 100 * 3 * interval
+    bench.console.bench.close()
 
 
 async def test_y_yanks_the_call_with_the_inputs_of_now() -> None:

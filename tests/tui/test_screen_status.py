@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from tests.tui.fakes import (
     MS,
     SECOND,
@@ -19,6 +21,7 @@ from tests.tui.fakes import (
 from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
+from trcvtui.plc.ledger import BenchNote, Line
 
 
 @BOTH
@@ -37,8 +40,8 @@ async def test_j_selects_the_next_instance_for_all_panes(size: tuple[int, int]) 
         await looker.press("1", "j", "2")
         assert "2 TRCV_C_2" in looker.text
         await looker.settle()
-        assert looker.driver.requests[-1].partial_of == ("TRCV_C_2",)
-        assert looker.driver.requests[-1].data == ("small",)
+        assert looker.driver.requests[-1].partial_of == ("TRCV_C_2", "TRCV_C_1")
+        assert looker.driver.requests[-1].data == ("small", "rx")
 
 
 async def test_a_click_selects_an_instance() -> None:
@@ -131,6 +134,26 @@ async def test_a_pulse_whose_line_was_skipped_glows_from_the_snapshot() -> None:
     async with looking(WIDE, picture(late, connecting(), skipped=7)) as looker:
         assert "◂915" in looker.line("DONE ", "block")
         assert "7 lines came too fast" in looker.text
+
+
+@BOTH
+@pytest.mark.parametrize("what", ["deleted", "downloaded"])
+async def test_a_new_instance_of_the_same_name_does_not_glow_with_the_pulses_of_the_old(
+    size: tuple[int, int], what: str
+) -> None:
+    error = edge(0x80C5, Condition.PARTNER_CLOSED, error=True)
+    pulse = *written((900, error), (902, received(24))), Line(3, 902, 9_010 * MS, BenchNote("TRCV_C_1", what))
+    async with looking(size, picture(lines=pulse, scan=903, t_ns=9_020 * MS)) as looker:
+        assert "◆" not in looker.line("TRCV_C_1 ")
+        assert "◂902" not in looker.text
+
+
+async def test_a_new_instance_does_not_glow_where_the_end_of_the_old_one_was_skipped() -> None:
+    pulse = written((902, received(24)), (903, armed()))
+    async with looking(WIDE, picture(lines=pulse, scan=903, t_ns=9_020 * MS)) as looker:
+        fresh = replace(receiving(), last_done_scan=None, last_rcvd_len=None, jobs_done=0)
+        await looker.show(picture(fresh, connecting(), scan=904, t_ns=9_030 * MS, skipped=7))
+        assert "◂902" not in looker.line("DONE ", "block")
 
 
 # -- the past ------------------------------------------------------------------------------------------

@@ -58,6 +58,18 @@ async def test_a_udp_peer_is_called_one(size: tuple[int, int]) -> None:
         assert "UDP" in looker.line("▸ P1") and "passive" not in looker.line("▸ P1")
 
 
+@BOTH
+async def test_a_udp_peer_is_offered_nothing_that_needs_a_connection(size: tuple[int, int]) -> None:
+    async with looking(size, udp_picture()) as looker:
+        await looker.press("7", "r", "h", "f")
+        buttons = looker.pane("peer")
+        for words in ("RST", "Half-close", "FIN", "Every split", "Connect"):
+            assert words not in buttons
+        for words in ("Send", "Listen", "Close", "Stall", "Reply"):
+            assert words in buttons
+        assert looker.lines == ["peer P1 close"]
+
+
 def test_links_and_faults_complete_to_udp_configs_and_a_new_socket_has_nobody_yet() -> None:
     project = load_project(CONFIGS / "udp.toml")
     assert complete("link U", project) == "link U1"

@@ -97,7 +97,8 @@ async def test_an_en_r_that_fell_in_mid_frame_is_named(size: tuple[int, int]) ->
     async with at_the_desk(size, *UP, *cut, "set TRCV_C_1 EN_R=1", "run 200") as desk:
         await desk.press("3", "M")
         card = desk.words("status")
-        assert "since scan 12 EN_R fell with 4 of 24 bytes collected: the stream is shifted" in card
+        assert "EN_R fell in scan 12 with 4 of 24 bytes collected; they were dropped, and this frame" in card
+        assert "begins with byte 4 of P1's message 1: the stream is shifted; COM_RST" in card
 
 
 async def test_an_edge_of_the_past_is_explained_with_its_own_numbers() -> None:
@@ -148,6 +149,39 @@ async def test_f_freezes_the_view_while_the_plc_runs_on(size: tuple[int, int]) -
         await desk.see()
         assert "FROZEN" not in desk.header
         assert "the last one came 0.9 s ago" in desk.words("status")
+
+
+@BOTH
+async def test_another_instance_of_a_frozen_view_shows_its_own_bytes_of_then(size: tuple[int, int]) -> None:
+    lines = "write small hex 0102030405060708", "set TRCV_C_2 CONT=1"
+    async with at_the_desk(size, *UP, *lines, "run 1") as desk:
+        await desk.press("F")
+        await desk.do("write small hex FFFFFFFFFFFFFFFF", "run 100")
+        await desk.press("1", "down", "5")
+        assert desk.app.scene.selected == "TRCV_C_2"
+        assert "01 02 03 04 05 06 07 08" in desk.words("data")
+        assert "FROZEN at scan 9" in desk.header
+        await desk.press("F")
+        await desk.see()
+        assert "ff ff ff ff ff ff ff ff" in desk.words("data")
+
+
+async def test_a_frozen_view_says_whose_bytes_it_has_not_kept() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("F", "1", "down", "5")
+        assert looker.app.scene.selected == "TRCV_C_2"
+        assert "its bytes were not kept when the view froze: F shows those of now" in looker.pane("received")
+        await looker.press("1", "up", "5")
+        assert "not kept" not in looker.pane("received")
+
+
+async def test_what_comes_along_for_a_frozen_view_is_bounded() -> None:
+    many = [replace(receiving(), name=f"R{n}", data="rx") for n in range(300)]
+    large = replace(receiving(), name="L", data="small")
+    async with looking(WIDE, picture(receiving(), large, *many)) as looker:
+        looker.app.scene._sizes["small"] = 65_535
+        assert looker.app.scene.request().data == ("rx",)
+        assert looker.app.scene.request().partial_of == ("TRCV_C_1", *(f"R{n}" for n in range(16)))
 
 
 async def test_no_edge_of_a_frozen_time_is_lost() -> None:

@@ -19,6 +19,7 @@ REACH_TEXT: Final = {
     Reach.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
 }
 MOST_TELLING: Final = 3
+NOTE: Final = "note-"  # so begins the name of a scenario for a note of the manual
 
 Shelf = Mapping[tuple[int, str], Sequence[str]]  # a code and a block: the scenario files that show it
 NO_SCENARIOS: Final[Shelf] = {}
@@ -35,12 +36,18 @@ class Explained:
     def telling(self) -> tuple[str, ...]:
         """Return the scenarios named for this code, first those whose name begins with it.
 
-        Where none is named for it: the first few that show it.
+        Behind them, of an error: a few that play a note of the manual. Where there are none: the first few.
         """
         code = self.row.word[3:]
         places = {file: file.rpartition("/")[2].upper().find(code) for file in self.scenarios}
         named = [file for file, place in places.items() if place >= 0]
-        return tuple(sorted(named, key=lambda file: places[file] > 0) or self.scenarios[:MOST_TELLING])
+        named.sort(key=lambda file: places[file] > 0)
+        notes = [file for file in self.scenarios if _plays_a_note(file) and file not in named]
+        return (*named, *notes[: MOST_TELLING if self.row.error else 0]) or self.scenarios[:MOST_TELLING]
+
+
+def _plays_a_note(file: str) -> bool:
+    return file.rpartition("/")[2].startswith(NOTE)
 
 
 def parse_code(text: str) -> int:

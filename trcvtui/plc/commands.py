@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.project import DataDecl, InstanceDecl
 
 PinValue = bool | int
@@ -61,6 +63,13 @@ class CreateInstance:
 
 
 @dataclass(frozen=True, slots=True)
+class Declare:
+    """One more global variable, CONNECT, UDP_CONFIG or ADDR; no instance has it yet."""
+
+    decl: DataDecl | ConnectConfig | UdpConfig | AddrParam
+
+
+@dataclass(frozen=True, slots=True)
 class DeleteInstance:
     """The instance is gone; its connection stays, and so does the lock of a job that runs."""
 
@@ -92,6 +101,7 @@ Command = (
     | PlcStop
     | PlcRun
     | CreateInstance
+    | Declare
     | DeleteInstance
     | DownloadInstance
     | ResizeData

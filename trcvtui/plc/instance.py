@@ -63,6 +63,7 @@ class Instance:
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
+        self._seen: tuple[object, ...] = ()
         self.fresh()
 
     def fresh(self) -> None:
@@ -185,7 +186,16 @@ class Instance:
         return self._block.job.partial()
 
     def snapshot(self) -> InstanceSnapshot:
-        """Return the frozen picture of this instance."""
+        """Return the frozen picture of this instance; the same object while nothing has changed."""
+        job = self._block.job
+        progress = job.running, job.have, job.need, job.adhoc, job.last_bytes
+        counts = self.since_scan, self.jobs_done, self.errors, self.last_done, self.last_error
+        seen = self.outcome, self.outputs, self.data, (*self.inputs.values(),), progress, counts
+        if seen != self._seen:
+            self._seen, self._snapshot = seen, self._taken()
+        return self._snapshot
+
+    def _taken(self) -> InstanceSnapshot:
         job, out = self._block.job, self.outputs
         done, error = self.last_done or (None, None), self.last_error or (None, None)
         return InstanceSnapshot(

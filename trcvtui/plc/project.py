@@ -131,6 +131,7 @@ class Project:
     instances: tuple[InstanceDecl, ...] = ()
     peers: tuple[PeerDecl, ...] = ()
     start: str = ""
+    program: str = ""  # what the PLC's program writes by itself, scan by scan
     sim: SimDecl = SimDecl()
     udp_configs: tuple[UdpConfig, ...] = ()
     addrs: tuple[AddrParam, ...] = ()

@@ -16,7 +16,7 @@ from trcvtui.plc.toml_file import read_toml
 KEYS: Final = (
     "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
     "message", "sequence",
-    "start", "sim", "constants",
+    "start", "program", "sim", "constants",
 )  # fmt: skip
 
 
@@ -93,6 +93,7 @@ def _checked(reader: Reader, top: Table) -> Project:
     body = reader.body(head)
     sim = reader.sim()
     start = top.get("start", TEXT, "")
+    program = top.get("program", TEXT, "")
     if reader.problems:
         # A bad UDT is told once, however many variables have it.
         raise UserError(dict.fromkeys(reader.problems))
@@ -112,6 +113,7 @@ def _checked(reader: Reader, top: Table) -> Project:
         instances=body.instances,
         peers=body.peers,
         start=start,
+        program=program,
         sim=sim,
         udp_configs=body.udp_configs,
         addrs=body.addrs,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.plc.names import expected_name, parse_reference
-from trcvtui.plc.tables import Table, shown
+from trcvtui.plc.tables import TRUTH, Given, Table, shown
 
 WORDS: Final = ("peer",)
 Named = tuple[str, Sequence[Table]]  # kind of table, its tables
@@ -59,7 +59,7 @@ class Names:
         name = parse_reference(table.text("remote"))
         if name is None:
             return
-        if table.peek("udp") is True:
+        if _is_true(table.peek("udp")):
             _check(table, "remote", name, self.udp_configs, "UDP_CONFIG")
         else:
             _check(table, "remote", name, self.connects, "CONNECT")
@@ -83,6 +83,10 @@ class Names:
             name = table.text(key)
             if name is not None:
                 _check(table, key, name, names, what)
+
+
+def _is_true(value: object) -> bool:
+    return bool(TRUTH.from_text(value.text) if isinstance(value, Given) else TRUTH.read(value))
 
 
 def _check(table: Table, key: str, name: str, names: Sequence[str], what: str) -> None:

@@ -15,16 +15,18 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.udp_binding import UdpBinding
+from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.faults import FaultyKernel
 from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
-from trcvtui.net.udp_config import RemoteAddress
+from trcvtui.net.udp_config import AddrParam, RemoteAddress, UdpConfig
 from trcvtui.net.udp_port import UdpPort
 from trcvtui.plc.commands import (
     BlinkInput,
     Command,
     CreateInstance,
+    Declare,
     DeleteInstance,
     DownloadInstance,
     PlcRun,
@@ -36,7 +38,7 @@ from trcvtui.plc.commands import (
 )
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
-from trcvtui.plc.project import InstanceDecl, Project
+from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.roster import Roster
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, SentBytes, Snapshot
 from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
@@ -66,30 +68,24 @@ class Runtime:
         self._resources = resources
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
+        self._resolve = self._resolver(resolve_peer)
         self._data = {d.name: DataArea(d.name, d.type_name, d.size) for d in project.data}
-        self._connections = {
-            config.name: Connection(
-                config,
-                kernel,
-                resources,
-                project.rules.policy,
-                self._resolver(resolve_peer),
-                self.ledger.write,
-            )
-            for config in project.connects
-        }
-        self._ports = {
-            config.name: UdpPort(
-                config, kernel, project.rules.policy, self._resolver(resolve_peer), self.ledger.write
-            )
-            for config in project.udp_configs
-        }
+        self._connections = {config.name: self._connection(config) for config in project.connects}
+        self._ports = {config.name: self._port(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._roster = self._new_roster()
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
         self._connection_snapshots = {n: self._link_snapshot(n) for n in (*self._connections, *self._ports)}
         self._data_snapshots = {name: _data_snapshot(data) for name, data in self._data.items()}
+
+    def _connection(self, config: ConnectConfig) -> Connection:
+        policy, journal = self._project.rules.policy, self.ledger.write
+        return Connection(config, self._kernel, self._resources, policy, self._resolve, journal)
+
+    def _port(self, config: UdpConfig) -> UdpPort:
+        policy, journal = self._project.rules.policy, self.ledger.write
+        return UdpPort(config, self._kernel, policy, self._resolve, journal)
 
     def _instance(self, decl: InstanceDecl) -> Instance:
         return Instance(decl, self._binding(decl), self.ledger.write)
@@ -133,6 +129,8 @@ class Runtime:
         if connect in self._ports:
             local = self._ports[connect].local
             return local.port if local else None
+        if connect not in self._connections:
+            return None  # it is declared by the next scan
         set_up = self._connections[connect].set_up
         return set_up.local.port if set_up.listener is not None and set_up.local else None
 
@@ -155,7 +153,8 @@ class Runtime:
 
     def data(self, name: str, most: int | None = None) -> bytes:
         """Return a copy of a global variable, or of its first `most` bytes."""
-        return bytes(memoryview(self._data[name].content)[:most])
+        data = self._data.get(name)  # None: it is declared by the next scan
+        return bytes(memoryview(data.content)[:most]) if data else b""
 
     def data_part(self, name: str, start: int, stop: int) -> bytes:
         """Return a copy of some bytes of a global variable, as far as it goes."""
@@ -246,6 +245,8 @@ class Runtime:
                 self._run()
             case CreateInstance(decl):
                 self._create(decl)
+            case Declare(declared):
+                self._declare(declared)
             case DeleteInstance(name):
                 self._delete(name)
             case DownloadInstance(name):
@@ -259,6 +260,22 @@ class Runtime:
         self._instance_snapshots[decl.name] = instance.snapshot()
         self._roster = self._new_roster()
         self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
+
+    def _declare(self, decl: DataDecl | ConnectConfig | UdpConfig | AddrParam) -> None:
+        match decl:
+            case DataDecl(name, type_name):
+                data = self._data[name] = DataArea(name, type_name, decl.size)
+                self._data_snapshots[name] = _data_snapshot(data)
+            case ConnectConfig(name):
+                self._connections[name] = self._connection(decl)
+                self._connection_snapshots[name] = self._link_snapshot(name)
+            case UdpConfig(name):
+                self._ports[name] = self._port(decl)
+                self._connection_snapshots[name] = self._link_snapshot(name)
+            case AddrParam(name):
+                self._addrs[name] = RemoteAddress(decl)
+        self._roster = self._new_roster()
+        self.ledger.write(BenchNote(decl.name, "declared"))
 
     def _delete(self, name: str) -> None:
         instance = self._instances.pop(name)

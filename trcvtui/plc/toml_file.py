@@ -15,7 +15,7 @@ _PLACE: Final = re.compile(r"(.*) \(at (.*)\)", re.DOTALL)
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the document of a TOML file; raise UserError when it cannot be read or is no TOML."""
-    return parse_toml(_text(path), str(path))
+    return parse_toml(read_text(path), str(path))
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
@@ -32,7 +32,8 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise mistake(where, "brackets nested too deeply", "TOML 1.0") from None
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the text of a TOML file; raise UserError when it cannot be read."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)

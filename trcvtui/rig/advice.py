@@ -15,6 +15,7 @@ from trcvtui.plc.snapshot import SENDERS
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig import advice_receive as receive
+from trcvtui.rig import advice_udp as udp
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.wording import count
 
@@ -71,13 +72,20 @@ class Advice:
 
 def advice_on(e: Evidence) -> Advice:
     """Return what the evidence proves."""
-    told = (rule(e) for rule in NEXT.get(Condition(e.condition), (link.injected,)))
+    told = (rule(e) for rule in _rules(e))
     return Advice(why(e), tuple(dict.fromkeys(sentence for sentence in told if sentence)))
+
+
+def _rules(e: Evidence) -> tuple[Rule, ...]:
+    """Return what is asked; of datagrams something else than of a stream."""
+    condition = Condition(e.condition)
+    of_datagrams = udp.NEXT.get(condition) if e.block in udp.UDP_BLOCKS else None
+    return of_datagrams or NEXT.get(condition, (link.injected,))
 
 
 def why(e: Evidence) -> str:
     """Return why it is shown: how things stand now, and where nothing is known of that, the edge's cause."""
-    rule = NOW.get(Condition(e.condition))
+    rule = (udp.NOW if e.block in udp.UDP_BLOCKS else NOW).get(Condition(e.condition))
     stands = rule(e) if rule is not None and (e.need or rule is link.who_is_waited_for) else ""
     if not stands:
         return because(e.cause, e.block)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.rig.evidence import Evidence
+from trcvtui.rig.facts import Drop, Facts
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.wording import age, count
 
@@ -105,18 +106,27 @@ def no_data(e: Evidence) -> str:
 
 def nobody_reads_here(e: Evidence) -> str:
     """Connected, EN_R is 0, and the stream was left in the middle of a frame."""
-    if e.pin("EN_R") != 0 or e.condition != "connected":
+    is_off = e.cause.value == 0 if e.cause.pin == "EN_R" and e.is_past else e.pin("EN_R") == 0
+    if not is_off or e.condition != "connected":
         return ""
     drop = e.facts.drop
     if drop is None:
         return "EN_R is 0: what arrives now waits unread in the socket, nothing is lost"
     text = f"EN_R fell in scan {drop.at.scan} with {drop.have} of {count(drop.need, 'byte')} collected"
-    if e.facts.drop_cuts is False:
-        return f"{text}; they are dropped, and the next frame begins with a message"
-    surely = "" if e.facts.drop_cuts else "may "
-    begins = "begins" if e.facts.drop_cuts else "begin"
-    where = f"the next frame {surely}{begins} in the middle of a message: COM_RST before EN_R=1"
-    return f"{text}; they are dropped, and {where}"
+    return f"{text}; they are dropped, and the next frame {_begins(e.facts, drop)}"
+
+
+def _begins(facts: Facts, drop: Drop) -> str:
+    """Return with what the frame behind a drop begins."""
+    if facts.drop_cuts is False:
+        return "begins with a message"
+    cure = "COM_RST before EN_R=1"
+    if facts.drop_cuts is None or facts.behind_drop is None:
+        return f"may begin in the middle of a message: {cure}"
+    byte, message = drop.end - facts.behind_drop.offset, facts.behind_drop.number
+    return (
+        f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}: {cure}"
+    )
 
 
 def no_edge(e: Evidence) -> str:

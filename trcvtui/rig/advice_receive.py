@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.facts import Drop
 from trcvtui.rig.wording import SECOND, age, count, rate, times
@@ -14,6 +15,7 @@ from trcvtui.rig.wording import SECOND, age, count, rate, times
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
 SLOW: Final = 2  # so many of a sender's longest pauses are waited for
 ARMED, FILLING, STUCK = "armed", "filling", "stuck"
+CURE: Final = "COM_RST (or CONT 0, then 1) puts it back in step"
 
 
 # -- how a job stands -----------------------------------------------------------------------------------
@@ -25,6 +27,11 @@ def state(e: Evidence) -> str:
         return ARMED
     patience = max(QUIET_NS, SLOW * e.facts.longest_gap_ns)
     return STUCK if e.quiet_ns is not None and e.quiet_ns >= patience else FILLING
+
+
+def is_stuck(e: Evidence) -> bool:
+    """Return whether a static frame has begun and its sender seems to have no more."""
+    return e.condition == Condition.RECEIVING and not e.adhoc and state(e) == STUCK
 
 
 def how_it_stands(e: Evidence) -> str:
@@ -88,20 +95,18 @@ def shifted_by_a_drop(e: Evidence) -> str:
     drop, facts = e.facts.drop, e.facts
     if drop is None or e.adhoc or facts.up_since is None:
         return ""
-    known = bool(facts.messages.count)
-    if known and not _cut_at(e):
+    if not facts.messages.count:
+        return f"{_drop(drop)}: unless the sender had ended a message there, the stream is shifted; {CURE}"
+    message, cut = facts.begins_in, _cut_at(e)
+    if message is None or not cut:
         return ""
-    verdict = "the stream is shifted"
-    doubt = "" if known else "unless the sender had ended a message there, "
-    return f"{_drop(drop)}: {doubt}{verdict}; {_cure()}"
+    begins = f"this frame begins with byte {cut} of {facts.sender}'s message {message.number}"
+    return f"{_drop(drop)}, and {begins}: the stream is shifted; {CURE}"
 
 
 def _drop(drop: Drop) -> str:
-    return f"since scan {drop.at.scan} {drop.reason} with {drop.have} of {count(drop.need, 'byte')} collected"
-
-
-def _cure() -> str:
-    return "disconnect (CONT 0, then 1) or COM_RST, and let the sender begin a message"
+    collected = f"{drop.have} of {count(drop.need, 'byte')} collected"
+    return f"{drop.reason} in scan {drop.at.scan} with {collected}; they were dropped"
 
 
 def shifted(e: Evidence) -> str:
@@ -137,7 +142,8 @@ def _held_back(e: Evidence, size: int, missing: int) -> str:
     if len(e.facts.messages.last) > 1 and e.done_scan is not None:
         return f"; each frame takes {count(missing, 'byte')} of the next message, so the values wander"
     whole = e.have and e.have % size == 0
-    return f"; {count(e.need - e.have, 'byte')} short, for ever" if whole and not e.is_past else ""
+    waits = f"; {count(e.need - e.have, 'byte')} stay missing"
+    return waits if whole and not e.is_past else ""
 
 
 def several_messages_a_frame(e: Evidence) -> str:

@@ -14,14 +14,16 @@ from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resour
 from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project import Project
+from trcvtui.plc.project import InstanceDecl, MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
+from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.checking import Checking
 from trcvtui.rig.peer_links import link_of
 from trcvtui.rig.picture import PeerSnapshot
-from trcvtui.rig.routine import SelfActing, read_replies, read_routines
+from trcvtui.rig.program import Program, read_program
+from trcvtui.rig.routine import SelfActing
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
 from trcvtui.rig.wire import set_link
 
@@ -45,27 +47,23 @@ class Bench:
             self._peer_port,
         )
         self.plan.fired = self._fault_fired
-        self.peers = {
-            decl.name: new_peer(
-                decl,
-                self._kernel,
-                self._listening_end,
-                self.runtime.ledger.write,
-                project.rules.policy.small_buffers,
-            )
-            for decl in project.peers
-        }
+        self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
         self._checks: dict[str, Checking] = {}
         self._self_acting = [
             SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
         ]
+        self._program = Program(read_program(project), self)
         for rule in read_replies(project):
             self.peers[rule.peer].replies.add(rule)
         for peer in self.peers.values():
             if not peer.decl.active:
                 self._must_listen(peer)
+
+    def _new_peer(self, decl: PeerDecl) -> AnyPeer:
+        small = self.project.rules.policy.small_buffers
+        return new_peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write, small)
 
     def _must_listen(self, peer: AnyPeer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""
@@ -98,6 +96,7 @@ class Bench:
         if self._sim is not None:
             self._sim.advance(self.now)
         self.step_peers()
+        self._program.go_on()
         self.runtime.scan(self.now)
         if self._checks:
             self._check_data()
@@ -145,6 +144,8 @@ class Bench:
             words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
             words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
             words.Create: lambda c: self._change(c, commands.CreateInstance(c.decl)),
+            words.Add: self._add,
+            words.AddData: lambda c: self._change(c, commands.Declare(c.decl)),
             words.Delete: lambda c: self._change(c, commands.DeleteInstance(c.instance)),
             words.Download: lambda c: self._change(c, commands.DownloadInstance(c.instance)),
             words.Resize: lambda c: self._change(c, commands.ResizeData(c.decl)),
@@ -177,6 +178,36 @@ class Bench:
         self.project = after(command, self.project)
         return self._submit(change)
 
+    def _add(self, command: words.Add) -> str:
+        wrong = ""
+        match command.decl:
+            case InstanceDecl() as decl:
+                self._submit(commands.CreateInstance(decl))
+            case PeerDecl() as decl:
+                wrong = self._add_peer(decl)
+            case MessageDecl() | SequenceDecl() as decl:
+                self.note(decl.name, "in the library")
+            case decl:
+                self._submit(commands.Declare(decl))
+        if not wrong:
+            self.project = after(command, self.project)
+            self._links = [link_of(decl, self.project) for decl in self.project.peers]
+        return wrong
+
+    def _add_peer(self, decl: PeerDecl) -> str:
+        """Let one more peer begin as those of the file do; a taken port is the user's to mend."""
+        peer = self._new_peer(decl)
+        wrong = "" if decl.active else peer.listen()
+        if wrong:
+            peer.end()
+            return wrong
+        alone = replace(self.project, peers=(decl,))
+        for rule in read_replies(alone):
+            peer.replies.add(rule)
+        self._self_acting += [SelfActing(peer, routine) for routine in read_routines(alone).values()]
+        self.peers[decl.name] = peer
+        return ""
+
     def _set(self, command: words.Set) -> str:
         for pin, value in command.pins:
             if isinstance(value, str):
@@ -199,24 +230,25 @@ class Bench:
         wrong, how = set_link(self._kernel, command.connect, command.up)
         if not wrong:
             (self._down.discard if command.up else self._down.add)(command.connect)
-            self._note(command.connect, "link up" if command.up else "link down", how)
+            self.note(command.connect, "link up" if command.up else "link down", how)
         return wrong
 
     def _fault(self, command: words.FaultOn) -> str:
         times = None if command.times == words.FOREVER else command.times
         self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
-        self._note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
+        self.note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
         return ""
 
     def _clear_faults(self, command: words.FaultClear) -> str:
         self.plan.clear()
-        self._note("bench", "faults cleared")
+        self.note("bench", "faults cleared")
         return ""
 
     def _fault_fired(self, owner: str, fault: Fault) -> None:
-        self._note(owner, "fault fired", str(fault))
+        self.note(owner, "fault fired", str(fault))
 
-    def _note(self, subject: str, what: str, detail: str = "") -> None:
+    def note(self, subject: str, what: str, detail: str = "") -> None:
+        """Write into the ledger what came from outside of the PLC."""
         self.runtime.ledger.write(BenchNote(subject, what, detail))
 
     def close(self) -> None:

@@ -15,6 +15,7 @@ from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.tables import shown, whole
 from trcvtui.rig.bench_conditions import read_expect, read_instance, read_wait
 from trcvtui.rig.bench_data import read_write
+from trcvtui.rig.bench_edit import read_add
 from trcvtui.rig.bench_instances import after, read_create, read_delete, read_download, read_resize
 from trcvtui.rig.bench_peer import read_peer_command
 from trcvtui.rig.bench_tokens import Words
@@ -199,6 +200,7 @@ VERBS: Final[dict[str, Callable[[Words, Project], BenchCommand]]] = {
     "write": read_write,
     "resize": read_resize,
     "create": read_create,
+    "add": read_add,
     "delete": read_delete,
     "download": read_download,
     "plc": _plc,

@@ -23,7 +23,7 @@ def read_any_send(words: Words, project: Project, peer: str) -> PeerSend:
     words.next("")
     name = words.next("the name of a message")
     words.finish()
-    return _send_of(_message(name, peer, project, words), peer, project)
+    return _send_of(_message(name, peer, project, words), peer, project, _place(project, name))
 
 
 def read_play(words: Words, project: Project, peer: str) -> PeerPlay:
@@ -43,8 +43,11 @@ def _message(name: str, peer: str, project: Project, words: Words) -> MessageDec
     return known[name]
 
 
-def _send_of(message: MessageDecl, peer: str, project: Project) -> PeerSend:
-    where = f"{project.path}: message {message.name}"
+def _place(project: Project, message: str) -> str:
+    return f"{project.path}: {MESSAGE} {message}"
+
+
+def _send_of(message: MessageDecl, peer: str, project: Project, where: str) -> PeerSend:
     send = read_send(Words(message.text, where), project, peer)
     return PeerSend(
         peer,
@@ -68,7 +71,8 @@ def _steps_of(
         if "#" in step:
             pause += duration(step, "", words.where)
         else:
-            steps.append((pause, _send_of(_message(step, peer, project, words), peer, project)))
+            message = _message(step, peer, project, words)
+            steps.append((pause, _send_of(message, peer, project, _place(project, step))))
             pause = 0
     return tuple(steps)
 
@@ -76,23 +80,39 @@ def _steps_of(
 def check_library(project: Project) -> None:
     """Raise UserError with every mistake in the messages and sequences of a project."""
     problems: list[Problem] = []
-    first = project.peers[0].name if project.peers else ""
     for message in project.messages:
         try:
-            _send_of(message, message.peer or first, project)
+            check_message(message, project, _place(project, message.name))
         except UserError as wrong:
             problems += wrong.problems
-    names = [message.name for message in project.messages]
     for sequence in project.sequences:
-        where = f"{project.path}: sequence {sequence.name}: steps"
-        for number, step in enumerate(sequence.steps, 1):
-            try:
-                if "#" in step:
-                    duration(step, "", f"{where} #{number}")
-                elif step not in names:
-                    expected = f"{expected_name(step, names, 'message')}, or a pause such as T#100ms"
-                    problems.append(Problem(f"{where} #{number}", shown(step), expected))
-            except UserError as wrong:
-                problems += wrong.problems
+        try:
+            check_sequence(sequence, project, f"{project.path}: sequence {sequence.name}")
+        except UserError as wrong:
+            problems += wrong.problems
+    if problems:
+        raise UserError(problems)
+
+
+def check_message(message: MessageDecl, project: Project, where: str) -> None:
+    """Raise UserError when a message says nothing that can be sent."""
+    first = project.peers[0].name if project.peers else ""
+    _send_of(message, message.peer or first, project, where)
+
+
+def check_sequence(sequence: SequenceDecl, project: Project, where: str) -> None:
+    """Raise UserError with every step that is no message and no pause."""
+    problems: list[Problem] = []
+    names = [message.name for message in project.messages]
+    for number, step in enumerate(sequence.steps, 1):
+        place = f"{where}: steps #{number}"
+        try:
+            if "#" in step:
+                duration(step, "", place)
+            elif step not in names:
+                expected = f"{expected_name(step, names, 'message')}, or a pause such as T#100ms"
+                problems.append(Problem(place, shown(step), expected))
+        except UserError as wrong:
+            problems += wrong.problems
     if problems:
         raise UserError(problems)

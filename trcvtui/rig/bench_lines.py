@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from trcvtui.rig import bench_words as words
+from trcvtui.rig.bench_edit import add_line
 from trcvtui.rig.fills import DIGITS, NUMBERS, Fill
 from trcvtui.rig.member_values import quoted
 from trcvtui.rig.reply_words import Contains, FieldIs, Match, Matches, Starts
@@ -168,6 +169,8 @@ LINES: Final[dict[type, Callable[[Any], str]]] = {
     words.Pulse: lambda c: f"pulse {c.instance} {c.pin}",
     words.Write: _write,
     words.Create: _create,
+    words.Add: add_line,
+    words.AddData: add_line,
     words.Delete: lambda c: f"delete {c.instance}",
     words.Download: lambda c: f"download {c.instance}",
     words.Resize: lambda c: f"resize {c.data} {c.type_name}",

@@ -17,10 +17,11 @@ from trcvtui.rig.bench_values import value_of
 from trcvtui.rig.bench_words import ReplyOff, ReplyOn
 from trcvtui.rig.member_values import leaf_bytes, leaf_value
 from trcvtui.rig.reply_words import Contains, FieldIs, Match, Matches, Starts
+from trcvtui.rig.stream_pattern import StreamPattern
 from trcvtui.udt.layout import lay_out
 
 MOST_RULES: Final = 64  # of one peer
-LONGEST: Final = 4096  # of what is looked for, and of the window of a pattern
+LONGEST: Final = 4096  # of what is looked for
 LONGEST_ANSWER: Final = 65536
 RULE: Final = whole(1, MOST_RULES)
 SEND: Final = "send"
@@ -82,6 +83,10 @@ def _matches(words: Words, project: Project) -> Matches:
         raise words.wrong(f"{shown(pattern)}: {wrong}", "a pattern") from None
     if found.search(b"") is not None:
         raise words.wrong(f"{shown(pattern)}, which fits where nothing is", "a pattern that needs a byte")
+    try:
+        StreamPattern(pattern.encode())
+    except ValueError as wrong:
+        raise words.wrong(f"{shown(pattern)}: {wrong}", "a pattern that a stream can be asked for") from None
     return Matches(pattern)
 
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from trcvtui.plc.project import DataDecl, InstanceDecl
+from trcvtui.rig.edit_words import Add as Add
+from trcvtui.rig.edit_words import AddData as AddData
 from trcvtui.rig.fills import Fill
 from trcvtui.rig.reply_words import Match
 from trcvtui.rig.trace_pattern import TracePattern
@@ -342,6 +344,8 @@ BenchCommand = (
     | Write
     | Create
     | Delete
+    | Add
+    | AddData
     | Download
     | Resize
     | PlcStop

@@ -2,13 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Protocol
+
+from trcvtui.plc.project import Project
+from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
-from trcvtui.rig.assembly import Bench
+from trcvtui.rig.udp_peer import AnyPeer
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode_leaves
 
 
-def holds(bench: Bench, condition: words.Condition) -> bool:
+class Watched(Protocol):
+    """What a condition looks at of a bench."""
+
+    @property
+    def project(self) -> Project:
+        """Return what stands on it."""
+        ...
+
+    @property
+    def runtime(self) -> Runtime:
+        """Return its PLC."""
+        ...
+
+    @property
+    def peers(self) -> Mapping[str, AnyPeer]:
+        """Return its peers by name."""
+        ...
+
+
+def holds(bench: Watched, condition: words.Condition) -> bool:
     """Return whether a condition holds after the last finished scan."""
     match condition:
         case words.PinsAre(instance, pins):
@@ -23,7 +47,7 @@ def holds(bench: Bench, condition: words.Condition) -> bool:
             return _same(_member(bench, data, path), value)
 
 
-def found(bench: Bench, condition: words.Condition) -> str:
+def found(bench: Watched, condition: words.Condition) -> str:
     """Return what stands there instead, in the words of the condition."""
     match condition:
         case words.PinsAre(instance, pins):
@@ -38,7 +62,7 @@ def found(bench: Bench, condition: words.Condition) -> str:
             return str(_member(bench, data, path))
 
 
-def pin_now(bench: Bench, instance: str, pin: str) -> bool | int:
+def pin_now(bench: Watched, instance: str, pin: str) -> bool | int:
     """Return the value of a pin, an input or an output, after the last finished scan."""
     out = bench.runtime.outputs(instance)
     outputs: dict[str, bool | int] = {
@@ -65,7 +89,7 @@ def _same(found: Value | None, expected: Value) -> bool:
     return bool(found == expected) or (found != found and expected != expected)
 
 
-def _member(bench: Bench, data: str, path: str) -> Value | None:
+def _member(bench: Watched, data: str, path: str) -> Value | None:
     decl = bench.project.data_decl(data)
     assert decl is not None
     number = decl.layout.number_of(path)

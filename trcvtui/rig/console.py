@@ -7,6 +7,7 @@ gets a fresh one too. There is always exactly one bench.
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +21,7 @@ from trcvtui.rig.history_reader import HistoryReader
 from trcvtui.rig.job_history import JobHistory
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
+from trcvtui.rig.project_edits import Edits
 from trcvtui.rig.scenario import load_scenario, start_steps
 from trcvtui.rig.session import Session
 from trcvtui.rig.trial import Trials
@@ -34,9 +36,10 @@ MOST_DATA: Final = (
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
 SAVE: Final = "save"
-SAVE_LINES: Final = "save scenario FILE"
+SAVE_LINES: Final = "save scenario FILE, or save project [FILE] [!]"
 TRIGGER: Final = "trigger"
 SCENARIO: Final = "scenario"
+PROJECT: Final = "project"
 SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
 
 
@@ -64,7 +67,9 @@ class Console:
         self._history = HistoryReader(self._jobs)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
-        self._home = bench.project, bench.kernel_name
+        self._edits = Edits(bench.project)
+        self._home_kernel = bench.kernel_name
+        self._begun_with = 0  # so many additions stood on the bench before its first scan
         self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
         self._bench_number = 0
         self._project = bench.project
@@ -115,10 +120,25 @@ class Console:
                 return self._trials.begin(self.bench, command)
             case words.TryStop():
                 return self._trials.stop()
+            case words.Add() | words.AddData():
+                return self._add(command)
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
             case _:
                 return self.bench.do(command)
+
+    def _add(self, command: words.Add | words.AddData) -> str:
+        """Add to the bench and to the project; the bench of a scenario is nobody's project."""
+        if self.player is not None:
+            return self.bench.do(command)
+        try:
+            self._edits.check(command)
+        except UserError as error:
+            return error.lines()[0]
+        wrong = self.bench.do(command)
+        if not wrong:
+            self._edits.note(command)
+        return wrong
 
     def _pass(self, scans: int) -> str:
         if not self.holding:
@@ -134,15 +154,25 @@ class Console:
         return ""
 
     def _save(self, rest: str) -> str:
-        """Write what was done here as a scenario; only a file that was written from here is written over."""
+        """Write the project, or what was done here as a scenario; of others' files none is written over."""
         from trcvtui.rig.session_file import scenario_text, target, write_new  # read when first asked for
 
         what, _, name = rest.partition(" ")
-        if what != SCENARIO or not name.strip():
+        if what != PROJECT and (what != SCENARIO or not name.strip()):
             raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_LINES)
         if self.player is not None:
             raise mistake(
                 "prompt", "a scenario on the bench", "a session of your own: leave the scenario first"
+            )
+        if what == PROJECT:
+            self._told = self._edits.save(name)
+            saved = self._edits.project
+            self.bench.project = replace(self.bench.project, path=saved.path, base=saved.base)
+            return ""
+        if self._edits.saved != self._begun_with:
+            found = "a project file that does not say what this session began with"
+            raise mistake(
+                "prompt", found, "`save scenario` before `save project`, or a session begun behind it"
             )
         path = target(name)
         text = scenario_text(self.session, self.bench, path)
@@ -189,7 +219,8 @@ class Console:
 
     def _go_home(self) -> None:
         self.bench.close()
-        self._enter(fresh_bench(*self._home))
+        self._enter(fresh_bench(self._edits.project, self._home_kernel))
+        self._begun_with = self._edits.done
 
     def _enter(self, bench: Bench) -> None:
         self.bench, self.player, self.session = bench, None, Session(bench)
@@ -270,6 +301,7 @@ class Console:
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
             waves=self._wave_news(request.waves, known),
             history=self._history.window(request.history) if request.history and known else None,
+            unsaved=self._edits.unsaved,
         )
         return self._watching.completed(picture, request.partial_of, since) if known else picture
 

@@ -85,6 +85,7 @@ class _Link:
         self.turned: dict[str, TurnedAway] = {}
         self.loss: Loss | None = None
         self.losses = 0
+        self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
         self.begin_stream()
 
     def begin_stream(self) -> None:
@@ -93,6 +94,20 @@ class _Link:
         self.received = 0
         self.drop: Drop | None = None
         self.drops = 0
+
+
+class _Datagrams:
+    """What came to one UDP socket: a recv call is a datagram."""
+
+    def __init__(self, at: Moment) -> None:
+        self.open_since = at
+        self.count = 0
+        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
+
+    @property
+    def sizes(self) -> Sizes:
+        """Return the sizes."""
+        return Sizes(self.count, tuple(self.last))
 
 
 class FactBook:
@@ -135,6 +150,9 @@ class FactBook:
     def _bytes(self, scan: int, t_ns: int, event: BytesReceived) -> None:
         link = self._links.get(event.connection) or self._link(event.connection)
         link.received = event.offset + event.size
+        if link.datagrams is not None:
+            link.datagrams.count += 1
+            link.datagrams.last.append(event.size)
         bursts = link.bursts
         if bursts.scan == scan:
             bursts.size += event.size
@@ -171,6 +189,8 @@ class FactBook:
             before = link.turned.get(TURNED_AWAY[event.what])
             count = before.count + 1 if before else 1
             link.turned[TURNED_AWAY[event.what]] = TurnedAway(count, event.peer, at)
+        elif event.what is What.LISTENING and event.detail == "UDP":
+            link.datagrams = _Datagrams(at)
         elif event.what in (What.LISTENING, What.CONNECTING):
             link.down_since = link.down_since or at
 
@@ -209,8 +229,10 @@ class FactBook:
         link = self._links.get(connect)
         if link is None:
             return Facts()
-        bursts = link.bursts
+        bursts, datagrams = link.bursts, link.datagrams
         known = Facts(
+            datagrams=datagrams.sizes if datagrams is not None else Sizes(),
+            open_since=datagrams.open_since if datagrams is not None else None,
             bursts=bursts.sizes,
             longest_gap_ns=max(bursts.gaps, default=0),
             received=link.received,
@@ -242,7 +264,8 @@ class FactBook:
         if link.drop is None:
             return known
         behind = sent.at(link.drop.end)
-        return replace(known, drop_cuts=behind is not None and behind.offset < link.drop.end)
+        cuts = behind is not None and behind.offset < link.drop.end
+        return replace(known, drop_cuts=cuts, behind_drop=behind)
 
 
 def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, Moment]:

@@ -101,6 +101,7 @@ class Facts:
     drop: Drop | None = None
     drops: int = 0
     drop_cuts: bool | None = None  # whether a message goes on behind the last drop
+    behind_drop: Message | None = None  # the message that holds the first byte behind it
     up_since: Moment | None = None
     down_since: Moment | None = None
     failures: tuple[Failures, ...] = ()
@@ -108,6 +109,8 @@ class Facts:
     second_client: TurnedAway | None = None
     loss: Loss | None = None
     losses: int = 0
+    datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
+    open_since: Moment | None = None  # that socket
 
 
 @dataclass(frozen=True, slots=True)

@@ -223,6 +223,7 @@ class Picture:
     trial: TrialSnapshot | None = None
     waves: tuple[WaveNews, ...] = ()
     history: HistoryWindow | None = None
+    unsaved: int = 0  # additions to the project that are in no file
     facts: tuple[tuple[str, Facts], ...] = ()
     armed: str = ""
     fired: Fired | None = None

@@ -35,6 +35,7 @@ class Player:
         self._current = 0
         self._under_way: Iterator[None] | None = None
         self._scans = 0  # that have passed in the step under way
+        self._wanted = 0  # steps that were asked for while one was under way
         while not self.is_finished and self._steps[self._current].number == START_STEP:
             self.step()
 
@@ -53,15 +54,16 @@ class Player:
         return self._under_way is not None
 
     def step(self) -> None:
-        """Begin the next step; a run to the end stops behind the step under way."""
+        """Begin the next step, behind the one under way; a run to the end stops behind that one."""
+        if not self.is_to_end and not self.is_finished:
+            self._wanted += 1
         self.is_to_end = False
-        if self._under_way is None and not self.is_finished:
-            self._begin()
+        if self._under_way is None:
             self._go_on()
 
     def run(self) -> None:
         """Take all steps that are left."""
-        self.is_to_end = True
+        self.is_to_end, self._wanted = True, 0
         if self._under_way is None:
             self._go_on()
 
@@ -75,8 +77,9 @@ class Player:
     def _go_on(self) -> None:
         while True:
             if self._under_way is None:
-                if self.is_finished or not self.is_to_end:
+                if self.is_finished or not (self.is_to_end or self._wanted):
                     return
+                self._wanted -= 1 if self._wanted else 0
                 self._begin()
             for _ in self._under_way or ():
                 return  # one scan has to pass

@@ -1,21 +1,21 @@
 """What a peer answers by itself: rules over the stream it receives, in whatever pieces that comes.
 
-Bounds: a rule keeps less than what it looks for, a pattern its window of LONGEST bytes, a field one UDT. What
-there is no room to answer is counted as missed.
+Bounds: a rule keeps less than what it looks for, a pattern no byte but where it stands (stream_pattern), a
+field one UDT. What there is no room to answer is counted as missed.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 from trcvtui.rig.bench_lines import rule_text
-from trcvtui.rig.bench_reply import LONGEST, MOST_RULES
+from trcvtui.rig.bench_reply import MOST_RULES
 from trcvtui.rig.bench_words import PeerSend, ReplyOn
 from trcvtui.rig.picture import ReplySnapshot
 from trcvtui.rig.reply_words import Contains, FieldIs, Match, Matches, Starts
+from trcvtui.rig.stream_pattern import StreamPattern
 from trcvtui.udt.decode import decode_leaves
 
 
@@ -77,21 +77,13 @@ class _Started:
 
 class _Matched:
     def __init__(self, match: Matches) -> None:
-        self._pattern = re.compile(match.pattern.encode())
-        self._kept = b""
+        self._pattern = StreamPattern(match.pattern.encode())
 
     def begin(self) -> None:
-        self._kept = b""
+        self._pattern.begin()
 
     def take(self, arrived: bytes, now: int) -> int:
-        hits = 0
-        for start in range(0, len(arrived), LONGEST):
-            content, at = self._kept + arrived[start : start + LONGEST], 0
-            for found in self._pattern.finditer(content):
-                if found[0]:
-                    hits, at = hits + 1, found.end()
-            self._kept = content[max(at, len(content) - LONGEST) :]
-        return hits
+        return self._pattern.take(arrived)
 
 
 class _Frames:

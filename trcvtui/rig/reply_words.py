@@ -26,7 +26,7 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class Matches:
-    """`regex "id=[0-9]+;"`: a pattern over the last bytes of the stream; `pattern` as between the quotes."""
+    """`regex "id=[0-9]+;"`: a pattern over the stream, found with its last byte; as between the quotes."""
 
     pattern: str
 

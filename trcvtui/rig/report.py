@@ -14,6 +14,7 @@ from trcvtui.rig.delivery import NONE_SENT, Delivery
 from trcvtui.rig.junit import Junit
 from trcvtui.rig.runner import Verdict
 from trcvtui.rig.scenario import Scenario
+from trcvtui.rig.stage import Failure
 
 Write = Callable[[str], object]
 
@@ -135,8 +136,20 @@ class Following:
         """Write nothing: the last file ended with its own line."""
 
 
+class FollowingJson(Following):
+    """The document of JSON lines: a file that could not be run has its line, too."""
+
+    def __init__(self, write: Write) -> None:
+        super().__init__(write, JsonLines)
+
+    def wrong(self, path: Path, error: UserError) -> None:
+        """Write the line of the file; step 0 is none of its steps."""
+        failures = tuple(Failure(0, "", line) for line in error.lines())
+        self._report(self._write, 0).verdict(Verdict(str(path), 0, failures, (), ()))
+
+
 FORMATS: Final[dict[str, Callable[[Write], Document]]] = {
     "text": lambda write: Following(write, Text),
-    "jsonl": lambda write: Following(write, JsonLines),
+    "jsonl": FollowingJson,
     "junit": Junit,
 }

@@ -14,8 +14,9 @@ from trcvtui.plc.tables import TEXT, Table
 from trcvtui.rig.bench import parse_script
 from trcvtui.rig.bench_instances import after
 from trcvtui.rig.bench_library import check_library
+from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.bench_words import BenchCommand, Expect, ExpectTrace, RunFor, RunScans, Step, TrySplits, Wait
-from trcvtui.rig.routine import read_replies, read_routines
+from trcvtui.rig.program import read_program
 
 T = TypeVar("T")
 
@@ -43,6 +44,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
     table.finish()
     problems = table.problems
     start = _collected(problems, lambda: start_steps(project)) or ()
+    _collected(problems, lambda: read_program(project))
     _collected(problems, lambda: read_routines(project))
     _collected(problems, lambda: read_replies(project))
     _collected(problems, lambda: check_library(project))
@@ -68,14 +70,20 @@ def _collected(problems: list[Problem], read: Callable[[], T]) -> T | None:
 def load_bench(path: Path) -> Project:
     """Return the project of a file; raise UserError for its mistakes, those of its bench commands too."""
     project = load_project(path)
+    check_bench(project)
+    return project
+
+
+def check_bench(project: Project) -> None:
+    """Raise UserError with every mistake in the bench commands of a project."""
     problems: list[Problem] = []
     _collected(problems, lambda: start_steps(project))
+    _collected(problems, lambda: read_program(project))
     _collected(problems, lambda: read_routines(project))
     _collected(problems, lambda: read_replies(project))
     _collected(problems, lambda: check_library(project))
     if problems:
         raise UserError(problems)
-    return project
 
 
 def start_steps(project: Project) -> tuple[Step, ...]:

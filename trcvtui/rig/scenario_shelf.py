@@ -21,13 +21,23 @@ ROOT: Final = Path(__file__).parents[2]
 Shown = tuple[int, str]  # a code, the block that shows it
 
 
-def scenarios_of(dialect: str) -> Mapping[Shown, tuple[str, ...]]:
-    """Return the scenario files that show a code at a block; paths start at the source's root."""
+def scenarios_of(dialect: str, code: int | None = None) -> Mapping[Shown, tuple[str, ...]]:
+    """Return the scenario files that show a code at a block; paths start at the source's root.
+
+    With a code only the files that write its digits somewhere are read: all of them take 60 ms.
+    """
     showing: dict[Shown, list[str]] = {}
     for path in sorted((ROOT / "configs" / "scenarios" / dialect).glob("*.toml")):
-        for shown in shown_by(path):
+        for shown in shown_by(path) if code is None or _mentions(path, code) else ():
             showing.setdefault(shown, []).append(path.relative_to(ROOT).as_posix())
     return {shown: tuple(files) for shown, files in sorted(showing.items())}
+
+
+def _mentions(path: Path, code: int) -> bool:
+    try:
+        return b"%X" % code in path.read_bytes().upper()
+    except OSError:
+        return False
 
 
 def shown_by(path: Path) -> frozenset[Shown]:

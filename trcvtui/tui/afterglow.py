@@ -37,6 +37,11 @@ class Afterglow:
         if edge.error:
             self._pulses[edge.instance, ERROR] = pulse
 
+    def forget(self, instance: str) -> None:
+        """Let nothing glow on: another instance may come under this name."""
+        for lamp in (DONE, ERROR):
+            self._pulses.pop((instance, lamp), None)
+
     def catch_up(self, instance: InstanceSnapshot, t_ns: int) -> None:
         """Take pulses whose ledger lines were skipped; their time is then that of the picture."""
         self._catch_up(instance.name, DONE, instance.last_done_scan, t_ns, None, instance.last_rcvd_len)
@@ -46,7 +51,9 @@ class Afterglow:
         self, name: str, lamp: str, scan: int | None, t_ns: int, status: int | None, length: int | None
     ) -> None:
         known = self._pulses.get((name, lamp))
-        if scan is not None and (known is None or known.scan < scan):
+        if scan is None:
+            self._pulses.pop((name, lamp), None)  # of one that bore the name before
+        elif known is None or known.scan < scan:
             self._pulses[name, lamp] = Pulse(scan, t_ns, status or 0, length)
 
     def glow(self, instance: str, lamp: str, t_ns: int) -> Pulse | None:

@@ -18,6 +18,7 @@ from textual.screen import Screen
 from trcvtui.plc.project import Project
 from trcvtui.rig.driver import Driver, EngineStopped
 from trcvtui.rig.picture import Picture
+from trcvtui.rig.wording import count
 from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.main import SCENARIOS, MainScreen
@@ -58,6 +59,7 @@ class BenchApp(App[None]):
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last
         self.last_words = ""
+        self._told_unsaved = 0
         self._early_keys: list[events.Key] | None = []
         for theme in THEMES.values():
             self.register_theme(theme)
@@ -188,6 +190,29 @@ class BenchApp(App[None]):
             self.main.begin_anew()
         self.main.show()
 
+    # -- the project --------------------------------------------------------------------------------
+
+    def action_add(self, kind: str) -> None:
+        """Open the form for what is added to the project."""
+        from trcvtui.tui.widgets.add_screen import AddScreen  # read when first asked for
+
+        if self.screen is self.main:
+            self.push_screen(AddScreen(lambda: self.scene.project, kind, {}), self._added)
+
+    def _added(self, line: str | None) -> None:
+        if line:
+            self.submit(line)
+
+    async def action_quit(self) -> None:
+        """End the bench; what would be lost by it is told once."""
+        unsaved = self.scene.unsaved
+        if unsaved and unsaved != self._told_unsaved and not self.last_words:
+            self._told_unsaved = unsaved
+            text = f"{count(unsaved, 'addition')} to the project unsaved: `save project` keeps them, q quits"
+            (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
+            return
+        self.exit()
+
     def action_picture(self) -> None:
         """Save the screen as SVG and tell where."""
         from trcvtui.tui.taking import take_picture  # read when first asked for
@@ -208,7 +233,7 @@ class BenchApp(App[None]):
         if self.scenarios is not None:
             yield from self.scenarios.commands()
         else:
-            for command in commands(Reach(self.scene, self.main, self.submit)):
+            for command in commands(Reach(self.scene, self.main, self.submit, self.action_add)):
                 yield self._with_the_users_key(command)
         for name, theme in THEMES.items():
             look = "the terminal's own 16 colours" if theme.ansi else f"the {name} one"

@@ -9,11 +9,13 @@ from textual.suggester import Suggester
 
 from trcvtui.plc.project import Project
 from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
+from trcvtui.tui.add_fields import BARE, KINDS, fields_of, first_name
 
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
     "scenarios", "export timing", "find", "create", "delete", "download", "resize", "mark", "save scenario",
+    "add", "save project",
 )  # fmt: skip
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -132,6 +134,31 @@ def _after_create(words: list[str], project: Project) -> Iterable[str]:
     return (*links, *pins)
 
 
+def _after_add(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return KINDS
+    kind = words[1]
+    if kind not in KINDS:
+        return ()
+    if len(words) == 2:
+        return (first_name(kind, project),)
+    if kind == "data":
+        return (*project.types.names(), *TYPES) if len(words) == 3 else ("OF ",)
+    if kind == "sequence":
+        return (message.name for message in project.messages)
+    if kind == "message":
+        return (*SEND_MODES, "peer=") if len(words) == 3 else SEND_OPTIONS
+    given = {word.partition("=")[0] for word in words}
+    fields = [field for field in fields_of(kind, project) if field.key not in given and field.key not in BARE]
+    block = next((word.removeprefix("block=") for word in words if word.startswith("block=")), "")
+    pins = (f"{pin.name}=" for pin in project.pins(block)) if block in project.dialect.blocks else ()
+    return (
+        *(f"{f.key}={choice}" for f in fields for choice in f.choices),
+        *(f"{f.key}=" for f in fields),
+        *pins,
+    )
+
+
 def _after_resize(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return (data.name for data in project.data)
@@ -163,7 +190,8 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "delete": lambda words, project: _instances(project) if len(words) == 1 else (),
     "download": lambda words, project: _instances(project) if len(words) == 1 else (),
     "resize": _after_resize,
-    "save": lambda words, project: ("scenario",) if len(words) == 1 else (),
+    "add": _after_add,
+    "save": lambda words, project: ("scenario", "project") if len(words) == 1 else (),
     "plc": lambda words, project: ("stop", "run"),
 }
 

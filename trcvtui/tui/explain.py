@@ -5,8 +5,10 @@ from __future__ import annotations
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.advice import Advice, advice_on, because
+from trcvtui.rig.advice_receive import is_stuck
 from trcvtui.rig.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.tui.advice import notes_of
+from trcvtui.tui.formatting import plain
 from trcvtui.tui.scene import Scene
 
 
@@ -32,7 +34,23 @@ class Explainer:
         told = advice_on(evidence)
         checks = told.checks or tuple(notes_of(instance, scene.provenance))
         swapped = self._swapped(evidence)
-        return Advice(told.why, (swapped, *checks) if swapped else checks)
+        return Advice(told.why + self._missing(evidence), (swapped, *checks) if swapped else checks)
+
+    def _missing(self, e: Evidence) -> str:
+        """Return which member a stuck frame's bytes end at; of a shifted one nobody knows."""
+        decl = self._scene.declaration
+        if decl is None or decl.size != e.need or not is_stuck(e):
+            return ""
+        if e.facts.drop is not None or self._wanders(e):
+            return ""
+        number = decl.layout.leaves_within(e.have)
+        if not number or number == decl.layout.leaf_count:
+            return ""
+        last, next_ = decl.layout.leaf(number - 1), decl.layout.leaf(number)
+        if not last.path or last.path.startswith("["):
+            return ""  # an array's index says no more than the number of bytes does
+        part = "the rest of " if next_.offset < e.have else ""
+        return f"; {plain(last.path)} is the last whole member, {part}{plain(next_.path)} is missing"
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""

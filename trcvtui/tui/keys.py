@@ -22,6 +22,7 @@ EVERYWHERE: Final = (
     ("ctrl+p", "command palette: everything by name"),
     ("y", "yank: a menu of ten formats; y y takes what the pane is about"),
     ("K", "mark: what a saved session will expect begins here"),
+    ("A", "add an instance, connection, DATA, peer, message; `save project` keeps them"),
     ("P", "a picture of the screen as SVG, its path is told"),
     ("U", "leave the mouse to the terminal for its own selection, and take it back"),
     ("? or F1", "this help"),
@@ -58,6 +59,7 @@ PEER: Final = (
     ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
     ("e", "try every split of the message, as a table; enter in it takes the cut"),
     ("o", "a UDT as a form: its members as fields"),
+    ("w", "the message under a name into the project's library; p picks from it"),
     ("a d", "a reply rule more; no replies"),
     ("← → enter", "walk the buttons, press one"),
 )

@@ -8,6 +8,8 @@ from typing import Final, NamedTuple
 
 from textual.app import SystemCommand
 
+from trcvtui.rig import demo_path
+from trcvtui.tui.add_fields import TITLES
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.messages import InstanceSelected, PeerSelected
 from trcvtui.tui.peer_commands import SEND, buttons_for
@@ -26,6 +28,7 @@ class Reach(NamedTuple):
     scene: Scene
     main: MainScreen
     submit: Callable[[str], None]
+    add: Callable[[str], None]
 
 
 def commands(bench: Reach) -> Iterator[SystemCommand]:
@@ -73,6 +76,13 @@ def _of_block(bench: Reach) -> Iterator[SystemCommand]:
 
 def _of_program(bench: Reach) -> Iterator[SystemCommand]:
     """Yield what changes the running program; each opens the prompt, so that the line is seen first."""
+    for kind, what in TITLES.items():
+        about = f"add {kind} …: a form" + (" · key A" if kind == "instance" else "")
+        yield SystemCommand(f"Add {what}", about, partial(bench.add, kind))
+    save = "save project" + (" " if bench.scene.project.path == demo_path() else "")
+    yield SystemCommand(
+        "Save the project", f"{save}: what was added, into its file", partial(bench.main.action_prompt, save)
+    )
     instance = bench.scene.instance
     if instance is None:
         return

@@ -42,7 +42,7 @@ BUTTONS: Final = (
         lambda peer: "Connect" if peer.active else "Listen",
         lambda peer: f"peer {peer.name} {'connect' if peer.active else 'listen'}",
     ),
-    Button("f", _always("FIN"), _says("close")),
+    Button("f", lambda peer: "Close" if peer.udp else "FIN", _says("close")),
     Button("r", _always("RST"), _says("rst")),
     Button("h", _always("Half-close"), _says("shutdown")),
     Button(
@@ -51,6 +51,7 @@ BUTTONS: Final = (
         lambda peer: f"peer {peer.name} {'resume' if peer.stalled else 'stall'}",
     ),
 )
+NEED_A_CONNECTION: Final = "rh"  # RST and half-close
 SILENCE: Final = Button(
     "l",
     lambda peer: "Wire up" if peer.silent else "Silence",
@@ -67,9 +68,11 @@ CLEAR: Final = Button("u", _always("Clear faults"), _always("fault clear"))
 def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button, ...]:
     """Return the buttons that make sense for a peer; an armed fault turns its button into the end of it."""
     silence = (SILENCE,) if peer is not None and peer.link else ()
-    tries = (TRY,) if peer is not None and not peer.udp else ()
+    is_udp = peer is not None and peer.udp
+    always = tuple(button for button in BUTTONS if not (is_udp and button.letter in NEED_A_CONNECTION))
+    tries = (TRY,) if peer is not None and not is_udp else ()
     replies = (REPLY, NO_REPLY) if peer is not None and peer.replies else (REPLY,)
-    return (*BUTTONS, *silence, CLEAR if faults else FAULT, *tries, *replies)
+    return (*always, *silence, CLEAR if faults else FAULT, *tries, *replies)
 
 
 def try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:

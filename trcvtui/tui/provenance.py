@@ -6,13 +6,14 @@ Rule: what the ledger did not tell (lines skipped, a partner that is no peer her
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final, NamedTuple, Protocol
 
 from trcvtui.plc.ledger import Line, PeerSent
 
 KEPT: Final = 2000
 KEPT_LINKS: Final = 256
+MOST_PARTS: Final = 64  # of one job; one that was cut oftener counts as never cut
 
 
 class Span(NamedTuple):
@@ -26,14 +27,33 @@ class Span(NamedTuple):
     t_ns: int = 0
 
 
+Part = tuple[int, int]  # where bytes of the stream begin, how many
+
+
 class Job(NamedTuple):
-    """A receive job: what it began or ended with. `scan` is that of its end, of a running job its start."""
+    """A receive job: what it began or ended with. `scan` is that of its end, of a running job its start.
+
+    `parts` are its bytes of the stream, where another job of the CONNECT has read in between.
+    """
 
     number: int
     scan: int
     link: tuple[str, int]
     offset: int
     size: int
+    parts: tuple[Part, ...] = ()
+
+    def pieces(self) -> tuple[Part, ...]:
+        """Return all that it has of the stream, in order."""
+        return self.parts or ((self.offset, self.size),)
+
+    def place(self, byte: int) -> int:
+        """Return where a byte of the job lies in the stream."""
+        for offset, size in self.pieces():
+            if byte < size:
+                return offset + byte
+            byte -= size
+        return self.offset + byte
 
 
 class Origin(NamedTuple):
@@ -61,6 +81,8 @@ class _Recv(_Bytes, Protocol):
     def recv(self) -> int: ...
     @property
     def size(self) -> int: ...
+    @property
+    def instance(self) -> str: ...
 
 
 class _Started(_Bytes, Protocol):
@@ -105,6 +127,7 @@ class Provenance:
         self._ends: dict[str, tuple[int, str, str]] = {}
         self._delivered: dict[str, Job] = {}
         self._running: dict[str, Job] = {}
+        self._parts: dict[str, list[Part]] = {}  # of the running jobs, what came in turn as one
         # The classes live below the floors that the screen may import: they are known by name.
         self._takers: dict[str, Callable[[Line, Any], None]] = {
             "PeerSent": self._message_sent,
@@ -130,16 +153,27 @@ class Provenance:
     def _bytes_received(self, line: Line, event: _Recv) -> None:
         span = Span(event.offset, event.size, event.recv, line.scan, t_ns=line.t_ns)
         self._recvs_of(event.connection, event.incarnation).append(span)
+        parts = self._parts.get(event.instance)
+        if parts is None or len(parts) > MOST_PARTS:
+            return
+        if parts and sum(parts[-1]) == event.offset:
+            parts[-1] = parts[-1][0], parts[-1][1] + event.size
+        else:
+            parts.append((event.offset, event.size))
 
     def _job_started(self, line: Line, event: _Started) -> None:
         link = (event.connection, event.incarnation)
         self._running[event.instance] = Job(event.job, line.scan, link, event.offset, event.length)
+        self._parts[event.instance] = []
 
     def _job_ended(self, line: Line, event: _Ended) -> None:
         self._running.pop(event.instance, None)
+        parts = tuple(self._parts.pop(event.instance, ()))
         if event.done:
             link = (event.connection, event.incarnation)
-            self._delivered[event.instance] = Job(event.job, line.scan, link, event.offset, event.size)
+            # Of a job whose lines were skipped in part nothing is known but where it began.
+            whole = parts if _size(parts) == event.size and len(parts) <= MOST_PARTS else ()
+            self._delivered[event.instance] = Job(event.job, line.scan, link, event.offset, event.size, whole)
 
     def _connection_noted(self, line: Line, event: _Noted) -> None:
         if event.what == "connected":
@@ -152,10 +186,10 @@ class Provenance:
 
     def origin(self, instance: str, of_job: bool, byte: int) -> Origin | None:
         """Return where byte number `byte` of DATA, or of the running job, came from."""
-        job = (self._running if of_job else self._delivered).get(instance)
+        job = self._job(instance, of_job)
         if job is None or not 0 <= byte < job.size:
             return None
-        place = job.offset + byte
+        place = job.place(byte)
         message = self._message_at(job.link, place)
         return Origin(job, self._recv_at(job.link, place), message, place - message.offset if message else 0)
 
@@ -164,15 +198,33 @@ class Provenance:
 
         Offsets count from the job's first byte: a negative one began before it.
         """
-        job = (self._running if of_job else self._delivered).get(instance)
+        job = self._job(instance, of_job)
         found: list[Span] = []
-        for span in reversed(self._messages_of(job.link)) if job is not None else ():
-            start = span.offset - job.offset if job is not None else 0
-            if job is None or start + span.size <= 0:
-                break
-            if start < job.size:
-                found.append(span._replace(offset=start))
+        if job is None:
+            return found
+        behind = job.size
+        for offset, size in reversed(job.pieces()):
+            behind -= size  # bytes of the job before this piece
+            found += self._messages_in(job.link, offset, size, behind)
         return found
+
+    def _messages_in(self, link: tuple[str, int], offset: int, size: int, before: int) -> Iterator[Span]:
+        """Yield the messages of one piece of a job; what goes on from an earlier piece is told there."""
+        for span in reversed(self._messages_of(link)):
+            start = span.offset - offset
+            if start + span.size <= 0:
+                return
+            if start < size and (start >= 0 or not before):
+                yield span._replace(offset=before + start)
+
+    def _job(self, instance: str, of_job: bool) -> Job | None:
+        if not of_job:
+            return self._delivered.get(instance)
+        job, parts = self._running.get(instance), self._parts.get(instance)
+        if job is None or not parts or len(parts) > MOST_PARTS:
+            return job
+        (last, have), missing = parts[-1], job.size - _size(parts)
+        return job._replace(parts=(*parts[:-1], (last, have + missing)))
 
     def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
         """Return the bytes of DATA, or of the running job, with which a peer's message begins."""
@@ -191,6 +243,10 @@ class Provenance:
 
 
 _NOTHING: Final[deque[Span]] = deque()
+
+
+def _size(parts: Iterable[Part]) -> int:
+    return sum(size for _, size in parts)
 
 
 def _covering(spans: deque[Span], place: int) -> Span | None:

@@ -6,9 +6,10 @@ Rule: frozen pictures come in by `take`, nothing else changes what is shown of t
 from __future__ import annotations
 
 from collections import deque
-from typing import Final
+from collections.abc import Iterator
+from typing import Final, NamedTuple
 
-from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.rig.facts import Fired
@@ -23,6 +24,25 @@ MOST_LINES: Final = 400
 MOST_DRAWN: Final = 8  # instances over time at once
 THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
 KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
+MOST_ALONG: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
+GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an instance
+BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
+
+
+class Index(NamedTuple):
+    """The instances and the CONNECTs of a snapshot by name: each pane looks some of them up."""
+
+    snapshot: Snapshot | None
+    instances: dict[str, InstanceSnapshot]
+    connections: dict[str, ConnectionSnapshot]
+
+
+def index_of(snapshot: Snapshot | None) -> Index:
+    """Return the index of a snapshot, without one an empty index."""
+    if snapshot is None:
+        return Index(None, {}, {})
+    instances = {instance.name: instance for instance in snapshot.instances}
+    return Index(snapshot, instances, {connection.name: connection for connection in snapshot.connections})
 
 
 class Scene:
@@ -31,6 +51,7 @@ class Scene:
     def __init__(self, project: Project) -> None:
         self._home = project
         self.picture: Picture | None = None
+        self._indexed = index_of(None)
         self.history = History()
         self.afterglow = Afterglow()
         self.provenance = Provenance()
@@ -83,6 +104,8 @@ class Scene:
             if isinstance(line.event, StatusEdge):
                 self.history.note(line, line.event)
                 self.afterglow.note(line.scan, line.t_ns, line.event)
+            elif isinstance(line.event, BenchNote) and line.event.what in GONE:
+                self.afterglow.forget(line.event.subject)
         if picture.lines:
             self._seq = picture.lines[-1].seq
         if picture.lines_skipped:
@@ -99,6 +122,7 @@ class Scene:
 
     def _take_project(self, project: Project) -> None:
         self.project = project
+        self._sizes = {decl.name: decl.size for decl in project.data}
         self.selected = _one_of(self.selected, [instance.name for instance in project.instances])
         self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
 
@@ -118,14 +142,26 @@ class Scene:
         self.is_frozen, self.fired = False, None
 
     def request(self) -> PictureRequest:
-        """Return what to ask for next: the ledger's news, and the bytes of the selected instance."""
+        """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
+
+        The others' come along while they are few: nobody knows before `F` whose will be looked at behind it.
+        """
         instance = self.instance
-        data = (instance.data,) if instance and instance.data else ()
-        partial = (instance.name,) if instance else ()
+        shown = (instance, *self._others(instance)) if instance else ()
+        data = tuple(dict.fromkeys(each.data for each in shown if each.data))
+        partial = tuple(each.name for each in shown)
         most = THAW_LINES if self._thawing else MOST_LINES
         waves = self.waves.asked(self.drawn_instances)
         numbers = self.bench, self._project_number
         return PictureRequest(self._seq, data, partial, most, *numbers, waves, history=self.past_wanted)
+
+    def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:
+        left, found = BYTES_ALONG, 0
+        for each in self.instances:
+            size = self._sizes.get(each.data or "", 0)
+            if each is not selected and found < MOST_ALONG and size <= left:
+                left, found = left - size, found + 1
+                yield each
 
     # -- what is shown ------------------------------------------------------------------------------
 
@@ -133,6 +169,11 @@ class Scene:
     def snapshot(self) -> Snapshot | None:
         """Return the PLC after its last scan."""
         return self.picture.snapshot if self.picture else None
+
+    @property
+    def unsaved(self) -> int:
+        """Return how many additions to the project are in no file."""
+        return self.live.unsaved if self.live else 0
 
     @property
     def past(self) -> HistoryWindow | None:
@@ -153,7 +194,7 @@ class Scene:
     @property
     def instance(self) -> InstanceSnapshot | None:
         """Return the selected instance."""
-        return self.picture.snapshot.instance(self.selected) if self.picture else None
+        return self._index().instances.get(self.selected)
 
     @property
     def drawn_instances(self) -> tuple[str, ...]:
@@ -172,7 +213,13 @@ class Scene:
 
     def connection_of(self, instance: InstanceSnapshot) -> ConnectionSnapshot | None:
         """Return the CONNECT of an instance."""
-        return self.picture.snapshot.connection(instance.connect) if self.picture else None
+        return self._index().connections.get(instance.connect)
+
+    def _index(self) -> Index:
+        """Return what is in the newest snapshot by name; made once a picture."""
+        if self._indexed.snapshot is not self.snapshot:
+            self._indexed = index_of(self.snapshot)
+        return self._indexed
 
     @property
     def peers(self) -> tuple[PeerSnapshot, ...]:
@@ -200,6 +247,11 @@ class Scene:
     def partial(self) -> bytes:
         """Return the bytes that the running job of the selected instance has collected."""
         return self._bytes(self.picture.partial, self.selected) if self.picture else b""
+
+    @property
+    def has_bytes(self) -> bool:
+        """Return whether the picture that is shown has the selected instance's bytes."""
+        return self.picture is not None and any(name == self.selected for name, _ in self.picture.partial)
 
     @staticmethod
     def _bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:

@@ -36,7 +36,7 @@ from trcvtui.tui.widgets.udt_table import UdtTable
 if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
-LEAST_WIDTH, LEAST_HEIGHT, TALL = 128, 38, 54
+LEAST_WIDTH, LEAST_HEIGHT, ROOMY, TALL = 128, 38, 43, 54
 BROAD, HIGH = 180, 56  # from here on history and timing both stand
 TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
 SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
@@ -59,6 +59,7 @@ class MainScreen(Screen[None]):
         Binding("v", "members", show=False, id="members"),
         Binding("y", "yank", show=False, id="yank"),
         Binding("K", "mark", show=False, id="mark"),
+        Binding("A", "app.add('instance')", show=False, id="add"),
         Binding("U", "mouse", show=False, id="mouse"),
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
         Binding("question_mark,f1", "help", show=False, id="help"),
@@ -129,6 +130,7 @@ class MainScreen(Screen[None]):
         """Take all panes side by side only where nothing has to be cut."""
         small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
         self.set_class(small, TABS)
+        self.set_class(event.size.height >= ROOMY, "-roomy")
         self.set_class(event.size.height >= TALL, "-tall")
         self.set_class(event.size.width >= BROAD, "-broad")
         self.set_class(event.size.height >= HIGH, "-high")

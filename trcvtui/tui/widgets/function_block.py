@@ -17,6 +17,7 @@ from trcvtui.udt.literals import format_time
 IN_BOX: Final = 8
 OUT_BOX: Final = 8
 ROOMY: Final = 72  # room for what each output means
+LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
 
 
 class FunctionBlock(LineView):
@@ -163,13 +164,20 @@ class FunctionBlock(LineView):
         return row((" wire    ", "dim"), (self._dead_link(), "dim"))
 
     def _dead_link(self) -> str:
-        """Return when a dead link would show: 2 to 3 intervals after its last word (7.15.4)."""
+        """Return when a dead link would show: 2 to 3 intervals after its last word (7.15.4).
+
+        While bytes of ours are not acknowledged keep-alive rests, and their own limit of 3 intervals counts.
+        """
         connection = self._scene.connection
         if connection is None:
             return ""
         if connection.udp:
             return "UDP: nobody notices a dead link"
         interval = connection.keep_alive_s
+        if connection.unacknowledged:
+            limited = self._scene.project.options.get("user_timeout", True)
+            when = f"in {3 * interval}–{3 * interval + LATE_S} s" if limited else "in minutes"
+            return f"unacknowledged: dead link {when}"
         return f"keep-alive {interval} s: dead link in {2 * interval}–{3 * interval} s"
 
     def _connection(self) -> str:

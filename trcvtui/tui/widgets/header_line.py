@@ -48,6 +48,8 @@ class HeaderLine(LineView, can_focus=False):
         name = plain(project.path.name)
         pieces = [Piece("trcvtui", "dim", 60), Piece(name, "strong", 10)]
         pieces.append(Piece(f"{project.dialect.name} {project.model}", "", 20))
+        if self._scene.unsaved:
+            pieces.append(Piece(f"+{self._scene.unsaved} unsaved", "warn", 15))
         if self.ended:
             return [*pieces, Piece(" ENGINE ENDED ", "stop", 0)]
         if picture is None:

@@ -34,7 +34,7 @@ class HexView(LineView):
         super().__init__(id=id)
         self.of_job = of_job
         self.content: bytes = b""
-        self.need = 0
+        self.need = self.rows_kept = 0  # rows that stay while there are fewer bytes
         self.cursor: int | None = None
         self.link = range(0)
         self.starts: frozenset[int] = frozenset()
@@ -93,7 +93,7 @@ class HexView(LineView):
 
     def row_count(self) -> int:
         """Return the number of lines."""
-        return -(-self.need // self.per_row) * self.lines
+        return max(self.rows_kept, -(-self.need // self.per_row) * self.lines)
 
     def row_at(self, y: int) -> Row:
         """Return the bytes of one line."""

@@ -67,8 +67,9 @@ class InstanceList(LineView):
         return Columns(name, partner, 7, 18, BAR, both) if roomy else Columns(name, partner, 4, 18, 0, both)
 
     def _partner_width(self, both: bool) -> int:
-        shown = self._scene.instances
-        return max((len(_partner(self._scene.connection_of(i), both)) for i in shown), default=20)
+        links = {instance.connect: instance for instance in self._scene.instances}  # one of each will do
+        partners = (_partner(self._scene.connection_of(instance), both) for instance in links.values())
+        return max(map(len, partners), default=20)
 
     def _row(self, instance: InstanceSnapshot, columns: Columns) -> Row:
         selected = instance.name == self._scene.selected

@@ -6,14 +6,14 @@ never markup, so whatever bytes a partner sends stay text.
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
 from textual.binding import Binding, BindingType
 from textual.content import Content
-from textual.geometry import Size
+from textual.geometry import Region, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
@@ -75,6 +75,7 @@ class LineView(ScrollView, can_focus=True):
         self._painted: dict[int, Row] = {}
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
+        self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
     # -- what a subclass says -----------------------------------------------------------------------
 
@@ -104,9 +105,33 @@ class LineView(ScrollView, can_focus=True):
                 self.refresh_line(y)
 
     def resize_rows(self) -> None:
-        """Take over the number of rows, which costs a new layout of the screen, only where it differs."""
-        if self.virtual_size.height != (count := self.row_count()):
+        """Take over the number of rows; a new layout of the screen only where something would move."""
+        if self.virtual_size.height == (count := self.row_count()):
+            return
+        height = self.container_size.height
+        if self.styles.is_auto_height or (height and (count > height) != self.show_vertical_scrollbar):
             self.virtual_size = Size(0, count)
+            return
+        self.set_reactive(LineView.virtual_size, Size(0, count))
+        if self.show_vertical_scrollbar:
+            self.vertical_scrollbar.window_virtual_size = count
+        self.scroll_y = self.validate_scroll_y(self.scroll_y)
+
+    def refresh(
+        self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
+    ) -> Self:
+        """Paint anew, the whole pane or some of its lines."""
+        self._strips_in_view = None
+        return super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
+
+    def render_lines(self, crop: Region) -> list[Strip]:
+        """Return the lines in view: those of the last time while nothing has changed.
+
+        Textual asks every pane for all of its lines whenever a line of any pane has changed.
+        """
+        if self._strips_in_view is None or self._strips_in_view[0] != crop:
+            self._strips_in_view = crop, super().render_lines(crop)
+        return self._strips_in_view[1]
 
     def render_line(self, y: int) -> Strip:
         """Return line `y` of what is in view."""
@@ -120,7 +145,7 @@ class LineView(ScrollView, can_focus=True):
     @property
     def line_width(self) -> int:
         """Return how many columns a row has room for, beside a scrollbar."""
-        return self.scrollable_content_region.width
+        return self.container_size.width - self.scrollbar_size_vertical
 
     def _strip(self, line: Row) -> Strip:
         base = self.named_style(line.style)
@@ -140,6 +165,7 @@ class LineView(ScrollView, can_focus=True):
         """Forget styles made under the old theme."""
         super().notify_style_update()
         self._ready_styles.clear()
+        self._strips_in_view = None
 
     def on_mount(self) -> None:
         """Know the rows before the first paint."""

@@ -37,6 +37,7 @@ class PeerPanel(Vertical):
         ("o", "form", "members as fields"),
         ("x", "cuts", "the cuts"),
         ("p", "library", "named messages"),
+        ("w", "keep", "into the library"),
         ("i", "payload", "edit the payload"),
     ]
 
@@ -51,19 +52,25 @@ class PeerPanel(Vertical):
         self._notes = PeerNotes(scene)
         self._preview = "", ""
         self._trial: TrialScreen | None = None
+        self._speaks = bool(scene.project.peers)  # the composer is there
 
     def compose(self) -> Iterator[Widget]:
         """Compose the pane."""
         yield self.peers
-        if self._scene.project.peers:
+        if self._speaks:
             yield self.composer
             yield self._buttons
             yield self._notes
 
     async def prepare(self) -> None:
         """Make the fields of the composer."""
-        if self._scene.project.peers:
+        if self._speaks:
             await self.composer.prepare()
+
+    async def _begin_to_speak(self) -> None:
+        """Put the composer there for the first peer that a project has got."""
+        await self.mount(self.composer, self._buttons, self._notes)
+        await self.prepare()
 
     def show(self) -> None:
         """Show the peers and what the buttons would do."""
@@ -72,7 +79,10 @@ class PeerPanel(Vertical):
             self._title = name
             self.border_title = pane_title(7, f"Peer {clip(name, 20)}")
         self.peers.show()
-        if self._scene.project.peers:
+        if self._scene.project.peers and not self._speaks:
+            self._speaks = True
+            self.run_worker(self._begin_to_speak())
+        if self._scene.project.peers and self._notes.is_mounted:
             self._buttons.show()
             self._notes.show()
             self._show_preview()
@@ -193,6 +203,18 @@ class PeerPanel(Vertical):
     def _picked(self, line: str | None) -> None:
         if line:
             self._voice.submit(line)
+
+    def action_keep(self) -> None:
+        """Open the form that puts the message into the library under a name; go to it where there is none."""
+        from trcvtui.tui.widgets.add_screen import AddScreen  # read when first asked for
+
+        text = self.composer.line.partition(" send ")[2]
+        if text:
+            self.app.push_screen(
+                AddScreen(lambda: self._scene.project, "message", {"text": text}), self._picked
+            )
+        else:
+            self.composer.edit()
 
     def action_form(self) -> None:
         """Open the members of a UDT as fields."""

@@ -28,6 +28,7 @@ from trcvtui.udt.byte_search import Wanted
 
 MOST_JOB_ROWS: Final = 4
 PAST: Final = "-past"
+NOT_KEPT: Final = "its bytes were not kept when the view froze: F shows those of now"
 
 
 class Received(Vertical):
@@ -122,6 +123,9 @@ class Received(Vertical):
         return self._scene.provenance.message_starts(self._scene.selected, of_job)
 
     def _show_origin(self) -> None:
+        if self._scene.is_frozen and self._scene.instance is not None and not self._scene.has_bytes:
+            self._say_below(NOT_KEPT)
+            return
         view = self.job if self.job.has_focus else self.data
         byte = view.cursor
         text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
@@ -326,7 +330,8 @@ class Received(Vertical):
         if not instance.need and instance.pin("EN_R") and self._connected():
             return
         need = 0 if instance.sends else instance.need
-        rows = min(MOST_JOB_ROWS, -(-need // self.job.per_row))
+        self.job.rows_kept = -(-need // self.job.per_row)
+        rows = min(MOST_JOB_ROWS, self.job.rows_kept)
         if rows != self._job_rows:
             self._job_rows = rows
             self.job.styles.height = max(1, rows)

@@ -15,6 +15,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 WORD: Final = 26
 LAMP: Final = 12
+CURSOR: Final = "▸"
 LEAST_WHY: Final = 10  # characters; less would say nothing
 
 
@@ -47,13 +48,6 @@ class StatusHistory(LineView):
             return ""
         return f"{self._scene.history.skipped} lines came too fast for this list"
 
-    def resize_rows(self) -> None:
-        """Grow in steps while the newest edges are in view: each new size costs a layout of the screen."""
-        count, known = self.row_count(), self.virtual_size.height
-        settled = self.scroll_offset.y == 0 and self.size.height < known <= count < known + known // 4
-        if not settled:
-            super().resize_rows()
-
     def row_count(self) -> int:
         """Return the number of edges and the head."""
         return len(self._edges) + 1
@@ -79,12 +73,12 @@ class StatusHistory(LineView):
         scan, time = self._widths()
         why = "why" if self._room() >= LEAST_WHY else ""
         return row(
-            (f"{'scan':>{scan}}  {'t in s':>{time}}  {'STATUS':<{WORD}}  {'lamp':<{LAMP}}  {why}", "dim")
+            (f" {'scan':>{scan}}  {'t in s':>{time}}  {'STATUS':<{WORD}}  {'lamp':<{LAMP}}  {why}", "dim")
         )
 
     def _room(self) -> int:
         """Return how many characters the reason may have."""
-        return self.line_width - sum(self._widths()) - WORD - LAMP - 8
+        return self.line_width - sum(self._widths()) - WORD - LAMP - 9
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
@@ -93,6 +87,7 @@ class StatusHistory(LineView):
         room = self._room()
         reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
         return [
+            (CURSOR if line.seq == self._chosen else " ", "key"),
             (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
             (word.ljust(WORD + 2), style),
             (_lamp(edge).ljust(LAMP + 2), style),
@@ -118,7 +113,7 @@ class StatusHistory(LineView):
 
     def _choose(self, y: int) -> None:
         self._chosen = self._edges[y].seq if y >= 0 else None
-        super().resize_rows()
+        self.resize_rows()
         self.keep_in_view(y + 1 if y >= 0 else 0)
         self.post_message(EdgeSelected(self._chosen, self.chosen()))
         self.show()

@@ -1,0 +1,144 @@
+"""Why and what next of URECV_C and USEND_C, with the actual numbers, played on the simulated network."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tests.rig.told import Told
+from trcvtui.blocks.conditions import Condition
+from trcvtui.plc.project_file import read_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.local_driver import LocalDriver
+
+BENCH = """
+dialect = "baosky"
+[[data]]
+name = "rx"
+type = "ARRAY[0..15] OF BYTE"
+[[udp_config]]
+name = "U1"
+LocalAddress = "127.0.0.1"
+LocalPort = 2000
+[[addr]]
+name = "TARGET"
+RemoteAddress = "127.0.0.1"
+RemotePort = 3000
+[[addr]]
+name = "SOURCE"
+[[instance]]
+name = "R"
+block = "URECV_C"
+config = "U1"
+data = "rx"
+addr = "SOURCE"
+[[instance]]
+name = "S"
+block = "USEND_C"
+config = "U1"
+data = "rx"
+addr = "TARGET"
+[[peer]]
+name = "P"
+udp = true
+local = "127.0.0.1:{local}"
+remote = "127.0.0.1:{remote}"
+"""
+UP = ("set R CONT=1 EN_R=1", "run 4")
+SIXTEEN = "armed for one datagram of at most 16 bytes: none is here yet"
+
+
+def desk(*lines: str, local: int = 3000, remote: int = 2000) -> Told:
+    """Return a bench with a UDP peer at these ports, told these lines."""
+    told = Told()
+    text = BENCH.format(local=local, remote=remote)
+    told.driver = LocalDriver(Bench(read_project(tomllib.loads(text), "b.toml", Path(".")), "sim"))
+    told.do(*lines)
+    return told
+
+
+SITUATIONS = [
+    pytest.param(
+        (*UP, "run 100"), 2000, "R",
+        f"{SIXTEEN}; the socket is open since scan 2, 1.0 s",
+        "P has sent nothing: `peer P send hex 01`",
+        id="nobody sends",
+    ),
+    pytest.param(
+        (*UP, "peer P send hex 01 02", "run 100"), 2001, "R",
+        f"{SIXTEEN}; the socket is open since scan 2, 1.0 s",
+        "P sends to 127.0.0.1:2001, this socket is at 127.0.0.1:2000: address or port is wrong",
+        id="the wrong port",
+    ),
+    pytest.param(
+        (*UP, "run 100"), 2001, "R",
+        f"{SIXTEEN}; the socket is open since scan 2, 1.0 s",
+        "no datagram has come to 127.0.0.1:2000: does the partner send to this address and port?",
+        id="a partner that is no peer here",
+    ),
+    pytest.param(
+        (*UP, "peer P send random 20 seed=1", "run 100"), 2000, "R",
+        f"{SIXTEEN}, the last one came 0.9 s ago",
+        "LEN is 0 and DATA (rx) has 16 bytes, the only datagram had 20 bytes: 4 bytes of it did not fit and "
+        "are lost",
+        id="a datagram larger than DATA",
+    ),
+    pytest.param(
+        ("set R LEN=8", *UP, "peer P send random 5 seed=1", "run 9", "peer P send random 5 seed=2", "run 9"),
+        2000, "R",
+        "armed for one datagram of at most 8 bytes: none is here yet, the last one came 0.0 s ago",
+        "LEN is 8, the last 2 datagrams had 5 bytes: a datagram is a whole job whatever its size, RCVD_LEN "
+        "says 5, and DATA keeps older bytes from byte 5 on",
+        id="datagrams shorter than LEN",
+    ),
+    pytest.param(
+        ("set R CONT=1", "run 4"), 2000, "R",
+        "EN_R is 0",
+        "EN_R is 0: datagrams wait in the socket; when it is full the stack drops the newer ones unseen",
+        id="EN_R is 0",
+    ),
+    pytest.param(
+        ("set S CONT=1", "run 4", "set S REQ=1", "run 1"), 2000, "S",
+        "the local stack has 16 of 16 bytes",
+        "DONE tells that the local stack took it for 127.0.0.1:3000; UDP does not tell whether it came",
+        id="DONE of a datagram",
+    ),
+    pytest.param(
+        ("set S CONT=1", "run 4", "peer P close", "set S REQ=1", "run 2"), 2000, "S",
+        "the datagram is with the local stack, 16 of 16 bytes taken, partner 127.0.0.1:3000",
+        "it went to 127.0.0.1:3000, and P is closed: `peer P listen`",
+        id="a peer that is closed",
+    ),
+    pytest.param(
+        ("set S CONT=1", "run 4", "set S REQ=1", "run 5"), 2000, "S",
+        "REQ has not risen",
+        "REQ stays 1: a job starts with a rising edge only, set it to 0 first",
+        id="REQ stays 1",
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("lines", "remote", "instance", "why", "check"), SITUATIONS)
+def test_a_situation_is_told_with_its_numbers(
+    lines: tuple[str, ...], remote: int, instance: str, why: str, check: str
+) -> None:
+    told = desk(*lines, remote=remote).of(instance)
+    assert told.why.startswith(why)
+    assert any(check in line for line in told.checks), told.checks
+
+
+def test_a_datagram_that_went_to_another_port_than_the_peers_is_named() -> None:
+    told = desk("set S CONT=1", "run 4", "set S REQ=1", "run 2", local=3001).of("S")
+    assert told.checks == (
+        "it went to 127.0.0.1:3000, P receives at 127.0.0.1:3001: address or port in ADDR is wrong",
+    )
+
+
+def test_a_datagram_of_the_past_is_explained_with_the_sizes_of_then() -> None:
+    bench = desk(*UP, "peer P send random 5 seed=1", "run 9", "peer P send random 16 seed=1", "run 9")
+    assert bench.then("R", Condition.RECEIVED).checks == ()
+    bench = desk(*UP, "peer P send random 16 seed=1", "run 9", "peer P send random 5 seed=1", "run 9")
+    (told,) = bench.then("R", Condition.RECEIVED).checks
+    assert "the last 2 datagrams had 5 to 16 bytes, the newest 5" in told

@@ -1,0 +1,58 @@
+"""docs/gallery.md shows every pane of the screen, and what it shows is there."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+from tests.tui.fakes import bench_project
+from trcvtui.tui.scene import Scene
+from trcvtui.tui.screens.main import MainScreen
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+MOST_BYTES = 3_000_000
+
+
+def make_pictures() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_pictures", DOCS / "make_pictures.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_pane_and_every_screen_is_in_the_gallery() -> None:
+    screen = MainScreen(Scene(bench_project()), lambda line: None)
+    panes = {pane.id for pane in (screen.instances, *screen._panes().values())}
+    screens = {path.stem for path in (ROOT / "trcvtui" / "tui" / "screens").glob("[a-z]*.py")}
+    assert len(panes) == 8 and {"main", "help", "scenarios", "yank"} <= screens
+    shown = {pane for picture in make_pictures().SHOWN for pane in picture.shows}
+    assert (panes | screens) - shown == set(), "draw it in docs/make_pictures.py"
+
+
+def test_the_page_is_what_the_list_says() -> None:
+    page = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert page == make_pictures().gallery_page(), "run `make pictures`"
+
+
+def test_what_is_drawn_is_there_and_nothing_else() -> None:
+    module = make_pictures()
+    for folder, pictures in ((module.GALLERY, module.SHOWN), (module.PICTURES, module.TOLD)):
+        drawn = {f"{picture.name}.svg" for picture in pictures}
+        assert len(drawn) == len(pictures)
+        assert {path.name for path in folder.iterdir()} == drawn, "run `make pictures`"
+
+
+def test_every_picture_is_named_in_a_page() -> None:
+    pages = [(DOCS / "gallery.md"), (DOCS / "stories.md"), (ROOT / "README.md")]
+    text = "\n".join(page.read_text(encoding="utf-8") for page in pages)
+    module = make_pictures()
+    names = [f"gallery/{p.name}.svg" for p in module.SHOWN] + [f"pictures/{p.name}.svg" for p in module.TOLD]
+    assert [name for name in names if name not in text] == []
+
+
+def test_the_pictures_are_small() -> None:
+    sizes = [path.stat().st_size for path in (*DOCS.glob("gallery/*.svg"), *DOCS.glob("pictures/*.svg"))]
+    assert 0 < sum(sizes) < MOST_BYTES

@@ -1,0 +1,191 @@
+"""Adding to the project on the screen: a form that makes a command, its mistakes, what is not saved yet."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.tui.looking import SMALL, WIDE
+from tests.tui.on_a_bench import BenchLooker, on_a_bench
+from trcvtui.plc.project import Project
+from trcvtui.tui.add_fields import KINDS, fields_of, first_name, line_of
+from trcvtui.tui.completion import complete
+from trcvtui.tui.validity import fault_of
+from trcvtui.tui.widgets.add_screen import AddScreen, ChoiceField
+
+SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "140x45"])
+
+
+def form_of(looker: BenchLooker) -> AddScreen:
+    form = looker.app.screen
+    assert isinstance(form, AddScreen)
+    return form
+
+
+def fields(looker: BenchLooker) -> dict[str, ChoiceField]:
+    return {field.key: field for field in form_of(looker).query(ChoiceField)}
+
+
+async def fill(looker: BenchLooker, **texts: str) -> None:
+    for key, text in texts.items():
+        fields(looker)[key].value = text
+    await looker.settle()
+
+
+@SIZES
+async def test_the_form_stands_whole_and_ends_with_its_command(size: tuple[int, int]) -> None:
+    async with on_a_bench(size) as looker:
+        await looker.press("A")
+        assert "Add an instance" in looker.text
+        assert "▸ add instance TRCV_C_3 block=TRCV_C connect=C2 data=small task=MAIN" in looker.text
+        assert "tab field · ↑↓ choose · enter add · esc leave" in looker.text
+        await looker.press("escape")
+        assert looker.lines == []
+
+
+async def test_keys_alone_add_a_connection_a_peer_and_an_instance_that_receives() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("A", "shift+tab", "down", "enter")
+        assert looker.lines == ["add connect C3 ActiveEstablished=false LocalAddress=127.0.0.1 LocalPort=0"]
+        looker.bench.scan()
+        await looker.pictures()
+        await looker.press("A")
+        await fill(looker, connect="C3", inputs="CONT=1 EN_R=1")
+        await looker.press("enter")
+        looker.bench.scan(3)
+        await looker.pictures()
+        await looker.press("A")
+        await fill(looker, kind="peer")
+        await fill(looker, remote="@C3")
+        await looker.press("enter")
+        assert looker.lines[-1] == "add peer P3 active=true remote=@C3"
+        looker.bench.do("peer P3 connect")
+        looker.bench.scan(3)
+        looker.bench.do("peer P3 send hex 01 02 03 04 05 06 07 08")
+        looker.bench.scan(2)
+        await looker.pictures()
+        assert looker.bench.console.bench.runtime.data("small") == bytes(range(1, 9))
+        assert "TRCV_C_3" in looker.text
+        assert "+3 unsaved" in looker.text
+
+
+async def test_a_mistake_stands_below_and_marks_its_field_and_enter_waits() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("A", "shift+tab", "down")
+        await fill(looker, LocalPort="70000")
+        assert "✗ connect C3: LocalPort: found '70000', expected a whole number from 0" in looker.text
+        assert [key for key, field in fields(looker).items() if field.has_class("-bad")] == ["LocalPort"]
+        await looker.press("enter")
+        assert looker.lines == []
+        await fill(looker, LocalPort="2000", name="C1")
+        assert "'C1', the name of another connect" in looker.text
+        await fill(looker, name="C9")
+        await looker.press("enter")
+        assert looker.lines == [
+            "add connect C9 ActiveEstablished=false LocalAddress=127.0.0.1 LocalPort=2000"
+        ]
+
+
+async def test_up_and_down_walk_through_what_is_known_to_fit() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("A", "tab", "tab")
+        assert fields(looker)["connect"].has_focus
+        await looker.press("down")
+        assert fields(looker)["connect"].value == "C1"
+        await looker.press("up", "up")
+        assert fields(looker)["connect"].value == "C1"
+
+
+async def test_a_composed_message_is_kept_under_a_name_and_sent_from_the_library() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await looker.press("7", "i")
+        await looker.type("01 02")
+        await looker.press("escape", "w")
+        assert form_of(looker).kind == "message"
+        assert fields(looker)["text"].value == "hex 01 02"
+        await fill(looker, name="start")
+        await looker.press("enter")
+        assert looker.lines == ["add message start hex 01 02"]
+        await looker.pictures()
+        await looker.press("p")
+        assert "start" in looker.text
+        await looker.press("enter")
+        assert looker.lines[-1] == "peer P1 send message start"
+
+
+async def test_without_a_message_the_key_goes_to_where_one_is_written() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await looker.press("7", "w")
+        assert looker.app.focused is not None and looker.app.focused.id == "payload"
+
+
+async def test_quit_tells_once_what_would_be_lost() -> None:
+    async with on_a_bench(SMALL) as looker:
+        looker.bench.do("add connect C9")
+        await looker.pictures()
+        await looker.press("q")
+        assert "1 addition to the project unsaved" in looker.text
+        assert looker.app.return_code is None and looker.app.is_running
+        looker.bench.do("add connect C10")
+        await looker.pictures()
+        await looker.press("q")
+        assert "2 additions to the project unsaved" in looker.text
+        await looker.press("q")
+        assert not looker.app.is_running
+
+
+async def test_quit_asks_nothing_where_nothing_was_added() -> None:
+    async with on_a_bench(SMALL) as looker:
+        looker.bench.do("create TRCV_C X connect=C1")
+        await looker.pictures()
+        await looker.press("q")
+        assert not looker.app.is_running
+
+
+async def test_the_palette_reaches_every_kind() -> None:
+    async with on_a_bench(WIDE) as looker:
+        titles = {command.title: command for command in looker.app.get_system_commands(looker.app.screen)}
+        assert "Save the project" in titles
+        titles["Add a peer"].callback()
+        await looker.settle()
+        assert form_of(looker).kind == "peer"
+
+
+@pytest.fixture
+def project() -> Project:
+    from tests.tui.fakes import bench_project
+
+    return bench_project()
+
+
+@pytest.mark.parametrize("kind", ["instance", "connect", "data", "peer", "udp_config", "addr"])
+def test_what_the_form_begins_with_can_be_added_at_once(project: Project, kind: str) -> None:
+    texts = {field.key: field.first for field in fields_of(kind, project)}
+    line = line_of(kind, first_name(kind, project), texts)
+    assert fault_of(line, project) == ""
+
+
+def test_every_known_value_fits_its_field(project: Project) -> None:
+    for kind in KINDS:
+        for field in fields_of(kind, project):
+            for choice in field.choices:
+                fault = fault_of(line_of(kind, "N1", {field.key: choice}), project)
+                assert f"{field.key}: found" not in fault.replace(f"{field.key}: found nothing", "")
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("add", "add"),
+        ("add con", "add connect"),
+        ("add connect ", "add connect C3"),
+        ("add peer P", "add peer P3"),
+        ("add peer P3 rem", "add peer P3 remote=@C1"),
+        ("add connect C3 Act", "add connect C3 ActiveEstablished=false"),
+        ("add instance N block=TRCV_C EN", "add instance N block=TRCV_C EN_R="),
+        ("add data rx2 ARR", "add data rx2 ARRAY[0.."),
+        ("add message m t", "add message m text"),
+        ("save p", "save project"),
+    ],
+)  # fmt: skip
+def test_the_prompt_completes_it(project: Project, typed: str, completed: str) -> None:
+    assert (complete(typed, project) or typed) == completed

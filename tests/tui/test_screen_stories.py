@@ -1,0 +1,133 @@
+"""The three prepared faults as a newcomer meets them: opened, a key or two, the screen names the cause."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import pytest
+
+from tests.rig.scenarios import CONFIGS
+from tests.tui.fakes import FakeDriver
+from tests.tui.looking import BOTH, Looker
+from trcvtui.rig.console import fresh_bench
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.scenario import load_bench
+from trcvtui.tui.app import BenchApp
+
+Size = tuple[int, int]
+
+
+class Newcomer(Looker):
+    """Somebody in front of the screen; scans pass while they look."""
+
+    bench: LocalDriver
+
+    def read(self, pane: str) -> str:
+        """Return the words of a pane without its frame and its scroll bar."""
+        return " ".join(re.sub("[─-╿▁-█]", " ", self.words(pane)).split())
+
+    def value(self, member: str) -> str:
+        """Return what stands at the end of a member's line."""
+        line = re.sub("[─-╿▁-█]", " ", self.line(f" {member} ", "udt"))
+        return line.split()[-1]
+
+    async def look(self, scans: int) -> None:
+        """Let scans pass, and wait until the screen shows what they have brought."""
+        self.bench.scan(scans)
+        for _ in range(2):
+            before = self.app.scene.live
+            while self.app.scene.live is before:
+                await self.pilot.pause(0.01)
+        await self.settle()
+
+
+@asynccontextmanager
+async def opened(story: str, size: Size, scans: int) -> AsyncIterator[Newcomer]:
+    """Open a prepared fault, as `trcvtui run --kernel sim` does."""
+    project = load_bench(CONFIGS / "stories" / f"{story}.toml")
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    app = BenchApp(driver, project)
+    async with app.run_test(size=size) as pilot:
+        newcomer = Newcomer(app, FakeDriver(), pilot)
+        newcomer.bench = driver
+        await newcomer.look(scans)
+        yield newcomer
+    driver.close()
+
+
+@BOTH
+async def test_four_bytes_short_is_named_and_so_is_the_member_that_is_missing(size: Size) -> None:
+    async with opened("four_bytes_short", size, 600) as newcomer:
+        assert "7006 receiving" in newcomer.text
+        await newcomer.press("3")
+        card = newcomer.read("status")
+        assert "stuck: 20 of 24 bytes are here, the last one came" in card
+        assert "LEN is 0 and DATA (screw) has 24 bytes, Station's only message was 20 bytes" in card
+        assert "4 bytes too large for this sender; 4 bytes stay missing" in card
+        assert "program is the last whole member, tool is missing" in card
+        await newcomer.press("6", "v")
+        assert newcomer.value("program") == "3"
+        assert newcomer.value("tool") == "-"
+
+
+@BOTH
+async def test_the_second_report_of_a_short_sender_makes_the_values_wander(size: Size) -> None:
+    async with opened("four_bytes_short", size, 3200) as newcomer:
+        await newcomer.press("3", "M")
+        card = newcomer.read("status")
+        assert "Station's last 2 messages were 20 bytes: LEN or DATA is 4 bytes too large" in card
+        assert "each frame takes 4 bytes of the next message, so the values wander" in card
+
+
+@BOTH
+async def test_a_swapped_byte_order_is_named_although_every_frame_gets_done(size: Size) -> None:
+    async with opened("byte_order_swapped", size, 330) as newcomer:
+        await newcomer.press("3")
+        card = newcomer.read("status")
+        assert "DONE ◆ 20 B" in card and "ERROR □" in card
+        assert "members look swapped: in big-endian voltage = 230" in card
+        assert "does the sender use the other byte order?" in card
+        await newcomer.press("6")
+        assert newcomer.value("serial") == "1781071872"
+
+
+@BOTH
+async def test_a_dropped_en_r_is_named_with_its_scan_and_the_byte_that_frames_begin_with(size: Size) -> None:
+    async with opened("en_r_dropped", size, 960) as newcomer:
+        await newcomer.press("3")
+        card = newcomer.read("status")
+        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they were dropped" in card
+        assert "this frame begins with byte 10 of Scanner's message" in card
+        assert "the stream is shifted; COM_RST (or CONT 0, then 1) puts it back in step" in card
+
+
+@BOTH
+async def test_the_edge_at_which_en_r_fell_tells_what_it_cost(size: Size) -> None:
+    async with opened("en_r_dropped", size, 700) as newcomer:
+        await newcomer.press("4", "down", "down", "3", "M")
+        card = newcomer.read("status")
+        assert "16#7004" in card and "in scan 672" in card
+        assert "EN_R fell in scan 672 with 10 of 24 bytes collected; they are dropped" in card
+        assert "the next frame begins in the middle of a message, with byte 10 of Scanner's message 7" in card
+
+
+@BOTH
+async def test_com_rst_by_one_key_cures_the_shift(size: Size) -> None:
+    async with opened("en_r_dropped", size, 960) as newcomer:
+        await newcomer.press("x")
+        await newcomer.look(300)
+        await newcomer.press("3")
+        assert "the stream is shifted" not in newcomer.read("status")
+        await newcomer.press("6")
+        assert newcomer.value("length") == "400.0"
+
+
+@pytest.mark.parametrize("story", sorted(path.stem for path in (CONFIGS / "stories").glob("*.toml")))
+async def test_the_program_of_a_story_comes_to_its_end(story: str) -> None:
+    bench = fresh_bench(load_bench(CONFIGS / "stories" / f"{story}.toml"), "sim")
+    for _ in range(1000):
+        bench.step()
+    assert not any("gave up" in str(line.event) for line in bench.runtime.ledger)
+    bench.close()

@@ -1,0 +1,115 @@
+"""One more entry for a project that is already there: read, checked and named as in its file.
+
+Rule: these are the loader's own readers, so what a file may not say, nobody may add either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from trcvtui.blocks.parameters import PINS
+from trcvtui.errors import Problem, UserError
+from trcvtui.plc import project_parts as parts
+from trcvtui.plc.project import Project
+from trcvtui.plc.project_keys import KIND_OF, Declaration
+from trcvtui.plc.project_names import WORDS, Names, find_duplicates
+from trcvtui.plc.project_reader import Reader
+from trcvtui.plc.tables import Given, Table
+
+# Where the entries of a kind stand in a Project, and which kinds share their names with it.
+FIELDS: Final = {
+    "connect": "connects",
+    "udp_config": "udp_configs",
+    "addr": "addrs",
+    "data": "data",
+    "instance": "instances",
+    "peer": "peers",
+    "message": "messages",
+    "sequence": "sequences",
+}
+SHARED_NAMES: Final = (("data", "instance"), ("connect", "udp_config", "peer"))
+CHECKS: Final[dict[str, Callable[[Names, Table], None]]] = {
+    "connect": Names.check_connect,
+    "addr": Names.check_addr,
+    "instance": Names.check_instance,
+    "peer": Names.check_peer,
+    "message": Names.check_message,
+}
+_GIVEN: Final = "--set "
+
+
+def read_entry(kind: str, content: Mapping[str, Any], project: Project, where: str) -> Declaration:
+    """Return the declaration of one table; raise UserError with all that is wrong with it.
+
+    `content` holds TOML values, or the text of one as Given with the key as its path.
+    """
+    problems: list[Problem] = []
+    table = Table(content, where, problems)
+    for other in _sharing(kind):
+        known = [Table({"name": name}, "", problems) for name in names_of(other, project)]
+        find_duplicates([(other, known), (kind, [table])], reserved=WORDS if kind in SHARED_NAMES[0] else ())
+        if problems:
+            break
+    if kind in CHECKS:
+        CHECKS[kind](_names(project), table)
+    decl = _read(kind, table, project)
+    if problems or decl is None:
+        raise UserError(dict.fromkeys(_placed(problem, where) for problem in problems))
+    return decl
+
+
+def _sharing(kind: str) -> tuple[str, ...]:
+    return next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
+
+
+def _names(project: Project) -> Names:
+    kinds = ("data", "connect", "peer", "udp_config", "addr")
+    return Names(tuple(task.name for task in project.tasks), *(names_of(kind, project) for kind in kinds))
+
+
+def _read(kind: str, table: Table, project: Project) -> Declaration | None:
+    match kind:
+        case "data":
+            reader = Reader({}, table.where, project.base, table.problems)
+            return reader.data(table, project.types, project.layout)
+        case "instance":
+            blocks = tuple(block for block in project.dialect.blocks if block in PINS)
+            return parts.read_instance(table, blocks, project.tasks[0].name)
+        case _:
+            return _READERS[kind](table)
+
+
+_READERS: Final[dict[str, Callable[[Table], Declaration | None]]] = {
+    "connect": parts.read_connect,
+    "udp_config": parts.read_udp_config,
+    "addr": parts.read_addr,
+    "peer": parts.read_peer,
+    "message": parts.read_message,
+    "sequence": parts.read_sequence,
+}
+
+
+def _placed(problem: Problem, where: str) -> Problem:
+    """Return a problem of a given text with the place where it was given."""
+    if not problem.where.startswith(_GIVEN):
+        return problem
+    return replace(problem, where=f"{where}: {problem.where.removeprefix(_GIVEN)}")
+
+
+def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
+    """Return texts such as `LocalPort=0` as the values of a table."""
+    return {key: Given(key, text) for key, text in pairs}
+
+
+def names_of(kind: str, project: Project) -> tuple[str, ...]:
+    """Return the names of a project's entries of one kind."""
+    return tuple([entry.name for entry in getattr(project, FIELDS[kind])])
+
+
+def with_entry(project: Project, decl: Declaration) -> Project:
+    """Return the project with one more entry, the last of its kind."""
+    field = FIELDS[KIND_OF[type(decl)]]
+    changed: dict[str, Any] = {field: (*getattr(project, field), decl)}
+    return replace(project, **changed)

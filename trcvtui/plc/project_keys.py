@@ -1,0 +1,107 @@
+"""A declaration back to the keys of its table: read again they give the same declaration.
+
+Rule: a key that would only say its default is left out, except where a reader of the file looks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from trcvtui.blocks.parameters import SPEAKS_UDP
+from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.udp_config import AddrParam, UdpConfig
+from trcvtui.plc.project import (
+    DEFAULT_EVERY_NS,
+    DataDecl,
+    InstanceDecl,
+    MessageDecl,
+    PeerDecl,
+    SequenceDecl,
+)
+from trcvtui.plc.project_parts import FREE_PORT
+from trcvtui.udt.literals import format_time
+
+Declaration = (
+    ConnectConfig | UdpConfig | AddrParam | DataDecl | InstanceDecl | PeerDecl | MessageDecl | SequenceDecl
+)
+KeyValue = bool | int | str | list[str]
+Keys = list[tuple[str, KeyValue]]
+
+KIND_OF: Final[dict[type, str]] = {
+    ConnectConfig: "connect",
+    UdpConfig: "udp_config",
+    AddrParam: "addr",
+    DataDecl: "data",
+    InstanceDecl: "instance",
+    PeerDecl: "peer",
+    MessageDecl: "message",
+    SequenceDecl: "sequence",
+}
+
+
+def keys_of(decl: Declaration) -> Keys:
+    """Return the keys behind `name` with their TOML values, in the order of the contract."""
+    return _KEYS[type(decl)](decl)
+
+
+def _connect(c: ConnectConfig) -> Keys:
+    keys: Keys = [("ActiveEstablished", c.active)]
+    keys += _unless(ANY_ADDRESS, "LocalAddress", c.local.address)
+    keys += [("LocalPort", c.local.port)] if c.local.port or not c.active else []
+    keys += _unless(ANY_ADDRESS, "RemoteAddress", c.remote_address)
+    keys += _unless(0, "RemotePort", c.remote_port)
+    keys += _unless(False, "SendDelayOpt", c.send_delay_opt)
+    return keys + _unless(0, "KeepAliveTimeInterval", c.keep_alive_interval_s)
+
+
+def _udp_config(c: UdpConfig) -> Keys:
+    return [*_unless(ANY_ADDRESS, "LocalAddress", c.local.address), ("LocalPort", c.local.port)]
+
+
+def _addr(a: AddrParam) -> Keys:
+    return [
+        *_unless(ANY_ADDRESS, "RemoteAddress", a.remote_address),
+        *_unless(0, "RemotePort", a.remote_port),
+    ]
+
+
+def _instance(i: InstanceDecl) -> Keys:
+    keys: Keys = [("block", i.block), ("config" if i.block in SPEAKS_UDP else "connect", i.connect)]
+    keys += [("addr", i.addr)] if i.addr is not None else []
+    keys += [("data", i.data)] if i.data is not None else []
+    return [*keys, ("task", i.task), *i.inputs]
+
+
+def _peer(p: PeerDecl) -> Keys:
+    keys: Keys = [("udp", True)] if p.udp else [("active", p.active)]
+    if p.active:
+        keys.append(("remote", str(p.end)))
+        keys += [("local", str(p.source))] if p.source is not None else []
+    else:
+        keys += _unless(str(FREE_PORT), "local", str(p.end))
+        keys += [("remote", str(p.remote))] if p.remote is not None else []
+    keys += [("reconnect", format_time(p.reconnect_ns))] if p.reconnect_ns else []
+    keys += [("says", list(p.says))] if p.says else []
+    keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
+    return keys + ([("replies", list(p.replies))] if p.replies else [])
+
+
+def _message(m: MessageDecl) -> Keys:
+    return [("text", m.text), *_unless("", "peer", m.peer)]
+
+
+def _unless(default: KeyValue, key: str, value: KeyValue) -> Keys:
+    return [(key, value)] if value != default else []
+
+
+_KEYS: Final[dict[type, Callable[[Any], Keys]]] = {
+    ConnectConfig: _connect,
+    UdpConfig: _udp_config,
+    AddrParam: _addr,
+    DataDecl: lambda d: [("type", d.type_name)],
+    InstanceDecl: _instance,
+    PeerDecl: _peer,
+    MessageDecl: _message,
+    SequenceDecl: lambda s: [("steps", list(s.steps))],
+}

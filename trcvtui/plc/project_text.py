@@ -1,0 +1,164 @@
+"""The text of a project file with more entries: comments, order, quotes and blanks stay as they are.
+
+Rule 1: an entry comes behind the last one of its kind, where tomlkit gives the text back as it was; else at
+the end of the file, which is as good to the loader.
+Rule 2: what the new text says is compared with what it shall say; a text that differs never leaves this file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.plc.project_keys import KIND_OF, Declaration, KeyValue, keys_of
+from trcvtui.plc.toml_file import parse_toml
+
+if TYPE_CHECKING:
+    from tomlkit import TOMLDocument
+    from tomlkit.items import AoT, Table
+
+CRLF: Final = "\r\n"
+
+
+def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
+    """Return the text with these entries; raise UserError when the text has no place for them."""
+    wanted = parse_toml(text, where)
+    for decl in decls:
+        entries = wanted.setdefault(KIND_OF[type(decl)], [])
+        if isinstance(entries, list):
+            entries.append({"name": decl.name, **dict(keys_of(decl))})
+    return _checked(text, wanted, where, lambda plain: _in_their_places(plain, decls), _at_the_end(decls))
+
+
+def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
+    """Return the text of a project in the folder `old` as it has to be in `new`: UDTs are files beside it."""
+    wanted = parse_toml(text, where)
+    ways = [_way(entry["file"], old, new) for entry in wanted.get("udt", [])]
+    if all(entry["file"] == way for entry, way in zip(wanted.get("udt", []), ways, strict=True)):
+        return text
+    for entry, way in zip(wanted["udt"], ways, strict=True):
+        entry["file"] = way
+    return _checked(text, wanted, where, lambda plain: _with_ways(plain, ways))
+
+
+def _way(file: str, old: Path, new: Path) -> str:
+    if Path(file).is_absolute():
+        return file
+    try:
+        return os.path.relpath(os.path.realpath(old / file), os.path.realpath(new)).replace(os.sep, "/")
+    except ValueError:  # another drive
+        return os.path.realpath(old / file)
+
+
+def _checked(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str], str | None]) -> str:
+    """Return what the first edit makes that says what is wanted."""
+    ends = CRLF if CRLF in text else "\n"
+    plain = text.replace(CRLF, "\n")
+    if plain.replace("\n", ends) != text:
+        raise mistake(where, "lines that end in two ways", "one end of line in all of the file")
+    plain += "\n" if plain and not plain.endswith("\n") else ""
+    for edit in edits:
+        edited = edit(plain)
+        if edited is not None and _says(edited, wanted):
+            return edited.replace("\n", ends)
+    raise mistake(where, "a form that cannot be extended", "tables that begin with [[connect]] and the like")
+
+
+def _says(text: str, wanted: dict[str, Any]) -> bool:
+    try:
+        return parse_toml(text, "") == wanted
+    except UserError:
+        return False
+
+
+# -- with tomlkit ----------------------------------------------------------------------------------------
+
+
+def _parsed(plain: str) -> TOMLDocument | None:
+    """Return the document that gives this very text back, None where tomlkit would change it."""
+    import tomlkit  # read when first saved: it takes as long as two scans
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        document = tomlkit.parse(plain)
+    except TOMLKitError:
+        return None
+    return document if document.as_string() == plain else None
+
+
+def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
+    document = _parsed(plain)
+    if document is None:
+        return None
+    from tomlkit.items import AoT
+
+    new: list[Declaration] = []
+    for decl in decls:
+        entries = document.get(KIND_OF[type(decl)])
+        if isinstance(entries, AoT) and len(entries):
+            _add_behind(entries, _table(decl))
+        else:
+            new.append(decl)
+    return _at_the_end(new)(document.as_string())
+
+
+def _add_behind(entries: AoT, table: Table) -> None:
+    """Append a table; what is behind the last one, from its first blank line on, is of what follows."""
+    from tomlkit.items import Comment, Whitespace
+
+    body = entries[-1].value.body
+    start = len(body)
+    while start and isinstance(body[start - 1][1], Comment | Whitespace):
+        start -= 1
+    blank = next((n for n in range(start, len(body)) if isinstance(body[n][1], Whitespace)), len(body))
+    behind = body[blank:]
+    del body[blank:]
+    body.append((None, Whitespace("\n")))
+    table.value.body.extend(behind)
+    entries.append(table)
+
+
+def _table(decl: Declaration) -> Table:
+    import tomlkit
+
+    table = tomlkit.table()
+    for key, value in [("name", decl.name), *keys_of(decl)]:
+        table.append(key, _item(value))
+    return table
+
+
+def _item(value: KeyValue) -> Any:
+    import tomlkit
+
+    match value:
+        case str():
+            is_literal = '"' in value and "'" not in value and value.isprintable()
+            return tomlkit.string(value, literal=is_literal)
+        case list():
+            array = tomlkit.array()
+            array.extend(map(_item, value))
+            return array
+        case _:
+            return value
+
+
+def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
+    """Return what appends the tables to a text."""
+
+    def append(plain: str) -> str:
+        tables = [f"\n[[{KIND_OF[type(decl)]}]]\n{_table(decl).as_string()}" for decl in decls]
+        return plain + "".join(tables)
+
+    return append
+
+
+def _with_ways(plain: str, ways: Sequence[str]) -> str | None:
+    document = _parsed(plain)
+    if document is None:
+        return None
+    for entry, way in zip(document["udt"], ways, strict=True):
+        entry["file"] = way
+    return document.as_string()

@@ -1,0 +1,137 @@
+"""What can be added to a project, as the fields of a form; together they are one `add` command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.plc.project import Project
+from trcvtui.plc.project_edit import SHARED_NAMES, names_of
+
+TITLES: Final = {
+    "instance": "an instance",
+    "connect": "a connection (CONNECT)",
+    "data": "a DATA variable",
+    "peer": "a peer",
+    "message": "a message of the library",
+    "sequence": "a sequence of messages",
+    "udp_config": "a UDP_CONFIG",
+    "addr": "an ADDR of UDP",
+}
+KINDS: Final = tuple(TITLES)
+NAMES: Final = {"connect": "C", "udp_config": "U", "addr": "A", "data": "rx", "peer": "P"}
+BARE: Final = frozenset({"inputs", "type", "text", "steps"})  # they stand without a key
+QUOTED: Final = frozenset({"says"})
+BOOLS: Final = ("false", "true")
+
+
+@dataclass(frozen=True, slots=True)
+class AddField:
+    """One field: its key, what may stand there, what stands there first."""
+
+    key: str
+    hint: str
+    choices: tuple[str, ...] = ()
+    first: str = ""
+
+
+def fields_of(kind: str, project: Project) -> tuple[AddField, ...]:
+    """Return the fields of a kind behind its name."""
+    return tuple(_FIELDS[kind](project))
+
+
+def first_name(kind: str, project: Project) -> str:
+    """Return a name that is free."""
+    sharing = next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
+    taken = {name for each in sharing for name in names_of(each, project)}
+    start = f"{project.dialect.blocks[0]}_" if kind == "instance" else NAMES.get(kind, kind)
+    return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
+
+
+def line_of(kind: str, name: str, texts: Mapping[str, str]) -> str:
+    """Return the command that the fields make; an empty field says nothing."""
+    from trcvtui.rig.member_values import quoted  # read when first asked for
+
+    words = ["add", kind, name.strip()]
+    for key, text in texts.items():
+        value = text.strip()
+        if value:
+            shown = quoted(value) if key in QUOTED else value
+            words.append(shown if key in BARE else f"{key}={shown}")
+    return " ".join(words)
+
+
+def _instance(project: Project) -> Sequence[AddField]:
+    connects, data = names_of("connect", project), names_of("data", project)
+    fields = [
+        AddField("block", "a block", project.dialect.blocks, project.dialect.blocks[0]),
+        AddField("connect", "a CONNECT", connects, _last(connects)),
+    ]
+    if project.udp_configs:
+        fields.append(AddField("config", "of a UDP block", names_of("udp_config", project)))
+        fields.append(AddField("addr", "of a UDP block", names_of("addr", project)))
+    return [
+        *fields,
+        AddField("data", "a DATA variable, none: 80A4", data, _last(data)),
+        AddField("task", "a task", tuple(task.name for task in project.tasks), project.tasks[0].name),
+        AddField("inputs", "such as CONT=1 EN_R=1"),
+    ]
+
+
+def _connect(project: Project) -> Sequence[AddField]:
+    ends = tuple(f"@{name}" for kind in ("peer", "connect") for name in names_of(kind, project))
+    return [
+        AddField("ActiveEstablished", "true: the PLC connects", BOOLS, "false"),
+        AddField("LocalAddress", "an address of this machine", first="127.0.0.1"),
+        AddField("LocalPort", "0: a free one", first="0"),
+        AddField("RemoteAddress", "0.0.0.0: anybody"),
+        AddField("RemotePort", "a port, or @NAME", ends),
+        AddField("SendDelayOpt", "true: Nagle off", BOOLS),
+        AddField("KeepAliveTimeInterval", "seconds, 0: 10 s"),
+    ]
+
+
+def _peer(project: Project) -> Sequence[AddField]:
+    links = tuple(f"@{name}" for kind in ("connect", "udp_config") for name in names_of(kind, project))
+    return [
+        AddField("active", "true: it connects to remote", BOOLS[::-1], "true" if links else "false"),
+        AddField("remote", "address:port, or @NAME", links, _last(links)),
+        AddField("local", "where it listens, 127.0.0.1:0"),
+        AddField("udp", "true: datagrams, no active", BOOLS),
+        AddField("reconnect", "after so long, such as T#1s"),
+        AddField("says", "a message, such as hex 01 02"),
+        AddField("every", "T#1s"),
+    ]
+
+
+def _message(project: Project) -> Sequence[AddField]:
+    return [
+        AddField("peer", "one peer's alone, or nobody's", names_of("peer", project)),
+        AddField("text", "as behind `send`: hex 01 02 split=1"),
+    ]
+
+
+def _last(names: tuple[str, ...]) -> str:
+    return names[-1] if names else ""
+
+
+def _fixed(*fields: AddField) -> Callable[[Project], Sequence[AddField]]:
+    return lambda project: fields
+
+
+_LOCAL: Final = (
+    AddField("LocalAddress", "0.0.0.0", first="127.0.0.1"),
+    AddField("LocalPort", "0", first="0"),
+)
+_REMOTE: Final = (AddField("RemoteAddress", "0.0.0.0", first="127.0.0.1"), AddField("RemotePort", "or @NAME"))
+_FIELDS: Final[dict[str, Callable[[Project], Sequence[AddField]]]] = {
+    "instance": _instance,
+    "connect": _connect,
+    "data": _fixed(AddField("type", "an IEC type or a UDT", first="ARRAY[0..99] OF BYTE")),
+    "peer": _peer,
+    "message": _message,
+    "sequence": _fixed(AddField("steps", "message names and pauses: hello T#100ms bye")),
+    "udp_config": _fixed(*_LOCAL),
+    "addr": _fixed(*_REMOTE),
+}

@@ -1,0 +1,147 @@
+"""A form for what is added to the project: fields, what may stand in them, and the command that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar, Final
+
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.screen import ModalScreen
+from textual.widget import Widget
+from textual.widgets import Input, Static
+
+from trcvtui.plc.project import Project
+from trcvtui.tui.add_fields import KINDS, TITLES, AddField, fields_of, first_name, line_of
+from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.validity import fault_of
+
+KEYS_LINE: Final = "tab field · ↑↓ choose · enter add · esc leave"
+HINT: Final = 30
+
+
+class ChoiceField(Input):
+    """One field; up and down walk through what is known to fit."""
+
+    BINDINGS: ClassVar = [
+        Binding("up", "choose(-1)", show=False),
+        Binding("down", "choose(1)", show=False),
+    ]
+
+    def __init__(self, key: str, choices: tuple[str, ...], value: str) -> None:
+        super().__init__(value=value, compact=True, select_on_focus=False)
+        self.key = key
+        self._choices = choices
+
+    def action_choose(self, step: int) -> None:
+        """Take the next known value, the first one where something else stands."""
+        if not self._choices:
+            return
+        known = self.value in self._choices
+        at = (self._choices.index(self.value) + step) % len(self._choices) if known else 0
+        self.value = self._choices[at]
+        self.cursor_position = len(self.value)
+
+
+class AddScreen(ModalScreen[str]):
+    """Ends with the command, "" when it is left."""
+
+    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
+    DEFAULT_CSS = """
+    AddScreen { align: center middle; background: $background 60%; }
+    AddScreen #form {
+        width: 76; max-width: 100%; height: auto; max-height: 100%; border: round $border; padding: 0 1;
+        background: $surface; border-subtitle-color: $text-muted;
+    }
+    AddScreen VerticalScroll { height: auto; max-height: 100%; }
+    AddScreen Horizontal { height: 1; }
+    AddScreen .name { width: 23; }
+    AddScreen .hint { width: 30; color: $text-muted; padding: 0 0 0 1; }
+    AddScreen ChoiceField { width: 1fr; background: $panel; padding: 0 1; }
+    AddScreen ChoiceField:focus { background: $panel; background-tint: $primary 18%; }
+    AddScreen ChoiceField.-bad { color: $error; text-style: underline; }
+    AddScreen #form-line { height: 3; color: $text-muted; margin: 1 0 0 0; }
+    AddScreen #form-line.-bad { color: $error; }
+    AddScreen:ansi ChoiceField { text-style: underline; }
+    """
+
+    def __init__(self, project: Callable[[], Project], kind: str, given: Mapping[str, str]) -> None:
+        super().__init__()
+        self._project = project
+        self._given = given
+        self.kind = kind
+        self._kind_field = ChoiceField("kind", KINDS, kind)
+        self._fields: list[ChoiceField] = []
+        self._rows = VerticalScroll(can_focus=False)
+        self._line = Static("", markup=False, id="form-line")
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the kind, a line a field, and the command below."""
+        with Vertical(id="form") as form:
+            form.border_subtitle = KEYS_LINE
+            yield _row("add", self._kind_field, "↑↓ another kind")
+            yield self._rows
+            yield self._line
+
+    async def on_mount(self) -> None:
+        """Begin with the name."""
+        await self._lay_out()
+        self.set_focus(self._fields[0])
+
+    async def _lay_out(self) -> None:
+        """Put the fields of the kind there."""
+        project = self._project()
+        name = AddField("name", "a name of its own", first=first_name(self.kind, project))
+        specs = (name, *fields_of(self.kind, project))
+        self._fields = [ChoiceField(s.key, s.choices, self._given.get(s.key, s.first)) for s in specs]
+        self.query_one("#form").border_title = f"Add {TITLES[self.kind]}"
+        rows = [_row(s.key, field, _hint(s)) for s, field in zip(specs, self._fields, strict=True)]
+        await self._rows.remove_children()
+        await self._rows.mount_all(rows)
+        self._judge()
+
+    @property
+    def line(self) -> str:
+        """Return the command that the fields make."""
+        name, *others = self._fields
+        return line_of(self.kind, name.value, {field.key: field.value for field in others})
+
+    def _judge(self) -> None:
+        """Show the command, or what is wrong with it and in which field."""
+        fault = fault_of(self.line, self._project())
+        place = fault.removeprefix(f"{self.kind} {self._fields[0].value.strip()}: ")
+        for field in self._fields:
+            field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
+        self._line.update(f"✗ {plain(fault)}" if fault else f"▸ {plain(self.line)}")
+        self._line.set_class(bool(fault), "-bad")
+
+    async def on_input_changed(self, event: Input.Changed) -> None:
+        """Judge while typing; another kind has other fields."""
+        event.stop()
+        if event.input is not self._kind_field:
+            self._judge()
+        elif event.value in KINDS and event.value != self.kind:
+            self.kind, self._given = event.value, {}
+            await self._lay_out()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Give the command, where it would be taken."""
+        event.stop()
+        if not fault_of(self.line, self._project()):
+            self.dismiss(self.line)
+
+    def action_leave(self) -> None:
+        """Add nothing."""
+        self.dismiss("")
+
+
+def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:
+    return Horizontal(
+        Static(name, markup=False, classes="name"),
+        field,
+        Static(clip(plain(hint), HINT - 1), markup=False, classes="hint"),
+    )
+
+
+def _hint(field: AddField) -> str:
+    return f"↑↓ {', '.join(field.choices)}" if field.choices else field.hint

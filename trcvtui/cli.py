@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from trcvtui.plc.project import Project
-    from trcvtui.udt.layout import Layout
 
 GOOD: Final = 0
+DIFFERENT: Final = 1
 WRONG_INPUT: Final = 2
 INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
 PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
 KERNELS: Final = ("sim", "live")
+BYTES: Final = "HEX|@FILE|-"
 LOOKS: Final = ("dark", "light", "ansi")
 
 Command = Callable[[argparse.Namespace], int]
@@ -80,13 +81,6 @@ def _never_fail_to_print() -> None:
 def _print(text: str) -> int:
     sys.stdout.write(text + "\n")
     return GOOD
-
-
-def _print_json(record: dict[str, object]) -> int:
-    import json
-
-    # ASCII: bytes from a wire stay data. DEL is the one control character that JSON leaves raw.
-    return _print(json.dumps(record, indent=2, allow_nan=False).replace("\x7f", "\\u007f"))
 
 
 def _forget_stdout() -> None:
@@ -214,39 +208,36 @@ def _st(args: argparse.Namespace) -> int:
 
 
 def _udt_show(args: argparse.Namespace) -> int:
-    from trcvtui.udt.report import show_json, show_text
+    from trcvtui.udt import command
 
-    layout = _layout(args)
-    return _print_json(show_json(layout)) if args.format == "json" else _print(show_text(layout))
+    return _print(command.show(args))
 
 
 def _udt_decode(args: argparse.Namespace) -> int:
-    from trcvtui.udt.given import given_bytes
-    from trcvtui.udt.report import decode_json, decode_text
+    from trcvtui.udt import command
 
-    layout = _layout(args)
-    payload = given_bytes(" ".join(args.hex))
-    if args.format == "json":
-        return _print_json(decode_json(layout, payload))
-    return _print(decode_text(layout, payload))
+    return _print(command.decode(args))
 
 
 def _udt_encode(args: argparse.Namespace) -> int:
-    from trcvtui.udt.given import given_values
-    from trcvtui.udt.report import encode_values
+    from trcvtui.udt import command
 
-    layout = _layout(args)
-    return _print(encode_values(layout, given_values(args.values)).hex(" "))
+    return _print(command.encode(args))
 
 
-def _layout(args: argparse.Namespace) -> Layout:
-    from trcvtui.udt.formats import read_file
-    from trcvtui.udt.layout import lay_out, rules_for
+def _udt_export(args: argparse.Namespace) -> int:
+    from trcvtui.udt import command
 
-    rules = rules_for(args.layout, args.byte_order)
-    types = read_file(args.file)
-    name = args.type or types.only()
-    return lay_out(types.named(name, "--type"), rules, name)
+    text = command.export(args)
+    return _print(text) if text else GOOD
+
+
+def _udt_compare(args: argparse.Namespace) -> int:
+    from trcvtui.udt import command
+
+    text, is_equal = command.compare(args)
+    _print(text)
+    return GOOD if is_equal else DIFFERENT
 
 
 def _layout_names() -> str:
@@ -304,7 +295,7 @@ def _parser() -> _Parser:
     _add_scenario(commands.add_parser("scenario", help="run without a screen"))
     _add_status(commands.add_parser("status", help="explain a STATUS code"))
     _add_st(commands.add_parser("st", help="print instances as their calls in Structured Text"))
-    _add_udt(commands.add_parser("udt", help="show, decode, encode a UDT"))
+    _add_udt(commands.add_parser("udt", help="show, decode, encode, export, compare a UDT"))
     return parser
 
 
@@ -362,21 +353,38 @@ def _add_udt(parser: _Parser) -> None:
     parser.set_defaults(command=None)
     commands = parser.add_subparsers(metavar="WHAT", required=True)
     show = commands.add_parser("show", help="members with offset, size, type; padding")
-    _add_type(show, _udt_show)
+    _add_type(show, _udt_show, ("text", "json"))
     decode = commands.add_parser("decode", help="bytes to values, as far as they go")
-    _add_type(decode, _udt_decode)
-    decode.add_argument("hex", metavar="HEX|@FILE|-", nargs="+", help="hex, a file of hex, or stdin")
+    _add_type(decode, _udt_decode, ("text", "json", "md", "csv"))
+    decode.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
     encode = commands.add_parser("encode", help="values to bytes, as hex on stdout")
-    _add_type(encode, _udt_encode)
+    _add_type(encode, _udt_encode, ("hex", "iec", "st", "c", "python", "base64"))
     encode.add_argument("values", metavar="VALUES.json|-", help="an object of path: value")
-    for each in (show, decode):
-        each.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
+    export = commands.add_parser("export", help="the type for Wireshark, Kaitai or ImHex")
+    _add_type(export, _udt_export)
+    export.add_argument("--to", metavar="lua|ksy|imhex", required=True)
+    export.add_argument("--port", type=int, help="lua: the TCP port; default: by Decode As")
+    export.add_argument("--out", metavar="FILE", help="write here instead of stdout")
+    compare = commands.add_parser("compare", help="two layouts side by side; exit 1 where they differ")
+    _add_type(compare, _udt_compare, ("text", "json"), twice=True)
+    more = compare.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
+    more.required = False  # with "*" argparse takes none, as soon as an option stands before them
 
 
-def _add_type(parser: _Parser, command: Command) -> None:
+def _add_type(parser: _Parser, command: Command, formats: Sequence[str] = (), twice: bool = False) -> None:
     parser.set_defaults(command=command)
     parser.last_words = _layout_names
     parser.add_argument("file", metavar="FILE", help="the file that declares the type")
-    parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type")
-    parser.add_argument("--layout", metavar="NAME", default="baosky", help="default: baosky")
-    parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout")
+    one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
+    layout = {"default": "baosky", "help": "default: baosky", **one}
+    if twice:
+        layout["help"] = "and another --layout; --type, --byte-order, --text may be given twice, too"
+    parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
+    parser.add_argument("--layout", metavar="NAME", **layout)
+    parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout", **one)
+    parser.add_argument("--text", metavar="FORM", help="of STRING: s7, cstr or nul; default as above", **one)
+    parser.add_argument(
+        "--constant", metavar="NAME=VALUE", action="append", default=[], help="such as GVL.MAX=10"
+    )
+    if formats:
+        parser.add_argument("--format", choices=formats, default=formats[0], help=f"default: {formats[0]}")

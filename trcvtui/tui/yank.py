@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import csv
-import io
 import json
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -17,16 +13,15 @@ from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.explain import why
 from trcvtui.tui.formatting import moment, plain, status_word
+from trcvtui.udt.byte_forms import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
 from trcvtui.udt.decode import decode_leaves
-from trcvtui.udt.report import json_value, leaf_type_text
-from trcvtui.udt.value_text import value_text
+from trcvtui.udt.report import json_value
+from trcvtui.udt.table_forms import csv_text, markdown, member_rows
 
 if TYPE_CHECKING:
     from trcvtui.tui.scene import Scene
 
-A_LINE: Final = 16
 MOST_MEMBERS: Final = 70_000
-HEAD: Final = ("offset", "type", "member", "value")
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,78 +111,28 @@ def _columns(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
 # -- bytes -------------------------------------------------------------------------------------------------
 
 
-def _hex(of: Subject) -> str:
-    return "\n".join(_lines(of.content, "{:02x}", " "))
+def _bytes(form: Callable[[bytes, str], str]) -> Callable[[Subject], str]:
+    def write(of: Subject) -> str:
+        return form(of.content, of.name)
 
-
-def _iec(of: Subject) -> str:
-    return "\n".join(_lines(of.content, "16#{:02X}", ", "))
-
-
-def _st_array(of: Subject) -> str:
-    items = ",\n    ".join(_lines(of.content, "16#{:02X}", ", "))
-    last = len(of.content) - 1
-    return f"{_identifier(of.name)} : ARRAY[0..{last}] OF BYTE := [\n    {items}\n];" if of.content else ""
-
-
-def _c_array(of: Subject) -> str:
-    items = ",\n    ".join(_lines(of.content, "0x{:02X}", ", "))
-    head = f"const uint8_t {_identifier(of.name)}[{len(of.content)}]"
-    return f"{head} = {{\n    {items}\n}};" if of.content else ""
-
-
-def _python(of: Subject) -> str:
-    pieces = [of.content[at : at + A_LINE] for at in range(0, len(of.content), A_LINE)]
-    written = "\n".join('    b"' + "".join(f"\\x{byte:02x}" for byte in piece) + '"' for piece in pieces)
-    return f"{_identifier(of.name)} = (\n{written}\n)" if pieces else ""
-
-
-def _base64(of: Subject) -> str:
-    return base64.b64encode(of.content).decode("ascii")
-
-
-def _lines(content: bytes, form: str, between: str) -> Iterator[str]:
-    for at in range(0, len(content), A_LINE):
-        yield between.join(form.format(byte) for byte in content[at : at + A_LINE])
-
-
-def _identifier(name: str) -> str:
-    word = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return word if word and not word[0].isdigit() else f"_{word}"
+    return write
 
 
 # -- members -----------------------------------------------------------------------------------------------
 
 
 def _members(of: Subject) -> Iterator[tuple[str, str, str, str]]:
-    if of.declared is None or not of.content:
-        return
-    layout = of.declared.layout
-    stop = min(layout.leaf_count, MOST_MEMBERS)
-    leaves = layout.page(0, stop).leaves
-    for leaf, value in zip(leaves, decode_leaves(layout, of.content, 0, stop), strict=False):
-        place = str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
-        raw = of.content[leaf.offset : leaf.offset + leaf.size]
-        shown = "" if value is None else value_text(leaf, value, raw)
-        yield place, leaf_type_text(layout, leaf), leaf.path or of.declared.name, shown
+    if of.declared is not None and of.content:
+        layout, name = of.declared.layout, of.declared.name
+        yield from member_rows(layout, of.content, name, missing="", most=MOST_MEMBERS)
 
 
 def _markdown(of: Subject) -> str:
-    rows = list(_members(of))
-    return "\n".join(map(_markdown_row, [HEAD, ("---:", "---", "---", "---"), *rows])) if rows else ""
-
-
-def _markdown_row(cells: Iterable[str]) -> str:
-    escaped = [re.sub(r"([\\|`*_<>\[\]])", r"\\\1", plain(cell)) for cell in cells]
-    return f"| {' | '.join(escaped)} |"
+    return markdown(_members(of))
 
 
 def _csv(of: Subject) -> str:
-    rows = list(_members(of))
-    text = io.StringIO()
-    if rows:
-        csv.writer(text, lineterminator="\n").writerows([HEAD, *rows])
-    return text.getvalue()
+    return csv_text(_members(of))
 
 
 def _json(of: Subject) -> str:
@@ -204,12 +149,12 @@ def _json(of: Subject) -> str:
 FORMATS: Final = (
     Format("c", "the call in Structured Text", _call, ".st"),
     Format("b", "bench commands that do it again", _commands),
-    Format("h", "bytes as hex", _hex),
-    Format("i", "bytes as 16#.. list", _iec),
-    Format("a", "bytes as ST array initialiser", _st_array, ".st"),
-    Format("r", "bytes as C array", _c_array, ".c"),
-    Format("p", "bytes as Python bytes", _python, ".py"),
-    Format("6", "bytes as base64", _base64),
+    Format("h", "bytes as hex", _bytes(hex_lines)),
+    Format("i", "bytes as 16#.. list", _bytes(iec_list)),
+    Format("a", "bytes as ST array initialiser", _bytes(st_array), ".st"),
+    Format("r", "bytes as C array", _bytes(c_array), ".c"),
+    Format("p", "bytes as Python bytes", _bytes(python_bytes), ".py"),
+    Format("6", "bytes as base64", _bytes(base64_text)),
     Format("m", "members as Markdown", _markdown, ".md"),
     Format("v", "members as CSV", _csv, ".csv"),
     Format("j", "members as JSON", _json, ".json"),

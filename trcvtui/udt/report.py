@@ -40,7 +40,7 @@ def show_text(layout: Layout) -> str:
         rows.append((offset, (str(offset), str(size), "", "(padding)")))
     rows.sort(key=lambda row: row[0])
     head = f"{layout.name}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
-    table = _table([("offset", "size", "type", "path"), *(row for _, row in rows)], "rrll")
+    table = in_columns([("offset", "size", "type", "path"), *(row for _, row in rows)], "rrll")
     return "\n".join([head, *table, *_notes(layout)])
 
 
@@ -63,7 +63,7 @@ def decode_text(layout: Layout, data: Data) -> str:
         text = value_text(leaf, value, raw)
         rows.append((_place(leaf), leaf_type_text(layout, leaf), leaf.path or layout.name, text))
     head = f"{layout.name}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
-    return "\n".join([head, *_table(rows, "rlll"), *_notes(layout)])
+    return "\n".join([head, *in_columns(rows, "rlll"), *_notes(layout)])
 
 
 def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
@@ -123,7 +123,8 @@ def _notes(layout: Layout) -> list[str]:
     return [f"unverified for this layout: {', '.join(names)}"] if names else []
 
 
-def _table(rows: list[Row], sides: str) -> list[str]:
+def in_columns(rows: list[Row], sides: str) -> list[str]:
+    """Return rows in columns; of `sides` r is to the right, l to the left."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:

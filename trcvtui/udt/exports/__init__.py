@@ -30,13 +30,18 @@ EXPORTS: Final = {
 }
 
 
-def export(layout: Layout, to: str, port: int | None = None) -> str:
-    """Return the type in that language; raise UserError for an unknown one, or a port that is none."""
+def check(to: str, port: int | None = None) -> None:
+    """Raise UserError for an unknown language, or a port that is none."""
     if to not in EXPORTS:
         raise mistake("--to", f"'{to}'", "one of " + ", ".join(EXPORTS))
     if port is not None and to != "lua":
-        raise mistake("--port", f"a port for {to}", "one for lua only")
+        raise mistake("--port", f"one for {to}", "one for lua only")
     if port is not None and port not in PORTS:
         raise mistake("--port", str(port), "a port from 1 to 65535")
+
+
+def export(layout: Layout, to: str, port: int | None = None) -> str:
+    """Return the type in that language; raise UserError as `check` does, or for a type without a value."""
+    check(to, port)
     write: Callable[..., str] = import_module(f"{__name__}.{EXPORTS[to].module}").write
     return write(layout) if port is None else write(layout, port)

@@ -81,7 +81,8 @@ class _Writer:
             ]
             end = max(end, offset, *(offset + field.node.size for field in fields if field.offset == offset))
         if node.size > end:
-            lines.append(f"    padding[{node.size - end}];")
+            whole = node.size if is_union else node.size - end  # in a union it begins at 0, too
+            lines.append(f"    padding[{whole}];")
         body = "\n".join([f"{'union' if is_union else 'struct'} {name}{base} {{", *lines, "};", ""])
         self.types.append(body)
 

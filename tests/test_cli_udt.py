@@ -1,0 +1,175 @@
+"""`trcvtui udt` beyond the first contract: export, compare, constants, formats; what is said of a mistake."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.test_cli import ENVIRONMENT, process, run
+
+TYPES = """
+TYPE Mixed : STRUCT flag : BOOL; id : DINT; x : LREAL; name : STRING[4]; END_STRUCT END_TYPE
+TYPE Theirs : STRUCT flag : BOOL; id : DINT; extra : INT; END_STRUCT END_TYPE
+TYPE Sized : STRUCT a : ARRAY[1..GVL.MAX] OF INT; END_STRUCT END_TYPE
+"""
+ONES = "01 00 00 00 02 00 00 00"
+
+
+@pytest.fixture(autouse=True)
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "types.st").write_text(TYPES)
+    (tmp_path / "values.json").write_text('{"flag": true, "id": 2}')
+    (tmp_path / "folder").mkdir()
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        ("export types.st --type Mixed", "trcvtui udt export: the following arguments are required: --to"),
+        ("export types.st --type Mixed --to java", "--to: found 'java', expected one of lua, ksy, imhex"),
+        ("export types.st --type Mixed --to lua --port 70000", "--port: found 70000, expected a port from 1"),
+        ("export types.st --type Mixed --to ksy --port 2000", "--port: found one for ksy"),
+        (
+            "export types.st --type Mixed --to lua --port x",
+            "trcvtui udt export: argument --port: invalid int",
+        ),
+        ("export types.st --type Mixed --to lua --out folder", "folder: found Is a directory"),
+        ("export nix.st --to lua", "nix.st: found No such file"),
+        ("show types.st --type Sized", "types.st:4:34: found 'GVL.MAX', expected a known constant"),
+        ("show types.st --type Sized --constant GVL.MAX", "--constant: found 'GVL.MAX', expected NAME=VALUE"),
+        ("show types.st --type Sized --constant GVL.MAX=ten", "--constant: found 'GVL.MAX=ten'"),
+        ("show types.st --type Mixed --text pascal", "STRING form: found 'pascal', expected one of s7"),
+        ("decode types.st --type Mixed --format xml 01", "trcvtui udt decode: argument --format: invalid"),
+        ("compare types.st --type Mixed --layout a --layout b", "layout: found 'a', expected one of baosky"),
+        (
+            "compare types.st --type Mixed --layout cap4 --layout packed --layout natural8",
+            "--layout: found 3 of them, expected one for both sides",
+        ),
+        ("compare types.st --type Mixed --layout packed 0g", "HEX, position 2: found 'g'"),
+    ],
+)
+def test_a_mistake_is_one_line_on_stderr_and_exit_2(
+    argv: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = run(capsys, "udt", *argv.split())
+    assert (code, out) == (2, "")
+    assert err.startswith(said)
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("to", "first"), [("lua", "-- Mixed: layout packed, big"), ("ksy", "meta:\n"), ("imhex", "#pragma")]
+)
+def test_export_prints_the_type_as_laid_out(to: str, first: str, capsys: pytest.CaptureFixture[str]) -> None:
+    argv = ("types.st", "--type", "Mixed", "--layout", "packed", "--byte-order", "big", "--to", to)
+    code, out, err = run(capsys, "udt", "export", *argv)
+    assert (code, err) == (0, "")
+    assert out.startswith(first)
+    assert out.endswith("\n") and not out.endswith("\n\n")
+
+
+def test_export_writes_a_file_and_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = ("udt", "export", "types.st", "--type", "Mixed", "--to", "lua", "--port", "2000")
+    _, printed, _ = run(capsys, *argv)
+    assert run(capsys, *argv, "--out", "mixed.lua") == (0, "", "")
+    assert Path("mixed.lua").read_text() == printed
+
+
+def test_a_constant_that_no_file_declares_comes_from_the_command_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    argv = "udt show types.st --type Sized --format json --constant OTHER=1 --constant GVL.MAX=16#10"
+    code, out, _ = run(capsys, *argv.split())
+    assert code == 0
+    assert len(json.loads(out)["members"]) == 16
+
+
+def test_the_form_of_text_is_chosen_like_the_byte_order(capsys: pytest.CaptureFixture[str]) -> None:
+    given = "02 00 00 00 41 42 43 00 00 00"
+    Path("text.st").write_text("TYPE T : STRUCT a : DINT; s : STRING[4]; END_STRUCT END_TYPE")
+    for form, text in (("s7", "C\0\0\0"), ("cstr", "ABC")):
+        argv = ("udt", "decode", "text.st", "--text", form, "--format", "json", given)
+        _, out, _ = run(capsys, *argv)
+        assert json.loads(out)["values"]["s"] == text
+
+
+def test_decode_is_a_table_in_markdown_and_csv(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = ("udt", "decode", "types.st", "--type", "Mixed", ONES, "--format")
+    _, out, _ = run(capsys, *argv, "md")
+    assert out.splitlines()[:4] == [
+        "| offset | type | member | value |",
+        "| ---: | --- | --- | --- |",
+        "| 0 | BOOL | flag | TRUE |",
+        "| 4 | DINT | id | 2 |",
+    ]
+    _, out, _ = run(capsys, *argv, "csv")
+    assert out.splitlines()[-1] == "16,STRING[4],name,no data"
+
+
+def test_encode_writes_bytes_as_another_tool_takes_them(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = ("udt", "encode", "types.st", "--type", "Theirs", "values.json", "--format")
+    found = {form: run(capsys, *argv, form)[1] for form in ("hex", "iec", "st", "c", "python", "base64")}
+    assert found["hex"] == ONES + " 00 00 00 00\n"
+    assert found["iec"].startswith("16#01, 16#00")
+    assert found["st"].startswith("Theirs : ARRAY[0..11] OF BYTE := [")
+    assert found["c"].startswith("const uint8_t Theirs[12] = {")
+    assert found["python"].startswith('Theirs = (\n    b"\\x01')
+    assert found["base64"] == "AQAAAAIAAAAAAAAA\n"
+
+
+# -- compare: 0 equal, 1 different -----------------------------------------------------------------------
+
+
+def test_equal_layouts_are_exit_0(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = "udt compare types.st --type Theirs --layout cap4 --layout natural8"
+    code, out, err = run(capsys, *argv.split())
+    assert (code, err) == (0, "")
+    assert "none of 3 members differs" in out
+
+
+def test_differing_rows_are_marked_and_exit_1(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = "udt compare types.st --type Mixed --layout cap4 --layout packed"
+    code, out, err = run(capsys, *argv.split())
+    assert (code, err) == (1, "")
+    marked = [line.split() for line in out.splitlines() if line.startswith("*")]
+    assert marked == [
+        ["*", "id", "4", "1", "place"],
+        ["*", "x", "8", "5", "place"],
+        ["*", "name", "16", "13", "place"],
+    ]
+
+
+def test_bytes_behind_the_options_are_compared_as_values(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = "udt compare types.st --type Theirs --byte-order little --byte-order big --format json"
+    code, out, _ = run(capsys, *argv.split(), *ONES.split())
+    assert code == 1
+    answer = json.loads(out)
+    assert answer["equal"] is False
+    assert [answer[side]["byte_order"] for side in ("ours", "theirs")] == ["little", "big"]
+    assert [(row["path"], row["differs"]) for row in answer["rows"]] == [
+        ("flag", []), ("id", ["value"]), ("extra", []),
+    ]  # fmt: skip
+    assert answer["rows"][1]["theirs"] == {"type": "DINT", "offset": 4, "size": 4, "value": 2 << 24}
+    assert answer["rows"][2]["ours"]["value"] is None
+
+
+def test_two_types_are_compared_member_by_member(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = "udt compare types.st --type Mixed --type Theirs --format json"
+    code, out, _ = run(capsys, *argv.split())
+    assert code == 1
+    rows = {row["path"]: row for row in json.loads(out)["rows"]}
+    assert rows["flag"]["differs"] == []
+    assert rows["x"]["theirs"] is None
+    assert rows["extra"]["ours"] is None
+
+
+def test_show_imports_no_export_and_no_csv() -> None:
+    code = "import sys\nfrom trcvtui.cli import main\nmain(sys.argv[1:])\n"
+    code += "print(*(n for n in sys.modules if n.startswith('trcvtui.udt.exp') or n in ('csv', 'base64')))"
+    argv = process("udt", "show", "types.st", "--type", "Mixed", code=code)
+    done = subprocess.run(argv, env=ENVIRONMENT, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == ""

@@ -1,0 +1,162 @@
+"""Which profile fits: what was encoded in a profile ranks it first, and a tie is told as one."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.udt.udt_strategies import types_of
+from trcvtui.udt.encode import encode
+from trcvtui.udt.fit import fit, leaders, verdict
+from trcvtui.udt.layout import Layout, Leaf, lay_out, rules_for
+from trcvtui.udt.profiles import Profile, profiles_for, same_layouts
+from trcvtui.udt.types import Elementary, Enumeration, Kind, Text
+
+TYPES = types_of("""
+TYPE E_Mode : (Idle := 0, Run := 1, Fault := 2) INT; END_TYPE
+TYPE Axis : STRUCT is_on : BOOL; pos : LREAL; END_STRUCT END_TYPE
+TYPE Weight : STRUCT kind : BYTE; weight : LREAL; count : INT; END_STRUCT END_TYPE
+TYPE Report : STRUCT
+    ready : BOOL; fault : BOOL; mode : E_Mode; id : DINT; speed : REAL; name : STRING[9]; total : LREAL;
+END_STRUCT END_TYPE
+TYPE Line : STRUCT
+    head : USINT; seq : UINT; axis : ARRAY[1..3] OF Axis; label : STRING[5]; temp : REAL;
+END_STRUCT END_TYPE
+TYPE Batch : STRUCT
+    flag : BOOL; serial : UDINT; batch : STRING[12]; state : INT;
+    items : ARRAY[0..3] OF STRUCT code : BYTE; amount : REAL; END_STRUCT;
+END_STRUCT END_TYPE
+TYPE Flags : STRUCT a : BOOL; b : BOOL; n : INT; END_STRUCT END_TYPE
+""")
+TELEGRAMS = ("Weight", "Report", "Line", "Batch")
+
+
+def ordinary(leaf: Leaf, chance: random.Random) -> object:
+    """Return a value as machines send it."""
+    if isinstance(leaf.type, Text):
+        return "".join(chance.choices("ABCDEF0123456789-", k=chance.randint(1, leaf.type.length or 9)))
+    if isinstance(leaf.type, Enumeration):
+        return chance.randrange(3)
+    assert isinstance(leaf.type, Elementary)
+    if leaf.type.kind is Kind.BOOL:
+        return chance.random() < 0.5
+    if leaf.type.kind is Kind.REAL:
+        return chance.choice([round(chance.uniform(-500, 500), 2), chance.uniform(0.1, 3000), 2.5])
+    return chance.randint(0, 255) if leaf.type.size == 1 else chance.randint(1, 9999)
+
+
+def message(layout: Layout, chance: random.Random) -> bytes:
+    """Return a message of ordinary values."""
+    return encode(layout, {leaf.path: ordinary(leaf, chance) for leaf in layout.leaves()})
+
+
+every = [(name, profile) for name in TELEGRAMS for profile in profiles_for(TYPES.named(name))]
+
+
+@settings(max_examples=120, deadline=None)
+@given(st.sampled_from(every), st.integers(0, 10_000), st.integers(1, 3), st.booleans())
+def test_the_profile_of_the_sender_ranks_first(
+    sent: tuple[str, Profile], seed: int, count: int, framed: bool
+) -> None:
+    name, profile = sent
+    layout = lay_out(TYPES.named(name), profile.rules)
+    chance = random.Random(seed)
+    fits = fit(layout.type, [message(layout, chance) for _ in range(count)], framed=framed)
+    assert any(profile in best.profiles for best in leaders(fits)), verdict(fits)
+
+
+def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
+    content = struct.pack("<B7xdh6x", 1, 12.5, 7)
+    fits = fit(TYPES.named("Weight"), [content])
+    assert [str(profile) for profile in fits[0].profiles] == [
+        "natural8, little-endian",
+        "codesys-8, little-endian",
+    ]
+    assert [(reason.points, reason.text) for reason in fits[0].reasons] == [
+        (8.0, "24 bytes came, and the type has 24"),
+        (4.5, "weight = 12.5: a sensible LREAL of few digits"),
+        (1.4, "padding at bytes 1 to 7 is 0"),
+        (1.2, "padding at bytes 18 to 23 is 0"),
+        (1.0, "count = 7: small; swapped it is 1792"),
+    ]
+    assert verdict(fits).startswith(
+        "natural8, little-endian (+16.1), the same for this type: codesys-8, little-endian fits best; next is"
+    )
+
+
+def test_a_swapped_sender_is_told_by_its_numbers() -> None:
+    content = struct.pack(">B3xdh2x", 1, 12.5, 7)
+    best = fit(TYPES.named("Weight"), [content])[0]
+    assert str(best.profile) == "baosky, big-endian"
+
+
+def test_zeros_cannot_be_told_apart_and_the_difference_is_named() -> None:
+    fits = fit(TYPES.named("Weight"), [bytes(16)])
+    assert verdict(fits) == (
+        "baosky, little-endian and baosky, big-endian cannot be told apart by these bytes: "
+        "the first two differ only in the byte order"
+    )
+
+
+def test_two_bools_of_which_the_second_is_false_may_be_bits() -> None:
+    type_ = TYPES.named("Flags")
+    told = [str(best.profile) for best in leaders(fit(type_, [bytes.fromhex("01 00 07 00")]))]
+    assert told == ["baosky, little-endian", "s7-standard, little-endian"]
+    both = leaders(fit(type_, [bytes.fromhex("03 00 07 00")]))
+    assert [str(best.profile) for best in both] == ["s7-standard, little-endian"]
+    assert verdict(fit(type_, [bytes.fromhex("01 00 07 00")])).endswith(
+        "the first two differ only in the place of a (0 and 0.0), b (1 and 0.1)"
+    )
+
+
+def test_pieces_of_a_stream_are_cut_in_the_size_of_each_profile() -> None:
+    chance = random.Random(3)
+    layout = lay_out(TYPES.named("Weight"), rules_for("natural8"))
+    stream = b"".join(message(layout, chance) for _ in range(4))
+    pieces = [stream[at : at + 16] for at in range(0, len(stream), 16)]  # as a receiver of 16 bytes cuts them
+    fits = fit(layout.type, pieces, framed=False)
+    assert fits[0].profile.layout == "natural8"
+    assert any("steady" in reason.text for reason in fits[0].reasons)
+
+
+@pytest.mark.parametrize("size", [0, 1, 5, 24])
+def test_noise_fits_nothing(size: int) -> None:
+    fits = fit(TYPES.named("Report"), [random.Random(1).randbytes(size)])
+    assert verdict(fits).startswith("no profile fits these bytes well")
+
+
+def test_a_string_header_that_says_another_length_is_evidence() -> None:
+    rules = rules_for("baosky", text="cstr")
+    layout = lay_out(TYPES.named("Report"), rules)
+    content = encode(layout, {"ready": True, "id": 3, "speed": 1.5, "name": "Line-1", "total": 4.25})
+    fits = fit(layout.type, [content])
+    assert fits[0].profile.text != "s7"
+    headed = next(one for one in fits if one.profile == Profile("baosky", "little", "s7"))
+    assert "its header says at most 76 characters, declared are 9" in str(headed.reasons)
+
+
+def test_no_messages_say_nothing() -> None:
+    assert {one.score for one in fit(TYPES.named("Report"), [])} == {0.0}
+
+
+def test_profiles_are_one_where_the_type_is_the_same_in_both() -> None:
+    type_ = TYPES.named("Flags")
+    merged = same_layouts(type_, profiles_for(type_))
+    sizes = sorted((layout.size, len(same)) for same, layout in merged)
+    assert sum(count for _, count in sizes) == len(profiles_for(type_)) == 20
+    assert len(merged) == len(
+        {(layout.size, layout.rules.byte_order, *_bits(layout)) for _, layout in merged}
+    )
+
+
+def _bits(layout: Layout) -> list[tuple[int, int | None]]:
+    return [(leaf.offset, leaf.bit) for leaf in layout.leaves()]
+
+
+def test_a_string_that_a_layout_cannot_hold_leaves_that_layout_out() -> None:
+    type_ = types_of("TYPE T : STRUCT a : STRING[400]; b : INT; END_STRUCT END_TYPE").named("T")
+    assert {one.profile.text for one in fit(type_, [bytes(404)])} == {"nul"}

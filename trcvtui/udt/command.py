@@ -1,0 +1,144 @@
+"""`trcvtui udt`: from what stands on the command line to the text on stdout.
+
+Rule: what only one of the commands needs is imported by that command; these sit in shell loops.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Sequence
+from typing import Final
+
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.udt.formats import read_file
+from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.type_set import TypeSet
+
+EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
+
+
+def show(args: Namespace) -> str:
+    """Return the answer of `udt show`."""
+    from trcvtui.udt.report import show_json, show_text
+
+    layout = layout_of(args)
+    return json_text(show_json(layout)) if args.format == "json" else show_text(layout)
+
+
+def decode(args: Namespace) -> str:
+    """Return the answer of `udt decode`."""
+    from trcvtui.udt.given import given_bytes
+    from trcvtui.udt.report import decode_json, decode_text
+
+    layout = layout_of(args)
+    data = given_bytes(" ".join(args.hex))
+    if args.format == "json":
+        return json_text(decode_json(layout, data))
+    if args.format == "text":
+        return decode_text(layout, data)
+    from trcvtui.udt.table_forms import csv_text, markdown, member_rows
+
+    rows = member_rows(layout, data, layout.name)
+    return markdown(rows) if args.format == "md" else csv_text(rows).removesuffix("\n")
+
+
+def encode(args: Namespace) -> str:
+    """Return the answer of `udt encode`."""
+    from trcvtui.udt.byte_forms import BYTE_FORMS
+    from trcvtui.udt.given import given_values
+    from trcvtui.udt.report import encode_values
+
+    layout = layout_of(args)
+    content = encode_values(layout, given_values(args.values))
+    return BYTE_FORMS[args.format](content, layout.name)
+
+
+def export(args: Namespace) -> str:
+    """Return the answer of `udt export`, or the line that says which file has it."""
+    from trcvtui.udt import exports
+
+    exports.check(args.to, args.port)  # before the file is read: the arguments come first
+    text = exports.export(layout_of(args), args.to, args.port)
+    if args.out is None:
+        return text.removesuffix("\n")
+    try:
+        with open(args.out, "w", encoding="utf-8") as file:
+            file.write(text)
+    except (OSError, ValueError) as failed:
+        reason = getattr(failed, "strerror", None) or str(failed)
+        raise mistake(args.out, reason, "a file that can be written") from None
+    return ""
+
+
+def compare(args: Namespace) -> tuple[str, bool]:
+    """Return the answer of `udt compare`, and whether both sides are equal."""
+    from trcvtui.udt.compare import compare as side_by_side
+    from trcvtui.udt.compare_report import compare_json, compare_text, is_equal
+    from trcvtui.udt.given import given_bytes
+
+    ours, theirs = _two_layouts(args)
+    data = given_bytes(" ".join(args.hex)) if args.hex else b""
+    comparison = side_by_side(ours, theirs)
+    answer = (
+        json_text(compare_json(comparison, data)) if args.format == "json" else compare_text(comparison, data)
+    )
+    return answer, is_equal(comparison, data)
+
+
+def json_text(record: dict[str, object]) -> str:
+    """Return JSON in ASCII: bytes from a wire stay data. DEL is the one control character it leaves raw."""
+    import json
+
+    return json.dumps(record, indent=2, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+# -- what the commands have in common ------------------------------------------------------------------------
+
+
+def layout_of(args: Namespace) -> Layout:
+    """Return the layout that the arguments name; raise UserError with what is wrong in them."""
+    rules = rules_for(args.layout, args.byte_order, args.text)
+    types = read_file(args.file, constants_of(args.constant))
+    name = args.type or types.only()
+    return lay_out(types.named(name, "--type"), rules, name)
+
+
+def _two_layouts(args: Namespace) -> tuple[Layout, Layout]:
+    columns = [
+        _pair("--layout", args.layout, "baosky"),
+        _pair("--byte-order", args.byte_order, None),
+        _pair("--text", args.text, None),
+        _pair("--type", args.type, None),
+    ]
+    sides = list(zip(*columns, strict=True))
+    rules = [rules_for(layout or "baosky", order, text) for layout, order, text, _ in sides]
+    types: TypeSet = read_file(args.file, constants_of(args.constant))
+    names = [name or types.only() for *_, name in sides]
+    found = [types.named(name, "--type") for name in names]
+    ours, theirs = map(lay_out, found, rules, names)
+    return ours, theirs
+
+
+def _pair(option: str, given: Sequence[str], default: str | None) -> tuple[str | None, str | None]:
+    """Return what an option says for ours and theirs: given once it counts for both."""
+    if len(given) > 2:
+        raise mistake(option, f"{len(given)} of them", "one for both sides, or one for each")
+    return (given[0], given[-1]) if given else (default, default)
+
+
+def constants_of(given: Sequence[str]) -> dict[str, int]:
+    """Return the constants of `--constant NAME=VALUE`; raise UserError with every one that is none."""
+    from trcvtui.udt.literals import parse_integer
+
+    constants: dict[str, int] = {}
+    problems: list[Problem] = []
+    for text in given:
+        name, _, value = text.partition("=")
+        number = parse_integer(value) if value else None
+        if not name.strip() or number is None:
+            problems.append(Problem("--constant", f"'{text}'", EXPECTED_CONSTANT))
+        else:
+            constants[name.strip()] = number
+    if problems:
+        raise UserError(problems)
+    return constants

@@ -1,0 +1,118 @@
+"""The profiles that a sender may have: layout x byte order x STRING form, and which mean the same for a type.
+
+Rule: two profiles are one when every leaf lies at the same place and is stored in the same way.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from trcvtui.errors import UserError
+from trcvtui.udt.layout import BYTE_ORDERS, LAYOUTS, Layout, lay_out, rules_for
+from trcvtui.udt.placed import Node, PlacedArray, PlacedLeaf
+from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.types import Array, Struct, Text, Type, Union
+
+# Which STRING forms occur with a layout: a layout of Baosky's size may be that of a C program, too.
+FORMS: Final = {
+    "s7-standard": ("s7",),
+    **dict.fromkeys(("baosky", "baosky-slot4", "baosky-pack4"), ("s7", "cstr")),
+    **dict.fromkeys(("natural8", "packed"), ("s7", "cstr", "nul")),
+}
+OWN_FORM: Final = ("nul",)  # of any other
+
+
+class Profile(NamedTuple):
+    """How a sender stores a type; `text` is the STRING form, "" where the type has no STRING."""
+
+    layout: str
+    byte_order: str
+    text: str = ""
+
+    @property
+    def rules(self) -> LayoutRules:
+        """Return the rules of the profile."""
+        return rules_for(self.layout, self.byte_order, self.text or None)
+
+    def __str__(self) -> str:
+        """Return the profile as a person names it."""
+        return f"{self.layout}, {self.byte_order}-endian" + (f", STRING {self.text}" if self.text else "")
+
+
+def profiles_for(type_: Type) -> tuple[Profile, ...]:
+    """Return every profile that makes sense for a type, the default layout first."""
+    has_text = _has_text(type_, set())
+    found = []
+    for layout, rules in LAYOUTS.items():
+        forms = FORMS.get(layout, OWN_FORM) if has_text else ("",)
+        orders = sorted(BYTE_ORDERS, key=lambda order, own=rules.byte_order: order != own)  # type: ignore[misc]
+        found += [Profile(layout, order, form) for order in orders for form in forms]
+    return tuple(found)
+
+
+def same_layouts(
+    type_: Type, profiles: tuple[Profile, ...], name: str = ""
+) -> list[tuple[tuple[Profile, ...], Layout]]:
+    """Return the type laid out in each profile, those that mean the same together.
+
+    A profile in which the type cannot be laid out is left out.
+    """
+    found: dict[object, tuple[list[Profile], Layout]] = {}
+    for profile in profiles:
+        try:
+            layout = lay_out(type_, profile.rules, name)
+        except UserError:
+            continue
+        found.setdefault(shape(layout), ([], layout))[0].append(profile)
+    return [(tuple(same), layout) for same, layout in found.values()]
+
+
+def shape(layout: Layout) -> object:
+    """Return a value that is equal for two layouts of one type in which all bytes mean the same."""
+    return _Shapes(layout.rules).of(layout.root)
+
+
+class _Shapes:
+    def __init__(self, rules: LayoutRules) -> None:
+        self.rules = rules
+        self._known: dict[int, object] = {}
+
+    def of(self, node: Node) -> object:
+        if id(node) not in self._known:
+            self._known[id(node)] = self._of(node)
+        return self._known[id(node)]
+
+    def _of(self, node: Node) -> object:
+        if isinstance(node, PlacedLeaf):
+            return self._leaf(node)
+        if isinstance(node, PlacedArray):
+            return node.size, node.pitch, node.row_size, self.of(node.element)
+        return node.size, node.offsets, node.bits, tuple(map(self.of, node.nodes))
+
+    def _leaf(self, node: PlacedLeaf) -> object:
+        type_, rules = node.type, self.rules
+        is_bytes = node.size == 1
+        if isinstance(type_, Text):
+            is_bytes = not type_.wide
+            stored: object = (rules.text.header, rules.text.length(type_))
+        else:
+            row = rules.stored(type_)
+            stored = (row.name, row.code, row.unit_ns, row.epoch_ns)
+            is_bytes = is_bytes or (row.name, row.code) == ("DT", "8s")
+        return node.size, node.is_bit, stored, "" if is_bytes else rules.byte_order
+
+
+def _has_text(type_: Type, seen: set[int]) -> bool:
+    match type_:
+        case Text():
+            return True
+        case Array(element=element):
+            return _has_text(element, seen)
+        case Struct() | Union():
+            if id(type_) in seen:
+                return False
+            seen.add(id(type_))
+            parts = [member.type for member in type_.members] + ([type_.base] if type_.base else [])
+            return any(_has_text(part, seen) for part in parts)
+        case _:
+            return False

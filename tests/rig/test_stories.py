@@ -6,7 +6,7 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS, play
 
-STORIES = ("packed-sender", "every-split", "auto-reply")
+STORIES = ("packed-sender", "every-split", "auto-reply", "udt-mismatch")
 
 
 @pytest.mark.parametrize("kernel", ["sim", "live"])

@@ -17,7 +17,7 @@ from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.udt.layout import Layout
-from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.rules import LayoutRules, rules_for
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Type
 
@@ -69,7 +69,8 @@ class PeerDecl:
     itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
     every `every_ns`; a message is written as behind `peer P1 send`. `replies` are rules, written as behind
     `peer P1 reply on`. With `udp` it receives datagrams at `end`
-    and sends to `remote`, None: to whoever was heard last.
+    and sends to `remote`, None: to whoever was heard last. `layout` and `byte_order` are those of the device
+    that it stands for, None: as the PLC.
     """
 
     name: str
@@ -82,6 +83,8 @@ class PeerDecl:
     udp: bool = False
     remote: Endpoint | str | None = None
     replies: tuple[str, ...] = ()
+    layout: str | None = None
+    byte_order: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +169,14 @@ class Project:
     def peer(self, name: str) -> PeerDecl | None:
         """Return the peer of that name."""
         return next((p for p in self.peers if p.name == name), None)
+
+    def beside(self, peer: str) -> Project:
+        """Return the project as a peer lays out UDTs."""
+        decl = self.peer(peer)
+        if decl is None or (decl.layout, decl.byte_order) == (None, None):
+            return self
+        rules = self.layout if decl.layout is None else rules_for(decl.layout)
+        return replace(self, layout=replace(rules, byte_order=decl.byte_order or rules.byte_order))
 
     def task(self, name: str) -> Task | None:
         """Return the task of that name."""

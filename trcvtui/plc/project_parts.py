@@ -6,6 +6,7 @@ Rule: a reader checks what its own table says; whether a name exists is asked la
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP, Direction, Pin
@@ -43,6 +44,7 @@ from trcvtui.plc.tables import (
     shown,
     whole,
 )
+from trcvtui.udt.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS
 from trcvtui.udt.types import ELEMENTARY
 
 NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
@@ -74,6 +76,11 @@ UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a UDP_CONFIG",
     lambda text: _reference(text) or parse_endpoint(text),
 )
+LAYOUT: Final = of_text(
+    "a layout: " + ", ".join(LAYOUTS),
+    lambda text: text if text in LAYOUTS or text in LAYOUT_ALIASES else None,
+)
+BYTE_ORDER: Final = of_text("little or big", lambda text: text if text in BYTE_ORDERS else None)
 
 
 def entries(document: Mapping[str, Any], key: str, where: str, problems: list[Problem]) -> list[Table]:
@@ -193,10 +200,12 @@ def read_peer(table: Table) -> PeerDecl | None:
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
+    layout, byte_order = table.read("layout", LAYOUT), table.read("byte_order", BYTE_ORDER)
     table.finish()
     if name is None or end is None:
         return None
-    return PeerDecl(name, active, end, source, reconnect, says, every, replies=replies)
+    decl = PeerDecl(name, active, end, source, reconnect, says, every, replies=replies)
+    return replace(decl, layout=layout, byte_order=byte_order)
 
 
 def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
@@ -205,6 +214,7 @@ def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
+    layout, byte_order = table.read("layout", LAYOUT), table.read("byte_order", BYTE_ORDER)
     for key in ("active", "reconnect"):
         if table.has(key):
             table.know(key)
@@ -212,7 +222,8 @@ def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     table.finish()
     if name is None:
         return None
-    return PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote, replies=replies)
+    decl = PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote, replies=replies)
+    return replace(decl, layout=layout, byte_order=byte_order)
 
 
 def read_message(table: Table) -> MessageDecl | None:

@@ -41,6 +41,7 @@ def read_reply(words: Words, project: Project, peer: str) -> ReplyOn | ReplyOff:
 
 def read_rule(words: Words, project: Project, peer: str) -> ReplyOn:
     """Return `MATCH send PAYLOAD`, as a project file has it in `replies`; raise UserError."""
+    project = project.beside(peer)
     answer = words.apart(lambda word: word == SEND)
     kind = words.next(", ".join(MATCHES))
     if kind not in MATCHES:

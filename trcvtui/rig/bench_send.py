@@ -32,6 +32,7 @@ _HOLE: Final = re.compile(r"\{([^{}]*)\}")
 
 def read_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
     """Return what stands behind `peer P1 send`; `holes_in_text`: {n} in a text is a number."""
+    project = project.beside(peer)
     options = words.cut(lambda word: _OPTION.fullmatch(word) is not None)
     payload, fills = _read_message(words, project, holes_in_text)
     split: tuple[int, ...] = ()

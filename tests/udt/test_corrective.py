@@ -1,0 +1,159 @@
+"""The corrective type: laid out by our rules, every member lies where the other side has it."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import event, given, settings
+
+from tests.udt.test_fit import TELEGRAMS, TYPES
+from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
+from trcvtui.udt.corrective import corrective, told
+from trcvtui.udt.formats.siemens import read_tia
+from trcvtui.udt.layout import LAYOUTS, Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.placed import Leaf
+from trcvtui.udt.st_write import scl_text, st_text
+from trcvtui.udt.type_set import join
+from trcvtui.udt.types import Struct
+
+
+def places(layout: Layout) -> dict[str, tuple[int, int, int | None]]:
+    """Return offset, size and bit of every member that is no padding."""
+    return {leaf.path: place_of(leaf) for leaf in layout.leaves() if "_pad" not in leaf.path}
+
+
+def place_of(leaf: Leaf) -> tuple[int, int, int | None]:
+    """Return offset, size and bit."""
+    return leaf.offset, leaf.size, leaf.bit
+
+
+def wanted(name: str, layout: str) -> Layout:
+    """Return a telegram in the sender's layout."""
+    return lay_out(TYPES.named(name), rules_for(layout))
+
+
+def test_a_natural_sender_is_received_under_cap4_with_padding_members() -> None:
+    found = corrective(wanted("Weight", "natural8"), rules_for("baosky"))
+    assert found.is_possible
+    assert st_text(found.type) == (
+        "TYPE Weight_natural8 :\n"
+        "STRUCT\n"
+        "    kind : BYTE;\n"
+        "    _pad1 : ARRAY[0..6] OF BYTE;\n"
+        "    weight : LREAL;\n"
+        "    count : INT;\n"
+        "    _pad2 : ARRAY[0..5] OF BYTE;\n"
+        "END_STRUCT\n"
+        "END_TYPE\n"
+    )
+    assert places(found.layout) == {"kind": (0, 1, None), "weight": (8, 8, None), "count": (16, 2, None)}
+
+
+def test_an_s7_sender_is_received_by_codesys_with_bits_and_without_gaps() -> None:
+    theirs = layout_of("a : BOOL; b : BOOL; n : BYTE; r : REAL; c : BOOL; i : INT;", "s7-standard")
+    found = corrective(theirs, rules_for("codesys-8"))
+    assert found.is_possible
+    assert st_text(found.type).startswith("{attribute 'pack_mode' := '1'}\nTYPE T_s7_standard :\n")
+    assert "a : BIT;" in st_text(found.type)
+    assert places(found.layout) == {leaf.path: place_of(leaf) for leaf in theirs.leaves()}
+
+
+@pytest.mark.parametrize(
+    ("members", "ours", "theirs", "said"),
+    [
+        (
+            "a : BYTE; r : REAL; b : BYTE; i : INT;",
+            "baosky",
+            "packed",
+            "r: not reached: REAL at byte 1: under baosky only at a multiple of 4",
+        ),
+        (
+            "a : INT; b : DINT;",
+            "baosky",
+            "packed",
+            "ARRAY[0..5] OF BYTE: not reached: 6 bytes: under baosky the size is a multiple of 4",
+        ),
+        (
+            "i : INT; a : BOOL; b : BOOL;",
+            "baosky",
+            "s7-standard",
+            "a: not reached: one bit in s7-standard, and baosky has no member of one bit",
+        ),
+        (
+            "s : STRING[4]; i : INT;",
+            "baosky",
+            "codesys-8",
+            "s: not reached: a STRING with a NUL behind its characters in codesys-8, "
+            "with two lengths before them in baosky",
+        ),
+        (
+            "d : DATE; i : INT;",
+            "baosky",
+            "s7-standard",
+            "d: DATE is stored in its own way in s7-standard: here WORD, to convert",
+        ),
+    ],
+)
+def test_what_cannot_be_reached_is_told_with_the_reason(
+    members: str, ours: str, theirs: str, said: str
+) -> None:
+    assert told(corrective(layout_of(members, theirs), rules_for(ours)))[0] == said
+
+
+def test_a_member_that_cannot_be_reached_is_raw_bytes_at_its_place() -> None:
+    theirs = layout_of("a : BYTE; r : REAL; b : BYTE; i : INT;", "packed")
+    found = corrective(theirs, rules_for("baosky"))
+    assert not found.is_possible
+    lies = places(found.layout)
+    assert [lies[f"r[{n}]"][0] for n in range(4)] == [1, 2, 3, 4]
+    assert (lies["b"], lies["i"], found.layout.size) == ((5, 1, None), (6, 2, None), 8)
+
+
+def test_a_type_that_lies_right_already_stays_as_it_is() -> None:
+    found = corrective(wanted("Report", "natural8"), rules_for("baosky"))
+    assert found.type is TYPES.named("Report")
+
+
+def test_what_a_type_extends_becomes_members_of_its_own() -> None:
+    text = "TYPE B : STRUCT x : BYTE; END_STRUCT END_TYPE "
+    text += "TYPE T EXTENDS B : STRUCT y : LREAL; END_STRUCT END_TYPE"
+    found = corrective(lay_out(types_of(text).named("T"), rules_for("codesys-8")), rules_for("packed"))
+    assert places(found.layout) == {"x": (0, 1, None), "y": (8, 8, None)}
+
+
+@pytest.mark.parametrize("name", TELEGRAMS)
+@pytest.mark.parametrize("ours", LAYOUTS)
+@pytest.mark.parametrize("theirs", ["natural8", "packed", "codesys-4", "s7-standard"])
+def test_the_declaration_is_read_again_and_lies_where_it_shall(name: str, ours: str, theirs: str) -> None:
+    found = corrective(wanted(name, theirs), rules_for(ours))
+    types_again = types_of(st_text(found.type, found.layout.name))
+    assert types_again.problems == ()
+    own = found.type.name if isinstance(found.type, Struct) else found.layout.name
+    again = lay_out(types_again.named(own), rules_for(ours))
+    assert (places(again), again.size) == (places(found.layout), wanted(name, theirs).size)
+
+
+@pytest.mark.parametrize("name", TELEGRAMS)
+def test_the_scl_of_an_s7_sender_is_read_again(name: str) -> None:
+    found = corrective(wanted(name, "baosky"), rules_for("s7-standard"))
+    types_again = join([read_tia(scl_text(found.type, found.layout.name), "x.udt")], "x.udt")
+    assert types_again.problems == ()
+    again = lay_out(types_again.named(types_again.names()[-1]), rules_for("s7-standard"))
+    assert again.size == found.layout.size
+    assert places(again) == places(found.layout) or not found.is_possible
+
+
+@settings(max_examples=250, deadline=None)
+@given(structs(types, least=1), rules, rules)
+def test_a_corrective_type_that_is_called_possible_gives_the_others_offsets(
+    type_: Struct, ours: LayoutRules, theirs: LayoutRules
+) -> None:
+    sent = lay_out(type_, theirs)
+    found = corrective(sent, ours)
+    event("possible" if found.is_possible else "not reached")
+    assert found.layout.size == sent.size or sent.size == 0
+    laid_out = lay_out(found.type, ours)
+    if found.is_possible:
+        lies = {leaf.path: place_of(leaf) for leaf in laid_out.leaves()}
+        assert {leaf.path: place_of(leaf) for leaf in sent.leaves()}.items() <= lies.items()
+    else:
+        assert all(one.why for one in found.unreached)

@@ -1,0 +1,165 @@
+"""Types written down as source text: IEC ST, and the TYPE of a TIA source (SCL).
+
+Rule: the text stands alone: every type that the written one uses is in it, before its first use.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+from trcvtui.udt.types import (
+    Array,
+    Enumeration,
+    Pointer,
+    Struct,
+    Subrange,
+    Text,
+    Type,
+    Union,
+    type_text,
+)
+
+INDENT: Final = "    "
+_PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def st_text(type_: Type, name: str = "") -> str:
+    """Return `TYPE ... END_TYPE` of a type and of every type in it; `name` for one that has none."""
+    return "\n".join(_st_type(each, name) for each in _in_order(type_))
+
+
+def scl_text(type_: Type, name: str = "") -> str:
+    """Return the same for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes."""
+    found = [each for each in _in_order(type_) if isinstance(each, Struct)] or [
+        Struct(name, (), None) if isinstance(type_, Struct) else _holder(type_, name)
+    ]
+    return "\n".join(_scl_type(each, name) for each in found)
+
+
+def _holder(type_: Type, name: str) -> Struct:
+    from trcvtui.udt.types import Member
+
+    return Struct(name, (Member("raw", type_),))
+
+
+# -- IEC ST --------------------------------------------------------------------------------------------------
+
+
+def _st_type(type_: Type, name: str) -> str:
+    head = "TYPE " + _st_name(getattr(type_, "name", "") or name) + " :"
+    match type_:
+        case Struct() | Union():
+            pack = "" if type_.pack is None else f"{{attribute 'pack_mode' := '{type_.pack}'}}\n"
+            return f"{pack}{head}\n{_st_body(type_, '')}\nEND_TYPE\n"
+        case Enumeration():
+            return f"{head} {_st_enumeration(type_)}; END_TYPE\n"
+        case _:
+            return f"{head} {_st_spec(type_, '')}; END_TYPE\n"
+
+
+def _st_body(type_: Struct | Union, indent: str) -> str:
+    word = "STRUCT" if isinstance(type_, Struct) else "UNION"
+    inner = indent + INDENT
+    lines = [f"{indent}{word}"]
+    lines += [f"{inner}{_st_name(member.name)} : {_st_spec(member.type, inner)};" for member in type_.members]
+    return "\n".join([*lines, f"{indent}END_{word}"])
+
+
+def _st_spec(type_: Type, indent: str) -> str:
+    match type_:
+        case Array(bounds=bounds, element=element):
+            return f"ARRAY[{_ranges(bounds)}] OF {_st_spec(element, indent)}"
+        case Struct() | Union() if not type_.name:
+            return _st_body(type_, indent).lstrip()
+        case Enumeration() if not type_.name:
+            return _st_enumeration(type_)
+        case Struct(name=name) | Union(name=name) | Enumeration(name=name):
+            return _st_name(name)
+        case _:
+            return type_text(type_)
+
+
+def _st_enumeration(type_: Enumeration) -> str:
+    values = ", ".join(name if number is None else f"{name} := {number}" for name, number in type_.values)
+    return f"({values})" + (f" {type_.base.name}" if type_.is_named else "")
+
+
+def _st_name(name: str) -> str:
+    return name if _PLAIN.fullmatch(name) else f'"{name}"'
+
+
+# -- SCL -----------------------------------------------------------------------------------------------------
+
+
+def _scl_type(type_: Struct, name: str) -> str:
+    body = _scl_body(type_, INDENT)
+    return (
+        f'TYPE "{type_.name or name}"\nVERSION : 0.1\n{INDENT}STRUCT\n{body}{INDENT}END_STRUCT;\n\nEND_TYPE\n'
+    )
+
+
+def _scl_body(type_: Struct, indent: str) -> str:
+    inner = indent + INDENT
+    lines = [
+        f"{inner}{_st_name(member.name)} : {_scl_spec(member.type, inner)};\n" for member in type_.members
+    ]
+    return "".join(lines)
+
+
+def _scl_spec(type_: Type, indent: str) -> str:
+    match type_:
+        case Array(bounds=bounds, element=element):
+            return f"Array[{_ranges(bounds)}] of {_scl_spec(element, indent)}"
+        case Struct(name=""):
+            return f"Struct\n{_scl_body(type_, indent)}{indent}END_STRUCT"
+        case Struct(name=name):
+            return f'"{name}"'
+        case Enumeration(base=base):
+            return base.name
+        case Subrange(base=base):
+            return base.name
+        case Text(length=None, wide=wide):
+            return "WString" if wide else "String"
+        case Text(length=length, wide=wide):
+            return f"{'WString' if wide else 'String'}[{length}]"
+        case Pointer():
+            return "LWORD"
+        case _:
+            return type_text(type_)
+
+
+def _ranges(bounds: tuple[tuple[int, int], ...]) -> str:
+    return ",".join(f"{low}..{high}" for low, high in bounds)
+
+
+def _in_order(type_: Type) -> list[Type]:
+    """Return the named types of a declaration, each once, before its first use; itself last."""
+    found: dict[int, Type] = {}
+    for each in _named(type_, set()):
+        found.setdefault(id(each), each)
+    if id(type_) not in found:
+        found[id(type_)] = type_
+    return list(found.values())
+
+
+def _named(type_: Type, seen: set[int]) -> Iterator[Type]:
+    match type_:
+        case Array(element=element):
+            yield from _named(element, seen)
+        case Struct() | Union():
+            if id(type_) in seen:
+                return
+            seen.add(id(type_))
+            if type_.base is not None:
+                yield from _named(type_.base, seen)
+            for member in type_.members:
+                yield from _named(member.type, seen)
+            if type_.name:
+                yield type_
+        case Enumeration(name=name):
+            if name:
+                yield type_
+        case _:
+            return

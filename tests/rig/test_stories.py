@@ -13,7 +13,8 @@ LIVE = [story for story in STORIES if story not in SLOW]
 
 def test_the_stories_are_these() -> None:
     assert STORIES == [
-        "auto-reply", "byte-order-swapped", "en-r-dropped", "every-split", "four-bytes-short", "packed-sender", "udt-mismatch"
+        "auto-reply", "byte-order-swapped", "en-r-dropped", "every-split", "four-bytes-short",
+        "packed-sender", "udt-mismatch",
     ]  # fmt: skip
 
 

@@ -141,6 +141,7 @@ class Project:
     messages: tuple[MessageDecl, ...] = ()
     sequences: tuple[SequenceDecl, ...] = ()
     constants: Mapping[str, int] = field(default_factory=dict)  # of the UDTs; the user's own
+    udt_files: tuple[Path, ...] = ()
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""

@@ -120,4 +120,5 @@ def _checked(reader: Reader, top: Table) -> Project:
         messages=body.messages,
         sequences=body.sequences,
         constants=body.constants,
+        udt_files=body.udt_files,
     )

@@ -58,6 +58,7 @@ class Body:
     messages: tuple[MessageDecl, ...]
     sequences: tuple[SequenceDecl, ...]
     constants: dict[str, int]
+    udt_files: tuple[Path, ...]
 
 
 class Reader:
@@ -102,7 +103,8 @@ class Reader:
         tables = {key: self.entries(key) for key in ENTRIES}
         self.check_names(tables)
         constants = parts.read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
-        types = self.types(constants)
+        files = [self.file_of(table) for table in self.entries("udt")]
+        types = self.types(files, constants)
         tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
         return Body(
             types=types or NO_TYPES,
@@ -116,6 +118,7 @@ class Reader:
             messages=_present([parts.read_message(table) for table in tables["message"]]),
             sequences=_present([parts.read_sequence(table) for table in tables["sequence"]]),
             constants=constants,
+            udt_files=tuple([file for file in files if file is not None]),
         )
 
     def check_names(self, tables: Mapping[str, list[Table]]) -> None:
@@ -137,9 +140,8 @@ class Reader:
         for table in tables["message"]:
             names.check_message(table)
 
-    def types(self, constants: Mapping[str, int]) -> TypeSet | None:
+    def types(self, files: list[Path | None], constants: Mapping[str, int]) -> TypeSet | None:
         """Return the UDTs of all files, None where a file cannot be read."""
-        files = [self.file_of(table) for table in self.entries("udt")]
         if not files:
             return join([], NO_TYPES.where, constants)
         try:

@@ -20,12 +20,15 @@ from trcvtui.rig.driver import Driver, EngineStopped
 from trcvtui.rig.picture import Picture
 from trcvtui.rig.wording import count
 from trcvtui.tui.keystrokes import obey
+from trcvtui.tui.lab_words import LAB, is_for_lab
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.main import SCENARIOS, MainScreen
 from trcvtui.tui.settings import Settings, load_settings
 from trcvtui.tui.theme import THEMES
 
 if TYPE_CHECKING:
+    from trcvtui.tui.lab import Lab
+    from trcvtui.tui.screens.lab import LabScreen
     from trcvtui.tui.screens.scenarios import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
@@ -58,6 +61,8 @@ class BenchApp(App[None]):
         self.main = MainScreen(self.scene, self.submit)
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last
+        self.lab: LabScreen | None = None  # while it is open
+        self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
         self._told_unsaved = 0
         self._early_keys: list[events.Key] | None = []
@@ -110,7 +115,9 @@ class BenchApp(App[None]):
             await super().on_event(event)
 
     def _obeys_at_once(self) -> bool:
-        return self.screen in (self.main, self.scenarios) or getattr(self.screen, "OBEYS_AT_ONCE", False)
+        return self.screen in (self.main, self.scenarios, self.lab) or getattr(
+            self.screen, "OBEYS_AT_ONCE", False
+        )
 
     # -- pictures and lines -------------------------------------------------------------------------
 
@@ -128,9 +135,10 @@ class BenchApp(App[None]):
     def _show(self, picture: Picture) -> None:
         before = self.scene.bench
         self.scene.take(picture)
-        if self.scenarios is not None:
-            if self.scenarios.is_mounted:
-                self.scenarios.show()
+        above = self.scenarios or self.lab
+        if above is not None:
+            if above.is_mounted:
+                above.show()
         elif self.main.is_mounted:
             if self.scene.bench != before:
                 self.main.begin_anew()
@@ -143,7 +151,10 @@ class BenchApp(App[None]):
             os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
 
     def submit(self, line: str) -> None:
-        """Send one bench command line to the engine, while there is one; `scenarios` is for this screen."""
+        """Send one bench command line to the engine, while there is one; some are for this screen."""
+        if is_for_lab(line):
+            self._open_lab(line)
+            return
         if self._read_only and line.strip().partition(" ")[0] not in HARMLESS:
             self.main.prompt.did(line, "", READ_ONLY)
             return
@@ -168,6 +179,8 @@ class BenchApp(App[None]):
         self.last_words = words
         if self.scenarios is not None:
             self.scenarios.dismiss(None)
+        if self.lab is not None:
+            self.lab.dismiss()
         self.main.end(words.strip().splitlines()[-1] if words.strip() else "the engine has ended")
 
     # -- scenarios ----------------------------------------------------------------------------------
@@ -188,6 +201,35 @@ class BenchApp(App[None]):
         if self.scene.picture is not None and self.scene.picture.player is not None:
             self.scene.leave()
             self.main.begin_anew()
+        self.main.show()
+
+    # -- the lab ------------------------------------------------------------------------------------
+
+    def action_lab(self) -> None:
+        """Open the UDT lab."""
+        self.submit(LAB)
+
+    def _open_lab(self, line: str) -> None:
+        from trcvtui.tui.lab import Lab  # read when first asked for
+        from trcvtui.tui.screens.lab import LabScreen
+
+        if self.lab is not None or self.scenarios is not None or self.last_words:
+            return
+        self._lab = self._lab or Lab(self.scene)
+        self.lab = LabScreen(self.scene, self._lab, self._say_allowed)
+        self.push_screen(self.lab, self._lab_left)
+        if line.split()[1:]:
+            self.call_later(self.lab.obey, line)
+
+    def _say_allowed(self, line: str) -> int | None:
+        """Send a line of the lab to the engine, if this screen may command."""
+        if self._read_only and line.split()[0] not in HARMLESS:
+            self._notify(READ_ONLY)
+            return None
+        return self._say(line)
+
+    def _lab_left(self, nothing: None) -> None:
+        self.lab = None
         self.main.show()
 
     # -- the project --------------------------------------------------------------------------------
@@ -230,8 +272,9 @@ class BenchApp(App[None]):
         """Yield everything that can be done, by name."""
         from trcvtui.tui.palette import Reach, commands  # read when first asked for
 
-        if self.scenarios is not None:
-            yield from self.scenarios.commands()
+        above = self.scenarios or self.lab
+        if above is not None:
+            yield from above.commands()
         else:
             for command in commands(Reach(self.scene, self.main, self.submit, self.action_add)):
                 yield self._with_the_users_key(command)

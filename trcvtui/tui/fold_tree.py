@@ -140,7 +140,9 @@ class FoldTree:
 
     def _elements(self, twin: Twin, fold: _Fold | None) -> int:
         touched = fold.below.items() if fold is not None else ()
-        more = sum(self._rows(twin.element, below) + any(twin.gaps) - self._each(twin) for _, below in touched)
+        more = sum(
+            self._rows(twin.element, below) + any(twin.gaps) - self._each(twin) for _, below in touched
+        )
         return twin.count * self._each(twin) + more
 
     def _element_start(self, twin: Twin, fold: _Fold | None, number: int) -> int:

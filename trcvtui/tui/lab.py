@@ -49,7 +49,8 @@ class Lab:
         self.fits: tuple[Fit, ...] = ()
         self.fitted = ""  # by what
         self.revision = 0  # counts what changes rows
-        self.type_name, self.type = "", None
+        self.type_name = ""
+        self.type: Type | None = None
         self.choose_type("")
 
     # -- types --------------------------------------------------------------------------------------
@@ -62,6 +63,11 @@ class Lab:
     def files(self) -> TypeFiles:
         """Return where the types come from."""
         return self.opened or self._own
+
+    @property
+    def base(self) -> Path:
+        """Return the folder in which names of files begin that are not found here."""
+        return self._scene.project.base
 
     def type_names(self) -> list[str]:
         """Return what can be chosen: DATA first, as it is declared, then the types of the files."""
@@ -263,7 +269,9 @@ class Lab:
         """Return what the ranking says."""
         if not self.fitted:
             return ""
-        return verdict(self.fits) if self.fits else f"{self.fitted}: there are no bytes to judge by"
+        if not self.fits:
+            return f"{self.fitted}: there are no bytes to judge by"
+        return f"By {self.fitted}: {verdict(self.fits)}"
 
 
 def profile_of(rules: LayoutRules) -> Profile:

@@ -1,6 +1,6 @@
 """The bytes that the lab looks at: DATA, a job, a message of the stream, or hex that was typed in.
 
-Rule: only what a message brought says how long the sender's telegram is; DATA and jobs are as long as we like.
+Rule: only what a message brought says how long the sender's telegram is; DATA and jobs are as long as ours.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class LabBytes:
         self._last: JobSpan | None = None
 
     def request(self) -> HistoryRequest | None:
-        """Return what of the stream to ask for; None where nothing of it is looked at."""
+        """Return what of the stream to ask for: also under DATA, profiles are judged by what was sent."""
         instance = self._scene.instance
-        if instance is None or self.source not in (LAST, MESSAGE):
+        if instance is None:
             return None
         window, job = self._window(), None
         if window is not None and self.source == LAST:
@@ -92,6 +92,9 @@ class LabBytes:
             case _:
                 return f"typed hex, {size}"
 
+    def _has_messages(self) -> bool:
+        return self.source not in (LAST, HEX) and bool(self.messages())
+
     def _message(self) -> Piece:
         messages = self.messages()
         self.back = max(0, min(self.back, len(messages) - 1))
@@ -114,8 +117,11 @@ class LabBytes:
         ]
 
     def evidence(self) -> tuple[list[bytes], bool]:
-        """Return what profiles are judged by, and whether its lengths are the sender's."""
-        if self.source == MESSAGE:
+        """Return what profiles are judged by, and whether its lengths are the sender's.
+
+        Where DATA or a job is shown the messages that they were made from say more.
+        """
+        if self._has_messages():
             return [piece.content for piece in self.messages()[-MOST_MESSAGES:]], True
         instance = self._scene.instance
         is_sent = self.source == HEX or (self.source == LAST and instance is not None and instance.adhoc)
@@ -125,7 +131,7 @@ class LabBytes:
     @property
     def evidence_name(self) -> str:
         """Return what they are called."""
-        if self.source != MESSAGE:
+        if not self._has_messages():
             return self.name
         return count(min(MOST_MESSAGES, len(self.messages())), "message")
 

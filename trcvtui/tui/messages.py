@@ -71,3 +71,15 @@ class ScenarioChosen(Message):
 
 class ScenarioWanted(Message):
     """The chosen scenario shall be loaded."""
+
+
+class RowSelected(Message):
+    """Another row of the lab's tree was chosen: its bytes."""
+
+
+class FitWanted(Message):
+    """A profile of the ranking shall be theirs."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number

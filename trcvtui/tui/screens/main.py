@@ -62,6 +62,7 @@ class MainScreen(Screen[None]):
         Binding("A", "app.add('instance')", show=False, id="add"),
         Binding("U", "mouse", show=False, id="mouse"),
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
+        Binding("L", "app.lab", show=False, id="lab"),
         Binding("question_mark,f1", "help", show=False, id="help"),
         Binding("escape", "calm", show=False),
         Binding("q", "app.quit", show=False, id="quit"),

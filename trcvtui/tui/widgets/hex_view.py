@@ -24,7 +24,9 @@ WAS: Final = "was"
 class HexView(LineView):
     """`content` is what is there; up to `need` bytes, what is still missing is drawn as dots."""
 
-    KEYS: ClassVar = (("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"))
+    KEYS: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("hjkl", "byte"), ("/", "find"), ("d", "diff"), ("H", "stream"),
+    )  # fmt: skip
     BINDINGS: ClassVar = [
         ("left,h", "step(-1)", "byte back"),
         ("right,l", "step(1)", "byte on"),

@@ -1,0 +1,10 @@
+"""Which lines of the prompt are for the lab: known before the lab is loaded."""
+
+from __future__ import annotations
+
+LAB, UDT = "lab", "udt"
+
+
+def is_for_lab(line: str) -> bool:
+    """Return whether the lab obeys this line."""
+    return line.strip().partition(" ")[0] in (LAB, UDT)

@@ -7,8 +7,9 @@ Rule 2: what the new text says is compared with what it shall say; a text that d
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -42,6 +43,19 @@ def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
     for entry, way in zip(wanted["udt"], ways, strict=True):
         entry["file"] = way
     return _checked(text, wanted, where, lambda plain: _with_ways(plain, ways))
+
+
+def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
+    """Return the text with these entries in its [constants]; raise UserError when there is no place."""
+    wanted = parse_toml(text, where)
+    table = wanted.setdefault("constants", {})
+    if isinstance(table, dict):
+        table |= constants
+    lines = [f"{json.dumps(name)} = {number}\n" for name, number in constants.items()]
+    at_the_end = "\n[constants]\n" + "".join(lines)
+    return _checked(
+        text, wanted, where, lambda plain: _in_its_table(plain, constants), lambda plain: plain + at_the_end
+    )
 
 
 def _way(file: str, old: Path, new: Path) -> str:
@@ -103,6 +117,15 @@ def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
         else:
             new.append(decl)
     return _at_the_end(new)(document.as_string())
+
+
+def _in_its_table(plain: str, constants: Mapping[str, int]) -> str | None:
+    document = _parsed(plain)
+    if document is None or "constants" not in document:
+        return None
+    for name, number in constants.items():
+        document["constants"][name] = number
+    return document.as_string()
 
 
 def _add_behind(entries: AoT, table: Table) -> None:

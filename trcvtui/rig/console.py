@@ -36,6 +36,7 @@ MOST_DATA: Final = (
 SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
 SAVE: Final = "save"
+UDT: Final = "udt"
 SAVE_LINES: Final = "save scenario FILE, or save project [FILE] [!]"
 TRIGGER: Final = "trigger"
 SCENARIO: Final = "scenario"
@@ -98,6 +99,8 @@ class Console:
                 return self._mark()
             if verb == SAVE:
                 return self._save(rest.strip())
+            if verb == UDT:
+                return self._udt(rest)
             command = parse_line(line, self.bench.project, "prompt")
         except UserError as error:
             return error.lines()[0]
@@ -139,6 +142,17 @@ class Console:
         if not wrong:
             self._edits.note(command)
         return wrong
+
+    def _udt(self, rest: str) -> str:
+        """Read the UDTs again; what is in DATA stays as it is."""
+        from trcvtui.rig.project_types import read_again  # read when first asked for
+
+        if self.player is not None:
+            return "the UDTs of a scenario are those of its own project"
+        fresh, given, self._told = read_again(rest, self.bench.project, "prompt")
+        self.bench.project = fresh
+        self._edits.take_types(fresh, given)
+        return ""
 
     def _pass(self, scans: int) -> str:
         if not self.holding:

@@ -7,6 +7,7 @@ Rule: `create`, `delete` and `resize` change the program that runs; `add` change
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 
 from trcvtui.plc.project import Project
@@ -27,12 +28,13 @@ class Edits:
         self.project = project
         self.done = self.saved = 0
         self._pending: list[Declaration] = []
+        self._constants: dict[str, int] = {}  # given since the project was opened, or saved
         self._written: set[str] = set()  # real paths
 
     @property
     def unsaved(self) -> int:
         """Return how many additions are in no file."""
-        return len(self._pending)
+        return len(self._pending) + len(self._constants)
 
     def check(self, command: Add | AddData) -> None:
         """Raise UserError when the project cannot take what the running program could."""
@@ -47,18 +49,24 @@ class Edits:
         self._pending.append(command.decl)
         self.done += 1
 
+    def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
+        """Take UDTs that were read again, and constants that were given for them."""
+        self.project = replace(self.project, types=fresh.types, constants=fresh.constants)
+        self._constants |= constants
+
     def save(self, words: str) -> str:
         """Write `[FILE] [!]`, what is behind `save project`; return what to tell; raise UserError."""
         from trcvtui.rig.project_save import save_project, target_of  # read when first asked for
 
         own = self.project.path
         path = target_of(words, own, self._written, WHERE)
-        if not self._pending and os.path.realpath(path) == os.path.realpath(own):
+        if not self.unsaved and os.path.realpath(path) == os.path.realpath(own):
             return f"nothing was added to {path}"
-        loaded = save_project(own, path, self._pending, WHERE)
-        told = f"the project with {count(len(self._pending), 'addition')} in {path.absolute()}"
+        loaded = save_project(own, path, self._pending, WHERE, self._constants)
+        told = f"the project with {count(self.unsaved, 'addition')} in {path.absolute()}"
         self._written.add(os.path.realpath(path))
         self._pending.clear()
+        self._constants.clear()
         self.saved = self.done
         self.project = replace(self.project, path=loaded.path, base=loaded.base)
         return told

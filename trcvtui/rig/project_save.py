@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import codecs
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +17,7 @@ from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.project_edit import FIELDS
 from trcvtui.plc.project_file import read_project
 from trcvtui.plc.project_keys import KIND_OF, Declaration, keys_of
-from trcvtui.plc.project_text import with_entries, with_files_from
+from trcvtui.plc.project_text import with_constants, with_entries, with_files_from
 from trcvtui.plc.toml_file import parse_toml, read_text
 from trcvtui.rig import configs_path, demo_path
 from trcvtui.rig.scenario import check_bench
@@ -51,14 +51,20 @@ def _refuse_what_came_along(path: Path, where: str) -> None:
         raise mistake(where, f"{here.name}, which came with trcvtui", "save project FILE, a file of your own")
 
 
-def save_project(own: Path, path: Path, added: Sequence[Declaration], where: str) -> Project:
+def save_project(
+    own: Path, path: Path, added: Sequence[Declaration], where: str, constants: Mapping[str, int]
+) -> Project:
     """Write the text of `own` with what was added to `path`; return what it loads as; raise UserError."""
     if not path.parent.is_dir():
         raise mistake(where, f"{path}: no folder {path.parent}", "a file that can be written")
     text = with_files_from(read_text(own), own.parent, path.parent, str(own))
     if added:
         text = with_entries(text, added, str(own))
+    if constants:
+        text = with_constants(text, constants, str(own))
     loaded = _loaded(text, path, added)
+    if any(loaded.constants.get(name) != number for name, number in constants.items()):
+        raise mistake(str(path), "other constants", "the ones that were given")
     _write_over(path, _beginning(own) + text.encode(), where)
     return loaded
 

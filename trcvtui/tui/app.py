@@ -276,7 +276,9 @@ class BenchApp(App[None]):
         if above is not None:
             yield from above.commands()
         else:
-            for command in commands(Reach(self.scene, self.main, self.submit, self.action_add)):
+            for command in commands(
+                Reach(self.scene, self.main, self.submit, self.action_add, self.action_lab)
+            ):
                 yield self._with_the_users_key(command)
         for name, theme in THEMES.items():
             look = "the terminal's own 16 colours" if theme.ansi else f"the {name} one"

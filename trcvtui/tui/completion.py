@@ -15,7 +15,7 @@ PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
     "scenarios", "export timing", "find", "create", "delete", "download", "resize", "mark", "save scenario",
-    "add", "save project",
+    "add", "save project", "lab", "udt",
 )  # fmt: skip
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -165,6 +165,17 @@ def _after_resize(words: list[str], project: Project) -> Iterable[str]:
     return (*project.types.names(), *TYPES) if len(words) == 2 else ("OF ",)
 
 
+def _after_udt(words: list[str], project: Project) -> Iterable[str]:
+    from trcvtui.tui.lab import PROFILE_WORDS  # read when first asked for
+    from trcvtui.tui.lab_bytes import SOURCES
+    from trcvtui.tui.lab_lines import WORDS
+
+    if len(words) == 1:
+        return WORDS
+    known = {"type": project.types.names(), "bytes": SOURCES, "ours": PROFILE_WORDS, "theirs": PROFILE_WORDS}
+    return known.get(words[1], ())
+
+
 def _instances(project: Project) -> Iterable[str]:
     return (instance.name for instance in project.instances)
 
@@ -191,6 +202,7 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "download": lambda words, project: _instances(project) if len(words) == 1 else (),
     "resize": _after_resize,
     "add": _after_add,
+    "udt": _after_udt,
     "save": lambda words, project: ("scenario", "project") if len(words) == 1 else (),
     "plc": lambda words, project: ("stop", "run"),
 }

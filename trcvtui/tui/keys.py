@@ -18,6 +18,7 @@ EVERYWHERE: Final = (
     ("F", "freeze the view while the PLC runs on; again: live"),
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
+    ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
     ("y", "yank: a menu of ten formats; y y takes what the pane is about"),
@@ -71,12 +72,30 @@ SCENARIOS: Final = (
     ("r", "all steps that are left; simulated ones as fast as they go"),
     ("esc or q", "leave: the project that was opened begins afresh"),
 )
+LAB: Final = (
+    ("1 … 4", "members, bytes, which profile fits, cure"),
+    ("t b", "the type; the bytes: DATA, job, last job, a message, typed hex"),
+    ("o p", "the layout of ours, of theirs; x exchanges them"),
+    ("E e, S s", "byte order of ours, of theirs; STRING form of ours, of theirs"),
+    ("space, ← →, z", "fold the branch under the cursor; all"),
+    ("n N", "the next member that differs, the one before"),
+    ("[ ]", "the message before, the next one"),
+    ("f, enter", "rank the profiles by the bytes at hand, with reasons; take one as theirs"),
+    ("c d", "cure: type for our side, for the sender's, swap code; in ST or SCL"),
+    ("y", "yank what the pane shows: clipboard, and always a file"),
+    ("O X", "open a type file; hex to look at (typed or pasted)"),
+    ("C w", "constants that no file declares; problems in the type files"),
+    ("R", "take a changed type into DATA: udt reload, then resize"),
+    (":", "udt open, type, ours, theirs, swap, bytes, hex, fit, constant, reload"),
+    ("esc or q", "back to the bench; files that change are read again while the lab is open"),
+)
 KeyTable = tuple[tuple[str, str], ...]
 # Which table is about a pane, by the id of it or of what it stands in.
 SECTION_OF: Final = {
     "instances": "Block", "block": "Block", "status": "Bytes and past", "history": "Bytes and past",
     "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "peer": "Peer",
     "scenarios": "Scenarios", "text": "Scenarios", "traces": "Scenarios",
+    "lab-tree": "Lab", "lab-hex": "Lab", "lab-fit": "Lab", "lab-cure": "Lab",
 }  # fmt: skip
 SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Everywhere", EVERYWHERE),
@@ -85,6 +104,7 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Timing", TIMING),
     ("Peer", PEER),
     ("Scenarios", SCENARIOS),
+    ("Lab", LAB),
 )
 
 

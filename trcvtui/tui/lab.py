@@ -48,6 +48,7 @@ class Lab:
         self.news = ""  # what has happened to the files
         self.fits: tuple[Fit, ...] = ()
         self.fitted = ""  # by what
+        self.asked_for: tuple[str, ...] = ()  # the constants that the user was asked for
         self.revision = 0  # counts what changes rows
         self.type_name = ""
         self.type: Type | None = None

@@ -130,3 +130,4 @@ _WORDS: Final[dict[str, Callable[[Lab, str], str]]] = {
     CONSTANT: _constant,
     RELOAD: _reload,
 }
+WORDS: Final = tuple(_WORDS)

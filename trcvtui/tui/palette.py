@@ -29,6 +29,7 @@ class Reach(NamedTuple):
     main: MainScreen
     submit: Callable[[str], None]
     add: Callable[[str], None]
+    lab: Callable[[], None]
 
 
 def commands(bench: Reach) -> Iterator[SystemCommand]:
@@ -136,6 +137,7 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     yield SystemCommand("Zoom the pane", "alone on the screen, and back · key M", bench.main.action_zoom)
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
+    yield SystemCommand("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab)
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
 
 

@@ -73,7 +73,6 @@ class LabScreen(Screen[None]):
         self._asked: set[int] = set()
         self._trouble = self._told = ""
         self._open = TREE
-        self._wanted_constants: tuple[str, ...] = ()
         self.header = HeaderLine(scene)
         self.tabs = TabLine(NAMES, TREE)
         self.head = LabHead(lab)
@@ -326,7 +325,7 @@ class LabScreen(Screen[None]):
 
     def action_constants(self) -> None:
         """Ask for the constants that no file declares."""
-        self._wanted_constants = ()
+        self.lab.asked_for = ()
         if self.lab.files.unknown_constants:
             self._ask_constants()
         else:
@@ -336,11 +335,11 @@ class LabScreen(Screen[None]):
     def _ask_constants(self) -> None:
         """Ask once for each set of unknown constants."""
         names = self.lab.files.unknown_constants
-        if not names or names == self._wanted_constants:
+        if not names or names == self.lab.asked_for:
             return
         from trcvtui.tui.widgets.constants_form import ConstantsForm  # read when first asked for
 
-        self._wanted_constants = names
+        self.lab.asked_for = names
         self.app.push_screen(ConstantsForm(names, self.lab.files.name), self._constants_given)
 
     def _constants_given(self, given: dict[str, int] | None) -> None:

@@ -12,11 +12,11 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 Keys = tuple[tuple[str, str], ...]
 GLOBAL: Final = (
-    (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("1-8", "pane"),
+    (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("L", "lab"), ("1-8", "pane"),
     ("M", "zoom"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
 ACTIONS: Final = {
-    ":": "prompt", "space": "hold", ".": "single_scan", "S": "scenarios", "M": "zoom",
+    ":": "prompt", "space": "hold", ".": "single_scan", "S": "scenarios", "L": "app.lab", "M": "zoom",
     "ctrl+p": "app.command_palette", "?": "help", "q": "app.quit", "esc": "calm", "l": "pin('l')",
 }  # fmt: skip
 

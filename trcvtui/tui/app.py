@@ -179,7 +179,7 @@ class BenchApp(App[None]):
         self.last_words = words
         if self.scenarios is not None:
             self.scenarios.dismiss(None)
-        if self.lab is not None:
+        if self.lab is not None and self.screen is self.lab:
             self.lab.dismiss()
         self.main.end(words.strip().splitlines()[-1] if words.strip() else "the engine has ended")
 

@@ -211,14 +211,14 @@ class FoldTree:
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
         """Return the row of a leaf, or of the closed branch that it is in; `opens` opens those."""
-        y, twin, fold, key = 0, self.root, self._top, Key()
-        way: _Fold | None = fold
+        y, twin, key, whole = 0, self.root, Key(), leaf
+        way: _Fold | None = self._top
         while not twin.is_leaf:
             if not self._opens(twin, way):
                 if not opens:
                     return y
                 self.toggle(key)
-                return self.row_of_leaf(leaf, opens)
+                return self.row_of_leaf(whole, opens)
             if twin.is_array:
                 number, rest = divmod(leaf, max(1, twin.element.ours.leaves))
                 y += 1 + self._element_start(twin, way, number)

@@ -76,7 +76,7 @@ class LabScreen(Screen[None]):
         self.header = HeaderLine(scene)
         self.tabs = TabLine(NAMES, TREE)
         self.head = LabHead(lab)
-        self.columns = ColumnHead()
+        self.columns = ColumnHead(lab)
         self.tree_view = LabTree(lab)
         self.hex = LabHex(lab)
         self.fit = FitList(lab)

@@ -22,8 +22,9 @@ from trcvtui.udt.report import leaf_type_text
 from trcvtui.udt.value_text import value_text
 
 MARK, OPEN, CLOSED, DIFFERS = 2, "▾ ", "▸ ", "≠"
-OFFSET, SIZE, TYPE = 8, 6, 13
-NARROW: Final = 90  # columns, below which the sizes are left out
+LEAST, WIDE_PLACE = 4, 8  # columns of an offset
+SIZE: Final = 5
+NARROW: Final = 90  # columns, below which nothing is wasted
 
 
 class Cell(NamedTuple):
@@ -38,15 +39,22 @@ class Columns(NamedTuple):
     """How wide the columns are."""
 
     name: int
+    type: int
+    offset: int
     size: int
     value: int
 
 
-def columns(width: int) -> Columns:
-    """Return the columns of a pane of that width."""
-    size = SIZE if width >= NARROW else 0
-    name = max(14, min(44, (width - MARK - TYPE - 2 * (OFFSET + size)) * 2 // 5))
-    return Columns(name, size, max(6, (width - MARK - name - TYPE - 2 * (OFFSET + size)) // 2))
+def columns(width: int, lab: Lab) -> Columns:
+    """Return the columns of a pane of that width: offsets and sizes take what the type needs."""
+    layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
+    digits = len(str(max((layout.size for layout in layouts), default=0)))
+    bits = 2 if any(layout.rules.bits & {"BOOL"} or layout.rules.takes_pack for layout in layouts) else 0
+    offset = max(LEAST if width < NARROW else WIDE_PLACE, digits + bits + 1)
+    size, type_ = max(SIZE, digits + 1), 11 if width < NARROW else 16
+    left = width - MARK - type_ - 2 * (offset + size)
+    name = max(12, min(44, left * 2 // 5))
+    return Columns(name, type_, offset, size, max(6, (left - name) // 2))
 
 
 class ColumnHead(LineView, can_focus=False):
@@ -54,8 +62,9 @@ class ColumnHead(LineView, can_focus=False):
 
     DEFAULT_CSS = "ColumnHead { height: 1; }"
 
-    def __init__(self) -> None:
+    def __init__(self, lab: Lab) -> None:
         super().__init__(id="lab-columns")
+        self._lab = lab
 
     def row_count(self) -> int:
         """Return 1."""
@@ -65,10 +74,11 @@ class ColumnHead(LineView, can_focus=False):
         """Return the heads."""
         if y:
             return EMPTY
-        width = columns(self.line_width)
-        text = " " * MARK + pad("member", width.name) + pad("type", TYPE)
+        width = columns(self.line_width, self._lab)
+        text = " " * MARK + pad("member", width.name) + pad("type", width.type)
+        offset = "offset " if width.offset > len("offset") else "at "
         for side in (OURS, THEIRS):
-            text += pad("offset ", OFFSET, right=True) + pad("size ", width.size, right=True)[: width.size]
+            text += pad(offset, width.offset, right=True) + pad("size ", width.size, right=True)
             text += pad(side, width.value)
         return row((text, "dim"))
 
@@ -151,14 +161,14 @@ class LabTree(LineView):
         return row(*self._parts(found, chosen), style=style)
 
     def _parts(self, found: TreeRow, chosen: bool) -> list[Part]:
-        width = columns(self.line_width)
+        width = columns(self.line_width, self._lab)
         differs = self.differs(found)
         mark = DIFFERS if differs else " "
         return [
             ("▸" if chosen else " ", "key"),
             (mark, "warn strong"),
             *self._member(found, width.name, chosen),
-            (pad(clip(plain(self._type(found)), TYPE - 1), TYPE), "dim"),
+            (pad(clip(plain(self._type(found)), width.type - 1), width.type), "dim"),
             *self._side(OURS, found, found.ours, width, differs),
             *self._side(THEIRS, found, found.theirs, width, differs),
         ]
@@ -182,9 +192,9 @@ class LabTree(LineView):
         style = "warn" if differs else "dim"
         is_there = self._lab.layout(side) is not None and not (found.is_gap and not place.size)
         offset = str(place) if is_there else "-"
-        size = f"{place.size} " if is_there and width.size else ""
+        size = f"{place.size} " if is_there else ""
         return [
-            (pad(f"{offset} ", OFFSET, right=True), style),
+            (pad(f"{offset} ", width.offset, right=True), style),
             (pad(size, width.size, right=True), style),
             self._value(side, found, place, width),
         ]
@@ -194,7 +204,7 @@ class LabTree(LineView):
             return pad(clip(self._gap(place), width.value - 1), width.value), "faint"
         cell = self._cells.get((side, found.leaf)) if found.is_leaf else None
         if cell is None:
-            return pad("" if width.size or found.is_leaf else f"{place.size} B", width.value), "faint"
+            return " " * width.value, "faint"
         return pad(clip(cell.value, width.value - 1), width.value), "printable" if cell.is_there else "ghost"
 
     def _gap(self, place: Place) -> str:
@@ -202,7 +212,7 @@ class LabTree(LineView):
         if not place.size:
             return ""
         there = self._lab.bytes.content[place.offset : place.offset + place.size]
-        return f"{place.size} B {'not 0! ' if any(there) else ''}{'░' * min(place.size, 8)}"
+        return "░" * min(place.size, 4) + (" not 0!" if any(there) else "")
 
     def differs(self, found: TreeRow) -> bool:
         """Return whether both sides differ in a row, or somewhere in a branch in its places."""

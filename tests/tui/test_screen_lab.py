@@ -1,0 +1,357 @@
+"""The UDT lab on the screen: two profiles side by side, which one fits, what cures it, files that change."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from textual.pilot import Pilot
+
+from tests.rig.scenarios import CONFIGS
+from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.console import fresh_bench
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.tui.app import BenchApp
+from trcvtui.tui.screens.lab import LabScreen
+
+MISMATCH = CONFIGS / "udt-mismatch.toml"
+PROJECT = """
+dialect = "baosky"
+
+[[udt]]
+file = "types.st"
+
+[[data]]
+name = "rx"
+type = "Telegram"
+
+[[connect]]
+name = "C1"
+
+[[instance]]
+name = "TRCV_C_1"
+block = "TRCV_C"
+connect = "C1"
+data = "rx"
+"""
+TELEGRAM = """
+TYPE Telegram :
+STRUCT
+    kind  : BYTE;
+    value : LREAL;
+    tag   : STRING[6];
+    spots : ARRAY[1..3] OF INT;
+END_STRUCT
+END_TYPE
+"""
+UNUSED = """
+TYPE Frame : STRUCT rows : ARRAY[1..GVL.ROWS] OF INT; cols : ARRAY[1..GVL.COLS] OF INT; END_STRUCT END_TYPE
+"""
+BAD = """
+TYPE Bad : STRUCT x : NOBODY; END_STRUCT END_TYPE
+"""
+
+
+class Stage:
+    """The lab on a simulated bench; nothing moves but by `scan`."""
+
+    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
+        self.driver, self.app, self.pilot = driver, app, pilot
+
+    async def press(self, *keys: str) -> None:
+        """Press keys and let the screen follow."""
+        await self.pilot.press(*keys)
+        await follow(self.app, self.pilot)
+
+    async def line(self, text: str) -> None:
+        """Type a line on the lab's prompt."""
+        await self.press("colon")
+        self.lab.ask._input.value = text
+        await self.press("enter")
+
+    @property
+    def lab(self) -> LabScreen:
+        """Return the lab."""
+        assert self.app.lab is not None
+        return self.app.lab
+
+    @property
+    def text(self) -> str:
+        """Return what stands on the screen."""
+        return screen_text(self.app)
+
+    @property
+    def words(self) -> str:
+        """Return it as words, without frames."""
+        return " ".join(self.text.replace("│", " ").replace("┃", " ").split())
+
+    def row(self, needle: str) -> str:
+        """Return the first line that holds `needle`."""
+        found = [line for line in self.text.splitlines() if needle in line]
+        assert found, f"{needle!r} is not there:\n{self.text}"
+        return found[0].replace("┃", " ").replace("│", " ")
+
+
+@asynccontextmanager
+async def lab(path: Path, size: tuple[int, int] = WIDE, scans: int = 20) -> AsyncIterator[Stage]:
+    """Open the lab on a project."""
+    project = load_project(path)
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    app = BenchApp(driver, project)
+    try:
+        async with app.run_test(size=size) as pilot:
+            stage = Stage(driver, app, pilot)
+            driver.scan(scans)
+            await follow(app, pilot)
+            await stage.press("L")
+            yield stage
+    finally:
+        driver.close()
+
+
+def project(folder: Path, types: str = TELEGRAM) -> Path:
+    """Write a project with its types; return its file."""
+    save(folder / "types.st", types, 1)
+    (folder / "p.toml").write_text(PROJECT, encoding="utf-8")
+    return folder / "p.toml"
+
+
+def save(path: Path, text: str, at: int) -> None:
+    """Save a file at a time of its own."""
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, (at, at))
+
+
+# -- the story -----------------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_the_mismatch_is_found_and_cured(size: tuple[int, int]) -> None:
+    async with lab(MISMATCH, size, scans=300) as stage:
+        assert "≠ 3 of 4 differ" in stage.row("p theirs")
+        await stage.press("p", *"packed", "enter")
+        assert "packed" in stage.row("p theirs"), "the guess was another one"
+        await stage.press("f")
+        assert "natural8, little-endian" in stage.row("▸ 1 "), "the profile of the sender leads"
+        assert "24 bytes came, and the type has 24" in stage.words
+        await stage.press("enter")
+        assert "natural8" in stage.row("p theirs")
+        await stage.press("c")
+        assert "_pad1 : ARRAY[0..6] OF BYTE;" in stage.text
+        assert "TYPE AxisReport_natural8 :" in stage.text
+
+
+async def test_on_a_message_theirs_reads_what_was_sent() -> None:
+    async with lab(MISMATCH, scans=300) as stage:
+        await stage.line("udt bytes message")
+        await stage.press("1")
+        assert "Drive message" in stage.text
+        row = stage.row(" position ")
+        assert row.split()[:3] == ["≠", "position", "LREAL"] and "-3.75" in row
+        await stage.press("left_square_bracket")
+        assert "112.25" in stage.row(" position ")
+
+
+async def test_the_lab_stands_as_drawn(tmp_path: Path) -> None:
+    for size in (WIDE, SMALL):
+        async with lab(MISMATCH, size, scans=300) as stage:
+            await stage.press("down", "down", "down")
+            same_screen(stage.app, f"lab-{size[0]}x{size[1]}", tmp_path)
+
+
+# -- the tree ------------------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_branches_fold_and_open(tmp_path: Path, size: tuple[int, int]) -> None:
+    async with lab(project(tmp_path), size) as stage:
+        assert "[2]" in stage.text
+        await stage.press("G", "up", "left")
+        assert "▸≠  ▾ spots" in stage.text, "the owner of what was chosen"
+        await stage.press("left")
+        assert "▸ spots" in stage.text and "[2]" not in stage.text
+        await stage.press("right")
+        assert "▾ spots" in stage.text and "[2]" in stage.text
+
+
+async def test_padding_stands_in_the_tree_and_among_the_bytes(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        cells = stage.row("(padding)").split("(padding)")[1].split()[:6]
+        assert cells == ["1", "3", "░░░", "1", "7", "░░░░"], "behind kind: offset and size on either side"
+        assert "⋄░░░▒▒▒▒" in stage.row("0000 "), "ours and what only theirs has"
+
+
+async def test_the_byte_under_the_cursor_finds_its_row_and_back(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        await stage.press("2", "home", *["right"] * 5)
+        assert stage.row("value").lstrip().startswith("▸"), "byte 5 of ours"
+        await stage.press("1", "down")
+        assert stage.lab.hex.link == range(12, 20), "the next row: the text tag"
+
+
+async def test_n_goes_from_difference_to_difference(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        await stage.press("n")
+        assert stage.row(" value ").lstrip().startswith("▸≠")
+        await stage.press("n", "N")
+        assert stage.row(" value ").lstrip().startswith("▸≠")
+
+
+async def test_a_hundred_thousand_leaves_cost_the_rows_in_view(tmp_path: Path) -> None:
+    large = "TYPE Telegram : STRUCT a : BYTE; many : ARRAY[1..20000] OF Five; END_STRUCT END_TYPE\n"
+    five = "TYPE Five : STRUCT a : BYTE; b : LREAL; c : INT; d : BOOL; e : DINT; END_STRUCT END_TYPE\n"
+    async with lab(project(tmp_path, five + large)) as stage:
+        tree = stage.lab.tree_view
+        await stage.press("down", "down", "down", "right")
+        assert tree.row_count() > 100_000
+        before = tree.decoded
+        for key in ("pagedown", "pagedown", "G", "pageup"):
+            await stage.press(key)
+        assert "[20000]" in stage.text
+        in_view = 2 * tree.size.height
+        assert 0 < tree.decoded - before <= 5 * in_view, "two sides of the rows in view, for each move"
+
+
+# -- profiles ------------------------------------------------------------------------------------------
+
+
+@BOTH
+async def test_e_turns_the_byte_order_of_theirs_and_s_its_strings(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    async with lab(project(tmp_path), size) as stage:
+        await stage.line("udt hex 01 00 00 00 00 00 00 00 00 00 F0 3F 06 02 68 69")
+        await stage.press("1")
+        assert "little-endian" in stage.row("p theirs")
+        await stage.press("e", "s")
+        theirs = stage.row("p theirs")
+        assert "big-endian" in theirs and "STRING cstr" in theirs
+        assert "little-endian" in stage.row("o ours"), "ours stays"
+        await stage.press("e", "p", *"baosky", "enter", "e")
+        assert "≠" in stage.row(" value ").split("LREAL")[0], "the same place, another value"
+
+
+async def test_ours_and_theirs_are_exchanged(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        await stage.press("x")
+        assert "natural8" in stage.row("o ours") and "baosky" in stage.row("p theirs")
+
+
+async def test_swap_code_is_written_in_scl_too(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        await stage.press("e", "4", "c", "c", "d")
+        assert "swap code for the sender, SCL" in stage.text
+        assert "SWAP(" in stage.lab.cure.found.text
+
+
+async def test_the_cure_is_yanked_into_a_file(state: Path, tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        await stage.press("4", "y")
+        await stage.app.workers.wait_for_complete()
+        await stage.press()
+        (kept,) = (state / "trcvtui" / "yanks").glob("*.st")
+        assert "TYPE Telegram_natural8" in kept.read_text(encoding="utf-8")
+        assert "yanked the cure in ST" in stage.words
+
+
+async def test_a_wrong_line_says_what_was_expected(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        await stage.line("udt theirs naturl8")
+        assert "✗ udt theirs: found 'naturl8', expected one of baosky" in stage.words
+
+
+# -- files ---------------------------------------------------------------------------------------------
+
+
+async def test_a_changed_file_is_shown_at_once_and_comes_into_data_by_r(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        save(tmp_path / "types.st", TELEGRAM.replace("kind  : BYTE", "kind  : BYTE; more : DWORD"), 2)
+        stage.lab.look()
+        await stage.press()
+        assert " more " in stage.text
+        assert "types.st has changed: Telegram now 32 B, before 28 B" in stage.words
+        assert "DATA rx stays as it is until R (resize) or a restart" in stage.words
+        assert stage.driver.console.bench.project.data[0].size == 28
+        await stage.press("R")
+        stage.driver.scan(1)
+        await stage.press()
+        assert stage.driver.console.bench.project.data[0].size == 32
+        assert "DATA rx, 32 B" in stage.text
+
+
+async def test_a_broken_save_keeps_what_is_shown(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        save(tmp_path / "types.st", TELEGRAM.replace("LREAL", "LREEL"), 2)
+        stage.lab.look()
+        await stage.press()
+        assert "LREAL" in stage.row(" value ")
+        assert "'LREEL'" in stage.words and "the last good types stay" in stage.words
+
+
+async def test_unknown_constants_are_asked_for_and_saved_with_the_project(tmp_path: Path) -> None:
+    path = project(tmp_path, TELEGRAM + UNUSED)
+    async with lab(path) as stage:
+        assert "Constants that types.st uses" in stage.text
+        await stage.press(*"12", "enter", *"16#3", "enter")
+        assert stage.lab.lab.files.unknown_constants == ()
+        await stage.press("t", *"Frame", "enter")
+        assert "32 B" in stage.row("o ours"), "12 and 3 of INT, and the gap behind"
+        await stage.line("save project")
+    assert load_project(path).constants == {"GVL.ROWS": 12, "GVL.COLS": 3}
+    assert path.read_text(encoding="utf-8").startswith(PROJECT), "the rest stands as it stood"
+
+
+async def test_problems_of_types_that_nobody_uses_are_listed(tmp_path: Path) -> None:
+    async with lab(project(tmp_path, TELEGRAM + BAD)) as stage:
+        assert "w: 1 problem in types.st" in stage.text
+        await stage.press("w")
+        assert "'NOBODY'" in stage.words
+        await stage.press("escape")
+
+
+async def test_a_file_of_any_format_is_opened_by_a_line_of_the_bench(tmp_path: Path) -> None:
+    save(
+        tmp_path / "device.scl",
+        'TYPE "Report"\nSTRUCT\n kind : Byte;\n value : LReal;\nEND_STRUCT;\nEND_TYPE\n',
+        1,
+    )
+    async with lab(project(tmp_path)) as stage:
+        await stage.press("escape")
+        assert stage.app.lab is None
+        stage.app.submit(f"udt open {tmp_path / 'device.scl'}")
+        await stage.press()
+        await stage.press()
+        assert "Report of device.scl" in stage.text
+        await stage.line("udt project")
+        assert "Telegram of types.st" in stage.text
+
+
+async def test_a_file_that_is_none_is_told_in_one_line(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        await stage.line("udt open nowhere.st")
+        assert "✗" in stage.words and "nowhere.st" in stage.words and "Telegram of types.st" in stage.text
+
+
+async def test_everything_is_in_the_palette(tmp_path: Path) -> None:
+    async with lab(project(tmp_path)) as stage:
+        titles = {command.title for command in stage.app.get_system_commands(stage.app.screen)}
+        assert {"Which profile fits?", "Choose our profile", "Next difference", "Leave the lab"} <= titles
+        await stage.press("escape")
+        titles = {command.title for command in stage.app.get_system_commands(stage.app.screen)}
+        assert "UDT lab" in titles
+
+
+async def test_the_mouse_chooses_rows_folds_and_opens_tabs(tmp_path: Path) -> None:
+    async with lab(project(tmp_path), SMALL) as stage:
+        y = next(n for n, line in enumerate(stage.text.splitlines()) if "spots" in line)
+        x = stage.text.splitlines()[y].index("▾")
+        await stage.pilot.click(offset=(x, y))
+        await stage.press()
+        assert "▸ spots" in stage.row("spots")
+        tabs = stage.text.splitlines()[1]
+        await stage.pilot.click(offset=(tabs.index("Bytes"), 1))
+        await stage.press()
+        assert stage.lab.focused is stage.lab.hex

@@ -6,22 +6,26 @@ import random
 import re
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.udt.st_machine import Machine
 from tests.udt.test_fit import TELEGRAMS, TYPES, message
-from tests.udt.udt_strategies import types_of
+from tests.udt.udt_strategies import rules, structs, types, types_of
 from trcvtui.udt.cure import cure, cure_text
 from trcvtui.udt.decode import decode
-from trcvtui.udt.layout import Layout, lay_out, rules_for
-from trcvtui.udt.types import Array
+from trcvtui.udt.fit import fit, verdict
+from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.swap import Language
+from trcvtui.udt.types import Array, Struct
 
 
 def unpacked(ours: Layout, theirs: Layout, content: bytes) -> bytes:
     """Return what the receiver's code makes of a message that it took into the corrective type."""
     found = cure(ours, theirs)
     assert found.unpacking is not None
-    types = types_of(found.unpacking.types)
-    variables = {f"u_{name[2:]}": lay_out(types.named(name), ours.rules) for name in types.names()}
+    unions = types_of(found.unpacking.types)
+    variables = {f"u_{name[2:]}": lay_out(unions.named(name), ours.rules) for name in unions.names()}
     receiver = found.receiver.layout
     machine = Machine(ours.rules, {"msg": receiver, "value": ours, **variables})
     machine.memory["msg"][:] = content
@@ -94,3 +98,17 @@ def test_profiles_that_agree_need_no_cure() -> None:
     found = cure(layout, lay_out(layout.type, rules_for("natural8")))
     assert found.receiver.type is found.sender.type is layout.type
     assert (found.swap, found.unpacking) == (None, None)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    structs(types, least=1), rules, rules, st.sampled_from(["st", "scl"]), st.lists(st.binary(max_size=60))
+)
+def test_any_pair_has_a_cure_and_any_bytes_a_ranking(
+    type_: Struct, ours: LayoutRules, theirs: LayoutRules, language: Language, messages: list[bytes]
+) -> None:
+    found = cure(lay_out(type_, ours), lay_out(type_, theirs), language)
+    assert cure_text(found, language).startswith("// Receiver, under ")
+    fits = fit(type_, messages)
+    assert [one.score for one in fits] == sorted((one.score for one in fits), reverse=True)
+    assert verdict(fits)

@@ -36,7 +36,11 @@ def c_text(wanted: Layout) -> str | None:
     if not found.is_possible or not isinstance(found.type, Struct):
         return None
     assert lay_out(found.type, rules).size == wanted.size
-    parts = [_record(each, rules) for each in named_types(found.type) if isinstance(each, Struct | Union)]
+    parts = [
+        f"typedef {_body(each, rules, '')} {_c_name(each.name or found.layout.name)};\n"
+        for each in named_types(found.type)
+        if isinstance(each, Struct | Union)
+    ]
     body = "\n".join(parts)
     return f"#include <stdint.h>\n\n#pragma pack(push, 1)\n{body}#pragma pack(pop)\n"
 

@@ -10,6 +10,7 @@ from tests.udt.udt_strategies import types_of
 from trcvtui.udt.layout import Layout, LayoutRules, lay_out
 
 Order = Literal["little", "big"]
+LOCAL = r"(?<!\d)#"  # before the name of a local variable in SCL
 WIDTHS = {"BYTE": 1, "WORD": 2, "DWORD": 4, "LWORD": 8}
 
 
@@ -25,8 +26,8 @@ class Machine:
 
     def run(self, code: str) -> None:
         """Carry out the statements of a text."""
-        self.is_scl = "#" in code
-        lines = [line.split("//")[0].replace("#", "").strip() for line in code.splitlines()]
+        self.is_scl = re.search(LOCAL, code) is not None
+        lines = [re.sub(LOCAL, "", line.split("//")[0]).strip() for line in code.splitlines()]
         self._block([line for line in lines if line])
 
     def _block(self, lines: list[str]) -> None:
@@ -34,7 +35,7 @@ class Machine:
         while at < len(lines):
             loop = re.fullmatch(r"FOR (\w+) := (-?\d+) TO (-?\d+) DO", lines[at])
             if loop is None:
-                target, value = re.fullmatch(r"(\S+) := (.+);", lines[at]).groups()  # type: ignore[union-attr]
+                target, value = re.fullmatch(r"(.+?) := (.+);", lines[at]).groups()  # type: ignore[union-attr]
                 self._assign(target, value)
                 at += 1
                 continue
@@ -50,6 +51,11 @@ class Machine:
             at = end + 1
 
     def _assign(self, target: str, value: str) -> None:
+        bit = re.fullmatch(r"\((.+) AND 16#(\w+)\) <> 0", value)
+        if bit:
+            ((to_name, to_leaf),), (of,) = self._leaves(target), self._leaves(bit[1])
+            self._write(to_name, to_leaf, int(self._read(*of) & int(bit[2], 16) != 0))
+            return
         if "(" not in value:
             for to, of in zip(self._leaves(target), self._leaves(value), strict=True):
                 raw = self._read(*of)
@@ -61,8 +67,9 @@ class Machine:
         self._write(*to, number)
 
     def _leaves(self, path: str) -> list[tuple[str, tuple[str, object, int, int, int | None]]]:
-        path = re.sub(r"[A-Za-z]\w*(?=[,\]])", lambda found: str(self.indices[found[0]]), path)
-        name, _, below = path.partition(".")
+        path = re.sub(r"\[([^\]]*)\]", self._index, path)
+        name = path.replace("[", ".").partition(".")[0]
+        below = path[len(name) :].removeprefix(".")
         leaves = [
             leaf
             for leaf in self.layouts[name].leaves()
@@ -70,6 +77,9 @@ class Machine:
         ]
         assert leaves, path
         return [(name, (leaf.path, leaf.type, leaf.offset, leaf.size, leaf.bit)) for leaf in leaves]
+
+    def _index(self, found: re.Match[str]) -> str:
+        return f"[{','.join(str(eval(part, {}, self.indices)) for part in found[1].split(','))}]"
 
     def _read(self, name: str, leaf: tuple[str, object, int, int, int | None]) -> int:
         raw = int.from_bytes(self.memory[name][leaf[2] : leaf[2] + leaf[3]], self._order)

@@ -75,8 +75,8 @@ def test_what_is_not_there_any_more_is_told_on_both_sides() -> None:
 
 
 def test_a_million_members_cost_the_rows_that_are_shown() -> None:
-    row = "STRUCT a : BYTE; b : INT; c : BYTE; d : BYTE; END_STRUCT"
-    text = f"head : BYTE; rows : ARRAY[1..262142] OF {row}; tail : INT;"
+    element = "STRUCT a : BYTE; b : INT; c : BYTE; d : BYTE; END_STRUCT"
+    text = f"head : BYTE; rows : ARRAY[1..262142] OF {element}; tail : INT;"
     both = compare(layout_of(text), layout_of(text, "packed"))
     assert both.row_count == 4 * 262142 + 2
     (row,) = both.rows(bytes(1_000_000), both.row_count - 1, both.row_count)

@@ -253,3 +253,11 @@ def test_a_layout_crosses_a_process_border(layout: Layout) -> None:
     there = pickle.loads(pickle.dumps(layout))
     assert (there.name, there.size, there.rules) == (layout.name, layout.size, layout.rules)
     assert [leaf.path for leaf in there.leaves()] == [leaf.path for leaf in layout.leaves()]
+
+
+def test_bits_behind_the_last_byte_that_came_are_not_within() -> None:
+    members = tuple(
+        Member(name, ELEMENTARY[type_]) for name, type_ in (("a", "BOOL"), ("b", "BIT"), ("c", "BIT"))
+    )
+    layout = lay_out(Struct("S", members), rules_for("codesys-8"))
+    assert [layout.leaves_within(length) for length in range(3)] == [0, 1, 3]

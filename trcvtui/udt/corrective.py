@@ -64,9 +64,17 @@ def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> Correcti
         _prove(wanted, layout, [one.path for one in rebuild.unreached])
         return Corrective(type_, layout, tuple(rebuild.unreached), tuple(rebuild.notes))
     except Unreachable as failed:
-        raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
-        layout = lay_out(raw, rules, f"{wanted.name}_{rebuild.suffix}")
-        return Corrective(raw, layout, (Unreached(failed.path, failed.why),), ())
+        return all_raw(wanted, rules, Unreached(failed.path, failed.why))
+
+
+def all_raw(wanted: Layout, rules: LayoutRules, why: Unreached) -> Corrective:
+    """Return the type as bytes and nothing else, which every layout can hold."""
+    raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
+    return Corrective(raw, lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}"), (why,), ())
+
+
+def _suffix(wanted: Layout) -> str:
+    return wanted.rules.name.replace("-", "_")
 
 
 def _prove(wanted: Layout, found: Layout, raw: list[str]) -> None:
@@ -93,7 +101,7 @@ class _Rebuild:
     def __init__(self, wanted: Layout, rules: LayoutRules, pack: int | None) -> None:
         self.theirs, self.rules, self.pack = wanted.rules, rules, pack
         self.name = wanted.name
-        self.suffix = wanted.rules.name.replace("-", "_")
+        self.suffix = _suffix(wanted)
         self.placing = Placing(rules)
         self.unreached: list[Unreached] = []
         self.notes: list[Note] = []

@@ -186,7 +186,7 @@ def leaves_within(node: Node, length: int) -> int:
     if isinstance(node, PlacedUnion):
         return sum(leaves_within(member, length) for member in node.nodes)
     if isinstance(node, PlacedStruct):
-        cut = bisect_right(node.offsets, length) - 1
+        cut = bisect_right(node.offsets, length - 1) - 1  # the last member that has a byte within
         return node.firsts[cut] + leaves_within(node.nodes[cut], length - node.offsets[cut])
     if node.is_bits:
         rows, rest = divmod(length, node.row_size)

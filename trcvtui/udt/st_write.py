@@ -12,6 +12,7 @@ from typing import Final
 from trcvtui.udt.types import (
     Array,
     Enumeration,
+    Member,
     Pointer,
     Struct,
     Subrange,
@@ -27,21 +28,15 @@ _PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 def st_text(type_: Type, name: str = "") -> str:
     """Return `TYPE ... END_TYPE` of a type and of every type in it; `name` for one that has none."""
-    return "\n".join(_st_type(each, name) for each in _in_order(type_))
+    return "\n".join(_st_type(each, name) for each in named_types(type_))
 
 
 def scl_text(type_: Type, name: str = "") -> str:
     """Return the same for TIA: names in quotes, no enumerations and subranges, a UNION as its bytes."""
-    found = [each for each in _in_order(type_) if isinstance(each, Struct)] or [
-        Struct(name, (), None) if isinstance(type_, Struct) else _holder(type_, name)
-    ]
+    found = [each for each in named_types(type_) if isinstance(each, Struct)]
+    if not found:  # TIA has no type that is an ARRAY
+        found = [Struct(name, (Member("raw", type_),))]
     return "\n".join(_scl_type(each, name) for each in found)
-
-
-def _holder(type_: Type, name: str) -> Struct:
-    from trcvtui.udt.types import Member
-
-    return Struct(name, (Member("raw", type_),))
 
 
 # -- IEC ST --------------------------------------------------------------------------------------------------
@@ -134,7 +129,7 @@ def _ranges(bounds: tuple[tuple[int, int], ...]) -> str:
     return ",".join(f"{low}..{high}" for low, high in bounds)
 
 
-def _in_order(type_: Type) -> list[Type]:
+def named_types(type_: Type) -> list[Type]:
     """Return the named types of a declaration, each once, before its first use; itself last."""
     found: dict[int, Type] = {}
     for each in _named(type_, set()):

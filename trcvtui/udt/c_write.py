@@ -1,0 +1,84 @@
+"""A type written down as C for a sender: a packed struct in which every gap is a member.
+
+Rule: `#pragma pack(1)` and explicit padding leave the compiler nothing to decide.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from trcvtui.udt.corrective import corrective
+from trcvtui.udt.layout import Layout, lay_out
+from trcvtui.udt.rules import LayoutRules, rules_for
+from trcvtui.udt.st_write import named_types
+from trcvtui.udt.types import Array, Struct, Text, Type, Union, Unplaced
+
+C_TYPES: Final = {
+    "?": "uint8_t",
+    "b": "int8_t",
+    "B": "uint8_t",
+    "h": "int16_t",
+    "H": "uint16_t",
+    "i": "int32_t",
+    "I": "uint32_t",
+    "q": "int64_t",
+    "Q": "uint64_t",
+    "f": "float",
+    "d": "double",
+}
+
+
+def c_text(wanted: Layout) -> str | None:
+    """Return the C struct that lies as `wanted`; None where a member is one bit or has no C type."""
+    rules = rules_for("packed", wanted.rules.byte_order, wanted.rules.text.name)
+    found = corrective(wanted, rules)
+    if not found.is_possible or not isinstance(found.type, Struct):
+        return None
+    assert lay_out(found.type, rules).size == wanted.size
+    parts = [
+        f"typedef {_body(each, rules, '')} {_c_name(each.name or found.layout.name)};\n"
+        for each in named_types(found.type)
+        if isinstance(each, Struct | Union)
+    ]
+    body = "\n".join(parts)
+    return f"#include <stdint.h>\n\n#pragma pack(push, 1)\n{body}#pragma pack(pop)\n"
+
+
+def _body(type_: Struct | Union, rules: LayoutRules, indent: str) -> str:
+    word = "struct" if isinstance(type_, Struct) else "union"
+    inner = indent + "    "
+    lines = [
+        f"{inner}{_member(member.type, _c_name(member.name), rules, inner)};\n" for member in type_.members
+    ]
+    return f"{word} {{\n{''.join(lines)}{indent}}}"
+
+
+def _member(type_: Type, name: str, rules: LayoutRules, indent: str) -> str:
+    match type_:
+        case Array(bounds=bounds, element=element):
+            dimensions = "".join(f"[{high - low + 1}]" for low, high in bounds)
+            return _member(element, name + dimensions, rules, indent)
+        case Struct() | Union():
+            return f"{_c_name(type_.name) or _body(type_, rules, indent)} {name}"
+        case Text(wide=wide):
+            units = rules.text.length(type_) + rules.text.extra
+            what = "uint16_t" if wide else "uint8_t" if rules.text.header else "char"
+            return f"{what} {_indexed(name, units)}"
+        case Unplaced():  # it has no layout, so it is in none
+            return f"uint8_t {name}"
+        case _:
+            row = rules.stored(type_)
+            if row.code in C_TYPES:
+                return f"{C_TYPES[row.code]} {name}"
+            return f"uint8_t {_indexed(name, row.size)}"
+
+
+def _indexed(name: str, units: int) -> str:
+    """Return the name with one more, innermost, index."""
+    return f"{name}[{units}]"
+
+
+def _c_name(name: str) -> str:
+    """Return the name with `_` for what C has not in a name."""
+    return re.sub(r"[^A-Za-z0-9_]", "_", name)

@@ -80,6 +80,7 @@ CHECKWEIGHER: Final[Play] = (
 DEMO: Final[Play] = (295,)
 DROPPED: Final[Play] = (960,)
 BUSY: Final[Play] = (312,)  # the demo in the middle of a telegram that comes in pieces
+LAB: Final[Play] = (300, keys("L", "b"), Typed("message"), keys("enter"))  # as it was sent
 SENT: Final[Play] = (
     "set TSEND_C_1 CONT=1",
     "set TRCV_C_1 CONT=1 EN_R=1",
@@ -155,6 +156,13 @@ SHOWN: Final = (
     Picture("scenario-played", "A scenario played step by step: what each step has come to", ("scenarios",),
             demo_path(), (*DEMO, keys("S", "slash"), Typed("80c5-partner"), keys("enter", "enter"), 1,
                           keys("r"), 400), WIDE),
+    Picture("lab", "`L`: the UDT lab: ours beside theirs, the profile that fits, the type that cures it",
+            ("lab",), CONFIGS / "udt-mismatch.toml",
+            (*LAB, keys("f", "enter", "1", "down", "down", "down")), WIDE),
+    Picture("lab-80x24", "The lab at 80x24: its panes are tabs", ("lab",), CONFIGS / "udt-mismatch.toml",
+            (*LAB, keys("1", "down", "down", "down")), SMALL),
+    Picture("lab-fit", "Which profile fits? The ranking, with the reasons of the chosen one", ("lab",),
+            CONFIGS / "udt-mismatch.toml", (*LAB, keys("f")), SMALL),
     Picture("yank", "`y`: what the pane shows in twelve formats", ("yank",), demo_path(),
             (*DEMO, keys("5", "y"))),
     Picture("palette", "`ctrl+p`: every action by name", ("palette",), demo_path(),

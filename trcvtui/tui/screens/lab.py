@@ -139,7 +139,7 @@ class LabScreen(Screen[None]):
 
     def _titles(self) -> None:
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
-        self.hex.set_title(BYTES, "Bytes", f"{self.lab.bytes.name} · ░ padding, ▒ theirs")
+        self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
 
     def _hear_answers(self) -> None:
         for number, answer in self._scene.answers.items():

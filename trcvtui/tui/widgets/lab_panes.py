@@ -53,6 +53,12 @@ class LabHex(HexView):
         self.their_link = theirs if theirs != self.link else range(0)
         self.show_bytes(lab.bytes.content, max(sizes, default=0), frozenset())
 
+    @property
+    def linked(self) -> str:
+        """Return in words which bytes are marked."""
+        sides = (("", self.link), ("theirs ", self.their_link))
+        return "".join(f"{side}{link.start}-{link.stop - 1} · " for side, link in sides if link)
+
     def _signs(self, start: int, stop: int) -> dict[int, str]:
         """Return the signs of padding in a row."""
         key = start, stop, self._lab.revision

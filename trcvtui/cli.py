@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from trcvtui.udt.layout import Layout
 
 GOOD: Final = 0
+FAILED: Final = 1
 WRONG_INPUT: Final = 2
 INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
 PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
@@ -130,16 +131,18 @@ def _open_screen(
     if not (os.isatty(0) and os.isatty(1)) and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
         _load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
-    from trcvtui.rig.driver import start_engine
+    from trcvtui.rig.driver import EngineStopped, start_engine
 
-    driver = start_engine(path, kernel, netns)  # at once: it loads the project while this process does
+    driver = start_engine(path, kernel, netns)  # at once: it reads the project while the screen is imported
     try:
-        project = _load_bench(path)
         # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
         os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
-        return run_app(driver, project, theme, read_only)
+        return run_app(driver, driver.project(), theme, read_only)
+    except EngineStopped as stopped:  # before there was a screen that could show it
+        sys.stderr.write(f"{str(stopped).rstrip()}\n")
+        return FAILED
     finally:
         driver.close()
 

@@ -18,17 +18,19 @@ def engine_main(
     try:
         _run(channel, path, kernel, overrides, netns)
     except UserError as wrong:
-        _tell(channel, wrong.lines()[0])
+        _tell(channel, wrong)
     except Exception:
         _tell(channel, _traceback())
 
 
 def _run(channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool) -> None:
-    from trcvtui.plc.project_file import load_project
+    from trcvtui.rig.scenario import load_bench
+
+    project = load_bench(path, overrides)
+    channel.send(project)  # at once: the screen reads no file, it has its own library to import meanwhile
     from trcvtui.rig.console import fresh_bench
     from trcvtui.rig.engine import Engine
 
-    project = load_project(path, overrides)
     if netns:
         from trcvtui.rig.wire import enter_own_network
 
@@ -42,7 +44,7 @@ def _traceback() -> str:
     return traceback.format_exc()
 
 
-def _tell(channel: Channel, last_words: str) -> None:
+def _tell(channel: Channel, last_words: str | UserError) -> None:
     try:
         channel.send(last_words)
     except OSError:

@@ -56,7 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run_command(argv: Sequence[str] | None) -> int:
     try:
         _never_fail_to_print()
-        args = _parser().parse_args(argv)
+        given = sys.argv[1:] if argv is None else argv
+        args = _parser(given).parse_args(given)
         command: Command = args.command
         return command(args)
     except SystemExit as ended:  # argparse: 0 after --help, 2 after a mistake
@@ -122,6 +123,7 @@ def _serve(args: argparse.Namespace) -> int:
 def _open_screen(
     path: Path, kernel: str, netns: bool = False, theme: str | None = None, read_only: bool = False
 ) -> int:
+    import gc
     import os
 
     if netns:
@@ -133,6 +135,7 @@ def _open_screen(
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     from trcvtui.rig.driver import EngineStopped, start_engine
 
+    gc.disable()  # until the first frame stands: what is imported on the way to it stays
     driver = start_engine(path, kernel, netns)  # at once: it reads the project while the screen is imported
     try:
         # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
@@ -183,6 +186,7 @@ def _status(args: argparse.Namespace) -> int:
         explain,
         parse_code,
         with_scenarios,
+        with_telling,
     )
 
     code = None if args.code is None else parse_code(args.code)
@@ -192,8 +196,10 @@ def _status(args: argparse.Namespace) -> int:
         return _print(as_table(found))
     from trcvtui.rig.scenario_shelf import scenarios_of
 
-    shown = with_scenarios(found, {dialect.name: scenarios_of(dialect.name, code) for dialect in dialects})
-    return _print(as_json(shown) if args.format == "json" else as_text(shown))
+    if args.format == "text":
+        return _print(as_text(with_telling(found, lambda name, wanted: scenarios_of(name, code, wanted))))
+    shelves = {dialect.name: scenarios_of(dialect.name, code) for dialect in dialects}
+    return _print(as_json(with_scenarios(found, shelves)))
 
 
 def _dialect_names() -> str:
@@ -292,7 +298,8 @@ class _Parser(argparse.ArgumentParser):
         return super().format_help()
 
 
-def _parser() -> _Parser:
+def _parser(argv: Sequence[str]) -> _Parser:
+    """Return the parser; where the first word is a command, with that one alone: each takes a millisecond."""
     parser = _Parser(
         prog="trcvtui",
         description="A soft PLC on a test bench: TRCV_C on real sockets, scan by scan. "
@@ -302,12 +309,9 @@ def _parser() -> _Parser:
     parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")
     _add_theme(parser, None)
     commands = parser.add_subparsers(metavar="COMMAND")
-    _add_run(commands.add_parser("run", help="open the screen on a project"))
-    _add_serve(commands.add_parser("serve", help="the screen in a browser on this machine"))
-    _add_scenario(commands.add_parser("scenario", help="run without a screen"))
-    _add_status(commands.add_parser("status", help="explain a STATUS code"))
-    _add_st(commands.add_parser("st", help="print instances as their calls in Structured Text"))
-    _add_udt(commands.add_parser("udt", help="show, decode, encode a UDT"))
+    for name in [word for word in argv[:1] if word in COMMANDS] or COMMANDS:
+        about, add = COMMANDS[name]
+        add(commands.add_parser(name, help=about))
     return parser
 
 
@@ -383,3 +387,13 @@ def _add_type(parser: _Parser, command: Command) -> None:
     parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type")
     parser.add_argument("--layout", metavar="NAME", default="baosky", help="default: baosky")
     parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout")
+
+
+COMMANDS: Final[dict[str, tuple[str, Callable[[_Parser], None]]]] = {
+    "run": ("open the screen on a project", _add_run),
+    "serve": ("the screen in a browser on this machine", _add_serve),
+    "scenario": ("run without a screen", _add_scenario),
+    "status": ("explain a STATUS code", _add_status),
+    "st": ("print instances as their calls in Structured Text", _add_st),
+    "udt": ("show, decode, encode a UDT", _add_udt),
+}

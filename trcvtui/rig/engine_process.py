@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Sequence
 from multiprocessing.connection import Connection as Channel
@@ -14,6 +15,7 @@ def engine_main(
     channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool = False
 ) -> None:
     """Run the engine until the screen closes the channel; a crash is told before the process ends."""
+    gc.disable()  # the engine collects at the beginning of each bench only
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
     try:
         _run(channel, path, kernel, overrides, netns)

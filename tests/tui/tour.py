@@ -126,6 +126,7 @@ class Tour:
         for _ in range(frames):
             await self._pilot._wait_for_screen()
             if self.app.scenarios is not None:
+                await self._pilot.pause()  # a pane that opens has to find its size before it scrolls
                 self._driver.scan(20)
             self.app._frame()
         await self._pilot._wait_for_screen()

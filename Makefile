@@ -38,11 +38,13 @@ oracle: $(READY)
 bench: $(READY)
 	$(BIN)/python -m benchmarks $(ARGS)
 
-# The marker is written last, so that an interrupted first run starts again from nothing.
+# The marker is written last, so that an interrupted first run starts again from nothing. Compiled as pip does
+# with an installed program: where PYTHONDONTWRITEBYTECODE is set, every start would compile it.
 $(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "trcvtui needs Python 3.11 or newer")'
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@$(BIN)/python -m compileall -q trcvtui
 	@touch $@
 
 pictures: $(READY)

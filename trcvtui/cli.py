@@ -21,12 +21,11 @@ if TYPE_CHECKING:
     from trcvtui.plc.project import Project
 
 GOOD: Final = 0
-DIFFERENT: Final = 1
+FAILED: Final = 1
 WRONG_INPUT: Final = 2
 INTERRUPTED: Final = 130  # 128 + SIGINT, as a shell reports it
 PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
 KERNELS: Final = ("sim", "live")
-BYTES: Final = "HEX|@FILE|-"
 LOOKS: Final = ("dark", "light", "ansi")
 
 Command = Callable[[argparse.Namespace], int]
@@ -56,7 +55,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run_command(argv: Sequence[str] | None) -> int:
     try:
         _never_fail_to_print()
-        args = _parser().parse_args(argv)
+        given = sys.argv[1:] if argv is None else argv
+        args = _parser(given).parse_args(given)
         command: Command = args.command
         return command(args)
     except SystemExit as ended:  # argparse: 0 after --help, 2 after a mistake
@@ -115,6 +115,7 @@ def _serve(args: argparse.Namespace) -> int:
 def _open_screen(
     path: Path, kernel: str, netns: bool = False, theme: str | None = None, read_only: bool = False
 ) -> int:
+    import gc
     import os
 
     if netns:
@@ -124,16 +125,19 @@ def _open_screen(
     if not (os.isatty(0) and os.isatty(1)) and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
         _load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
-    from trcvtui.rig.driver import start_engine
+    from trcvtui.rig.driver import EngineStopped, start_engine
 
-    driver = start_engine(path, kernel, netns)  # at once: it loads the project while this process does
+    gc.disable()  # until the first frame stands: what is imported on the way to it stays
+    driver = start_engine(path, kernel, netns)  # at once: it reads the project while the screen is imported
     try:
-        project = _load_bench(path)
         # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
         os.environ.setdefault("TEXTUAL_FPS", "200")
         from trcvtui.tui.app import run_app
 
-        return run_app(driver, project, theme, read_only)
+        return run_app(driver, driver.project(), theme, read_only)
+    except EngineStopped as stopped:  # before there was a screen that could show it
+        sys.stderr.write(f"{str(stopped).rstrip()}\n")
+        return FAILED
     finally:
         driver.close()
 
@@ -174,6 +178,7 @@ def _status(args: argparse.Namespace) -> int:
         explain,
         parse_code,
         with_scenarios,
+        with_telling,
     )
 
     code = None if args.code is None else parse_code(args.code)
@@ -183,8 +188,10 @@ def _status(args: argparse.Namespace) -> int:
         return _print(as_table(found))
     from trcvtui.rig.scenario_shelf import scenarios_of
 
-    shown = with_scenarios(found, {dialect.name: scenarios_of(dialect.name, code) for dialect in dialects})
-    return _print(as_json(shown) if args.format == "json" else as_text(shown))
+    if args.format == "text":
+        return _print(as_text(with_telling(found, lambda name, wanted: scenarios_of(name, code, wanted))))
+    shelves = {dialect.name: scenarios_of(dialect.name, code) for dialect in dialects}
+    return _print(as_json(with_scenarios(found, shelves)))
 
 
 def _dialect_names() -> str:
@@ -237,7 +244,7 @@ def _udt_compare(args: argparse.Namespace) -> int:
 
     text, is_equal = command.compare(args)
     _print(text)
-    return GOOD if is_equal else DIFFERENT
+    return GOOD if is_equal else FAILED
 
 
 def _layout_names() -> str:
@@ -280,7 +287,8 @@ class _Parser(argparse.ArgumentParser):
         return super().format_help()
 
 
-def _parser() -> _Parser:
+def _parser(argv: Sequence[str]) -> _Parser:
+    """Return the parser; where the first word is a command, with that one alone: each takes a millisecond."""
     parser = _Parser(
         prog="trcvtui",
         description="A soft PLC on a test bench: TRCV_C on real sockets, scan by scan. "
@@ -290,12 +298,9 @@ def _parser() -> _Parser:
     parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")
     _add_theme(parser, None)
     commands = parser.add_subparsers(metavar="COMMAND")
-    _add_run(commands.add_parser("run", help="open the screen on a project"))
-    _add_serve(commands.add_parser("serve", help="the screen in a browser on this machine"))
-    _add_scenario(commands.add_parser("scenario", help="run without a screen"))
-    _add_status(commands.add_parser("status", help="explain a STATUS code"))
-    _add_st(commands.add_parser("st", help="print instances as their calls in Structured Text"))
-    _add_udt(commands.add_parser("udt", help="show, decode, encode, export, compare a UDT"))
+    for name in [word for word in argv[:1] if word in COMMANDS] or COMMANDS:
+        about, add = COMMANDS[name]
+        add(commands.add_parser(name, help=about))
     return parser
 
 
@@ -350,41 +355,26 @@ def _add_st(parser: _Parser) -> None:
 
 
 def _add_udt(parser: _Parser) -> None:
+    from trcvtui.udt.arguments import add_udt
+
     parser.set_defaults(command=None)
-    commands = parser.add_subparsers(metavar="WHAT", required=True)
-    show = commands.add_parser("show", help="members with offset, size, type; padding")
-    _add_type(show, _udt_show, ("text", "json"))
-    decode = commands.add_parser("decode", help="bytes to values, as far as they go")
-    _add_type(decode, _udt_decode, ("text", "json", "md", "csv"))
-    decode.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
-    encode = commands.add_parser("encode", help="values to bytes, as hex on stdout")
-    _add_type(encode, _udt_encode, ("hex", "iec", "st", "c", "python", "base64"))
-    encode.add_argument("values", metavar="VALUES.json|-", help="an object of path: value")
-    export = commands.add_parser("export", help="the type for Wireshark, Kaitai or ImHex")
-    _add_type(export, _udt_export)
-    export.add_argument("--to", metavar="lua|ksy|imhex", required=True)
-    export.add_argument("--port", type=int, help="lua: the TCP port; default: by Decode As")
-    export.add_argument("--out", metavar="FILE", help="write here instead of stdout")
-    compare = commands.add_parser("compare", help="two layouts side by side; exit 1 where they differ")
-    _add_type(compare, _udt_compare, ("text", "json"), twice=True)
-    more = compare.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
-    more.required = False  # with "*" argparse takes none, as soon as an option stands before them
+    commands = {
+        "show": _udt_show,
+        "decode": _udt_decode,
+        "encode": _udt_encode,
+        "export": _udt_export,
+        "compare": _udt_compare,
+    }
+    for name, made in add_udt(parser).items():
+        made.set_defaults(command=commands[name])
+        made.last_words = _layout_names
 
 
-def _add_type(parser: _Parser, command: Command, formats: Sequence[str] = (), twice: bool = False) -> None:
-    parser.set_defaults(command=command)
-    parser.last_words = _layout_names
-    parser.add_argument("file", metavar="FILE", help="the file that declares the type")
-    one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
-    layout = {"default": "baosky", "help": "default: baosky", **one}
-    if twice:
-        layout["help"] = "and another --layout; --type, --byte-order, --text may be given twice, too"
-    parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
-    parser.add_argument("--layout", metavar="NAME", **layout)
-    parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout", **one)
-    parser.add_argument("--text", metavar="FORM", help="of STRING: s7, cstr or nul; default as above", **one)
-    parser.add_argument(
-        "--constant", metavar="NAME=VALUE", action="append", default=[], help="such as GVL.MAX=10"
-    )
-    if formats:
-        parser.add_argument("--format", choices=formats, default=formats[0], help=f"default: {formats[0]}")
+COMMANDS: Final[dict[str, tuple[str, Callable[[_Parser], None]]]] = {
+    "run": ("open the screen on a project", _add_run),
+    "serve": ("the screen in a browser on this machine", _add_serve),
+    "scenario": ("run without a screen", _add_scenario),
+    "status": ("explain a STATUS code", _add_status),
+    "st": ("print instances as their calls in Structured Text", _add_st),
+    "udt": ("show, decode, encode, export, compare a UDT", _add_udt),
+}

@@ -28,6 +28,10 @@ class UserError(Exception):
         self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
         super().__init__("\n".join(self.lines()))
 
+    def __reduce__(self) -> tuple[type[UserError], tuple[tuple[Problem, ...]]]:
+        """Let it cross to another process with its problems."""
+        return UserError, (self.problems,)
+
     def lines(self) -> list[str]:
         """Return at most ten lines, one a problem (contract 4.4)."""
         return [str(problem) for problem in self.problems[:MOST_SHOWN]]

@@ -9,7 +9,7 @@ from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky import BAOSKY
 from trcvtui.dialects.switches import defaults, format_value, read_switches
-from trcvtui.net.set_up import Policy
+from trcvtui.net.policy import Policy
 
 
 def rules(**raw: object) -> Rules:

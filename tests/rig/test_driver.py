@@ -168,6 +168,27 @@ def test_a_held_engine_lets_single_scans_pass(engine: EngineDriver) -> None:
     assert picture.holding
 
 
+def test_the_project_crosses_from_the_engine_before_the_first_picture(engine: EngineDriver) -> None:
+    ours, theirs = load_bench(PASSIVE), engine.project()
+    assert (theirs.path, theirs.connects, theirs.instances) == (ours.path, ours.connects, ours.instances)
+    assert wait_for(engine, lambda picture: True).kernel == "live"
+
+
+def test_the_mistakes_of_a_file_cross_from_the_engine_line_by_line(tmp_path: Path) -> None:
+    file = tmp_path / "bench.toml"
+    file.write_text(
+        'colour = 1\nstart = """\nset TRCV_C_1 CONT=2\n"""\n[plc]\ninterval = "soon"\n', encoding="utf-8"
+    )
+    with pytest.raises(UserError) as expected:
+        load_bench(file)
+    driver = start_engine(file, "sim")
+    with pytest.raises(UserError) as caught:
+        driver.project()
+    driver.close()
+    assert len(caught.value.lines()) > 1
+    assert caught.value.lines() == expected.value.lines()
+
+
 def test_an_engine_that_is_gone_is_told_and_not_waited_for(engine: EngineDriver) -> None:
     assert engine.pid is not None
     os.kill(engine.pid, signal.SIGKILL)

@@ -9,6 +9,7 @@ import pytest
 
 from tests.rig.scenarios import BAOSKY, play
 from trcvtui.dialects import DIALECTS
+from trcvtui.dialects.status_report import as_text, explain, with_scenarios, with_telling
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.scenario_shelf import scenarios_of, shown_by
@@ -107,3 +108,11 @@ def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
         found = scenarios_of("baosky", code)
         assert of_code
         assert {shown: files for shown, files in found.items() if shown[0] == code} == of_code
+
+
+@pytest.mark.parametrize("code", [0x7006, 0x7002, 0x80A7, 0x80C5])
+def test_a_card_names_the_same_scenarios_when_only_those_that_it_may_name_are_read(code: int) -> None:
+    found = explain(tuple(DIALECTS.values()), code, None)
+    card = as_text(with_scenarios(found, {name: scenarios_of(name) for name in DIALECTS}))
+    assert "to see it" in card
+    assert as_text(with_telling(found, lambda name, wanted: scenarios_of(name, code, wanted))) == card

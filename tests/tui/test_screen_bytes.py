@@ -96,18 +96,18 @@ async def test_the_running_job_is_decoded_as_far_as_it_goes(size: tuple[int, int
         assert "v: job, 17 of 24 B" in looker.text, "the title says that there is more than DATA"
         await looker.press("v")
         assert "job, 17 of 24 B · v: DATA" in looker.text
-        assert "5 of 10 B" in looker.line("tag"), "a member that is partly here is a ghost"
-        assert "+ 2 B padding" in looker.line("tag")
+        assert "5 of 10 B" in looker.line("tag", "udt"), "a member that is partly here is a ghost"
+        assert "+ 2 B padding" in looker.line("tag", "udt")
         assert "1234.5" in looker.text
         await looker.press("v")
-        assert "'hello'" in looker.line("tag"), "DATA again"
+        assert "'hello'" in looker.line("tag", "udt"), "DATA again"
 
 
 async def test_a_member_that_is_not_here_at_all_is_a_dash() -> None:
     seen = picture(receiving(have=9), connecting(), partial=TELEGRAM[:9])
     async with looking(WIDE, seen) as looker:
         await looker.press("v")
-        assert "1 of 4 B" in looker.line("speed")
+        assert "1 of 4 B" in looker.line("speed", "udt")
         assert re.search(r"tag +STRING\[8\] +-", looker.line("tag", "udt"))
 
 
@@ -115,10 +115,10 @@ async def test_a_click_on_the_title_changes_over_to_the_job_and_back() -> None:
     async with looking(WIDE) as looker:
         await looker.pilot.click("#udt", offset=(12, 0))
         await looker.settle()
-        assert "5 of 10 B" in looker.line("tag")
+        assert "5 of 10 B" in looker.line("tag", "udt")
         await looker.pilot.click("#udt", offset=(12, 0))
         await looker.settle()
-        assert "'hello'" in looker.line("tag")
+        assert "'hello'" in looker.line("tag", "udt")
 
 
 @BOTH
@@ -181,7 +181,7 @@ async def test_every_byte_has_one_character(start: int) -> None:
 async def test_markup_in_a_string_member_stays_text() -> None:
     red = TELEGRAM[:12] + b"\x08\x07[b]\x1b[1m" + bytes(5)
     async with looking(WIDE, picture(data=red[:24])) as looker:
-        assert r"'[b]\x1b[1m'" in looker.line("tag")
+        assert r"'[b]\x1b[1m'" in looker.line("tag", "udt")
 
 
 async def test_a_large_variable_is_drawn_from_any_place() -> None:

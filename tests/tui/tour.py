@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -27,6 +27,7 @@ from trcvtui.tui.screens.main import MainScreen
 from trcvtui.tui.settings import load_settings
 
 Size = tuple[int, int]
+Story = Sequence[tuple[int, str]]  # scans to let pass first, a line
 HERE: Final = Path(__file__).parent
 SIZES: Final[tuple[Size, ...]] = ((80, 24), (120, 40), (200, 60))
 THEMES: Final = ("dark", "light")
@@ -39,7 +40,7 @@ KEYS: Final = {
     "_": ("underscore", "_"),
 }
 REPLY: Final = "contains hex 05 send hex 06 {n:2:big}"
-# What happened before anybody looks: (scans to let pass first, line).
+# What happened before anybody looks.
 STORY: Final = (
     (0, "set TRCV_C_1 CONT=1 EN_R=1"),
     (0, "set TRCV_C_2 CONT=1"),
@@ -102,9 +103,9 @@ class Tour:
     def __init__(self, app: BenchApp, driver: LocalDriver, pilot: Pilot[None]) -> None:
         self.app, self._driver, self._pilot = app, driver, pilot
 
-    async def stops(self) -> AsyncIterator[Seen]:
+    async def stops(self, stops: Sequence[Stop] = STOPS) -> AsyncIterator[Seen]:
         """Walk to each stop and look."""
-        for stop in STOPS:
+        for stop in stops:
             await self._press(*stop.keys)
             if stop.name == "palette":
                 await self.app.workers.wait_for_complete()  # of the search
@@ -125,6 +126,7 @@ class Tour:
         for _ in range(frames):
             await self._pilot._wait_for_screen()
             if self.app.scenarios is not None:
+                await self._pilot.pause()  # a pane that opens has to find its size before it scrolls
                 self._driver.scan(20)
             self.app._frame()
         await self._pilot._wait_for_screen()
@@ -158,13 +160,13 @@ def seen(app: App[None], stop: Stop) -> Seen:
 
 
 @asynccontextmanager
-async def tour(size: Size, theme: str) -> AsyncIterator[Tour]:
-    """Open the screen on the story."""
+async def tour(size: Size, theme: str, story: Story = STORY) -> AsyncIterator[Tour]:
+    """Open the screen on a story."""
     monkeypatch = pytest.MonkeyPatch()
     monkeypatch.setattr("trcvtui.tui.app.FRAME_S", 3600.0)  # no picture but those that the tour takes
     project = load_project(Path("bench.toml"))  # as the user who stands beside it opens it
     driver = LocalDriver(fresh_bench(project, "sim"))
-    for scans, line in STORY:
+    for scans, line in story:
         driver.scan(scans)
         driver.submit(line)
     app = BenchApp(driver, project, load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme))

@@ -1,4 +1,4 @@
-"""Random types as IEC types and as C, and what gcc makes of them: sizes, alignments, offsets of all leaves."""
+"""Random types as IEC types and as C, and what gcc makes of them: sizes, alignments, offsets."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.net.set_up import Policy
+from trcvtui.net.policy import Policy
 
 
 class NotConnected(Enum):

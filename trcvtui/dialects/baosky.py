@@ -12,7 +12,7 @@ from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects.baosky_status import STATUS
 from trcvtui.dialects.baosky_udp import UDP_STATUS
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
-from trcvtui.net.set_up import Policy
+from trcvtui.net.policy import Policy
 
 SECOND: Final = 1_000_000_000  # ns
 MAX_DATAGRAM: Final = 2048  # bytes, manual 7.15.14 and 7.15.15

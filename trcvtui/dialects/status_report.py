@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -38,12 +38,19 @@ class Explained:
 
         Behind them, of an error: a few that play a note of the manual. Where there are none: the first few.
         """
-        code = self.row.word[3:]
-        places = {file: file.rpartition("/")[2].upper().find(code) for file in self.scenarios}
-        named = [file for file, place in places.items() if place >= 0]
-        named.sort(key=lambda file: places[file] > 0)
+        named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
         notes = [file for file in self.scenarios if _plays_a_note(file) and file not in named]
         return (*named, *notes[: MOST_TELLING if self.row.error else 0]) or self.scenarios[:MOST_TELLING]
+
+    def may_tell(self, file: str) -> bool:
+        """Return whether a scenario of this name is told before any other, if it shows this code."""
+        return self._is_named_in(file) or (self.row.error and _plays_a_note(file))
+
+    def _is_named_in(self, file: str) -> bool:
+        return self._place_in(file) >= 0
+
+    def _place_in(self, file: str) -> int:
+        return file.rpartition("/")[2].upper().find(self.row.word[3:])
 
 
 def _plays_a_note(file: str) -> bool:
@@ -87,6 +94,21 @@ def with_scenarios(found: Iterable[Explained], shelves: Mapping[str, Shelf]) -> 
     return [
         replace(one, scenarios=_showing(one.row, shelves.get(one.dialect, NO_SCENARIOS))) for one in found
     ]
+
+
+def with_telling(
+    found: Iterable[Explained], shelf_of: Callable[[str, Callable[[str], bool]], Shelf]
+) -> list[Explained]:
+    """Return the rows with as many scenarios as a card names; `shelf_of` reads the files that it is told.
+
+    Where some of those named for the code show it, no other is read: all of them take 100 ms.
+    """
+    return [_told(one, shelf_of) for one in found]
+
+
+def _told(one: Explained, shelf_of: Callable[[str, Callable[[str], bool]], Shelf]) -> Explained:
+    scenarios = _showing(one.row, shelf_of(one.dialect, one.may_tell))
+    return replace(one, scenarios=scenarios or _showing(one.row, shelf_of(one.dialect, lambda file: True)))
 
 
 def _showing(row: StatusRow, shelf: Shelf) -> tuple[str, ...]:

@@ -19,8 +19,9 @@ from trcvtui.net.dead_link import DeadLinkWatch, Sent
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, Kernel, WouldBlock
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.ownership import Claim, Direction
+from trcvtui.net.policy import Policy
 from trcvtui.net.resources import Resources
-from trcvtui.net.set_up import ACCEPTS_A_SCAN, Policy, SetUp, Stage, StepFault
+from trcvtui.net.set_up import ACCEPTS_A_SCAN, SetUp, Stage, StepFault
 
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 LOSSES_KEPT: Final = 8

@@ -23,6 +23,7 @@ from trcvtui.net.kernel import (
 )
 from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.notes import What
+from trcvtui.net.policy import Policy
 
 BACKLOG: Final = 4
 ACCEPTS_A_SCAN: Final = 16  # a flood of clients costs bounded work a scan
@@ -47,20 +48,6 @@ class StepFault:
 
     stage: Stage
     fault: Fault
-
-
-@dataclass(frozen=True, slots=True)
-class Policy:
-    """What a dialect decides about connections; times in ns."""
-
-    retry_ns: int = 1_000_000_000
-    attempt_limit_ns: int = 5_000_000_000
-    strict_local_address: bool = False
-    check_remote_ip: bool = True
-    check_remote_port: bool = False
-    second_client: str = "reject"
-    small_buffers: bool = False
-    user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection
 
 
 class SetUp:

@@ -14,7 +14,8 @@ from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Handle, Kernel, WouldBlock
 from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.ownership import Direction
-from trcvtui.net.set_up import Policy, Stage, StepFault
+from trcvtui.net.policy import Policy
+from trcvtui.net.set_up import Stage, StepFault
 from trcvtui.net.udp_config import RemoteAddress, UdpConfig
 
 

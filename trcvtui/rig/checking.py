@@ -5,6 +5,7 @@ from __future__ import annotations
 from trcvtui.rig.bench_words import CheckOn, PeerSend
 from trcvtui.rig.check_frames import Checker, frame
 from trcvtui.rig.picture import CheckSnapshot
+from trcvtui.rig.routine import next_due
 from trcvtui.rig.udp_peer import AnyPeer
 
 
@@ -28,7 +29,7 @@ class Checking:
     def step(self, now: int) -> None:
         """Send the next frame, when it is due."""
         if self._peer.can_send and now >= self._next and not self._peer.unsent:
-            self._next = now + self._command.every_ns
+            self._next = next_due(self._next or now, self._command.every_ns, now)
             self._peer.send(PeerSend(self._command.peer, frame(self._sent, self._command.size)), now)
             self._sent += 1
 

@@ -1,13 +1,20 @@
-"""How a screen drives the bench: lines out, pictures in, the engine in a process of its own."""
+"""How a screen drives the bench: lines out, pictures in, the engine in a process of its own.
+
+Rule: importing this costs next to nothing, because nothing else happens before the engine is started.
+"""
 
 from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.errors import UserError
+
+if TYPE_CHECKING:
+    from trcvtui.plc.project import Project
+    from trcvtui.rig.picture import Picture, PictureRequest
 
 LAST_WORDS_S: Final = 2.0
 
@@ -52,11 +59,21 @@ class EngineDriver:
         theirs.close()
         self._number = 0
         self._outstanding = False
+        self._project: Project | None = None
 
     @property
     def pid(self) -> int | None:
         """Return the number of the engine's process."""
         return self._process.pid
+
+    def project(self) -> Project:
+        """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
+        if self._project is None:
+            message = self._message()
+            if isinstance(message, UserError):
+                raise message
+            self._project = _not_last_words(message)
+        return self._project
 
     def submit(self, line: str) -> int:
         """Send one bench command line."""
@@ -78,18 +95,24 @@ class EngineDriver:
         """Return the newest picture that has arrived."""
         newest = None
         while self._channel.poll():
-            newest = self._receive()
-            self._outstanding = False
+            newest = self._receive() or newest
         return newest
 
-    def _receive(self) -> Picture:
+    def _receive(self) -> Picture | None:
+        """Return the next picture; None where it is the project that comes before them."""
+        message = _not_last_words(self._message())
+        if self._project is None:
+            self._project = message
+            return None
+        self._outstanding = False
+        picture: Picture = message
+        return picture
+
+    def _message(self) -> Any:
         try:
-            message = self._channel.recv()
+            return self._channel.recv()
         except (EOFError, OSError):
             raise EngineStopped("the engine has ended without a word") from None
-        if isinstance(message, Picture):
-            return message
-        raise EngineStopped(str(message))
 
     def _send(self, message: object) -> None:
         try:
@@ -111,8 +134,17 @@ class EngineDriver:
             self._process.join()
 
 
+def _not_last_words(message: Any) -> Any:
+    match message:
+        case UserError():
+            raise EngineStopped(message.lines()[0])
+        case str():
+            raise EngineStopped(message)
+    return message
+
+
 def start_engine(path: Path, kernel: str, netns: bool = False) -> EngineDriver:
-    """Start the engine on a project file; what is wrong with the file is the caller's to find meanwhile.
+    """Start the engine on a project file; `project()` tells what it has read, or what is wrong with it.
 
     With `netns` it runs in a network of its own, which the caller has found to be allowed.
     """

@@ -113,14 +113,17 @@ class Engine:
 
     def _deliver(self, until: int) -> None:
         began = clock.now_ns()
-        until = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
+        part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
         if self._request is not None and not self._courier.is_busy() and self._has_room(until):
             timing, most_lines = self._timing.summary(), self._request.most_lines
             self._courier.begin(self._console.picture(self._request, timing, most_lines))
             self._picture_ns, self._request = clock.now_ns() - began, None
-        self._courier.go_on(until)
+        self._courier.go_on(part)
 
     def _has_room(self, until: int) -> bool:
-        """Return whether a picture like the last one can be taken in this gap, or has waited long enough."""
+        """Return whether a picture like the last one ends before the next scan, or has waited long enough.
+
+        It is taken in one piece: one that is longer than its part gets no shorter by waiting.
+        """
         self._gaps_waited += 1
         return clock.now_ns() + self._picture_ns <= until or self._gaps_waited > MOST_GAPS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Sequence
 from multiprocessing.connection import Connection as Channel
@@ -14,21 +15,24 @@ def engine_main(
     channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool = False
 ) -> None:
     """Run the engine until the screen closes the channel; a crash is told before the process ends."""
+    gc.disable()  # the engine collects at the beginning of each bench only
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
     try:
         _run(channel, path, kernel, overrides, netns)
     except UserError as wrong:
-        _tell(channel, wrong.lines()[0])
+        _tell(channel, wrong)
     except Exception:
         _tell(channel, _traceback())
 
 
 def _run(channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool) -> None:
-    from trcvtui.plc.project_file import load_project
+    from trcvtui.rig.scenario import load_bench
+
+    project = load_bench(path, overrides)
+    channel.send(project)  # at once: the screen reads no file, it has its own library to import meanwhile
     from trcvtui.rig.console import fresh_bench
     from trcvtui.rig.engine import Engine
 
-    project = load_project(path, overrides)
     if netns:
         from trcvtui.rig.wire import enter_own_network
 
@@ -42,7 +46,7 @@ def _traceback() -> str:
     return traceback.format_exc()
 
 
-def _tell(channel: Channel, last_words: str) -> None:
+def _tell(channel: Channel, last_words: str | UserError) -> None:
     try:
         channel.send(last_words)
     except OSError:

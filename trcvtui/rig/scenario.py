@@ -67,9 +67,9 @@ def _collected(problems: list[Problem], read: Callable[[], T]) -> T | None:
         return None
 
 
-def load_bench(path: Path) -> Project:
+def load_bench(path: Path, overrides: Sequence[str] = ()) -> Project:
     """Return the project of a file; raise UserError for its mistakes, those of its bench commands too."""
-    project = load_project(path)
+    project = load_project(path, overrides)
     check_bench(project)
     return project
 

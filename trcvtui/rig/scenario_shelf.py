@@ -7,7 +7,7 @@ quarter of a second. An installed program has no configs/: then the shelf is emp
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,13 +21,18 @@ ROOT: Final = Path(__file__).parents[2]
 Shown = tuple[int, str]  # a code, the block that shows it
 
 
-def scenarios_of(dialect: str, code: int | None = None) -> Mapping[Shown, tuple[str, ...]]:
+def scenarios_of(
+    dialect: str, code: int | None = None, wanted: Callable[[str], bool] | None = None
+) -> Mapping[Shown, tuple[str, ...]]:
     """Return the scenario files that show a code at a block; paths start at the source's root.
 
-    With a code only the files that write its digits somewhere are read: all of them take 60 ms.
+    With a code only the files that write its digits somewhere are read: all of them take 60 ms. `wanted`
+    chooses by the file's name.
     """
     showing: dict[Shown, list[str]] = {}
     for path in sorted((ROOT / "configs" / "scenarios" / dialect).glob("*.toml")):
+        if wanted is not None and not wanted(path.name):
+            continue
         for shown in shown_by(path) if code is None or _mentions(path, code) else ():
             showing.setdefault(shown, []).append(path.relative_to(ROOT).as_posix())
     return {shown: tuple(files) for shown, files in sorted(showing.items())}

@@ -3,13 +3,15 @@
 Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
 Rule 2: a mark begins the expectations anew; the commands before it stay, for they made what stands there.
 Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
+Rule 4: on real sockets a peer acts by the clock, and the scans by their own: how often a job is done between
+two events is not expected there, only that it is.
 Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -32,6 +34,9 @@ OF_THE_WIRE: Final = (
     Condition.RECEIVING,
 )
 ANYTHING: Final = str(ANY)
+SIMULATED: Final = "sim"
+# What a TRCV_C shows by turns while frames come.
+BY_TURNS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
 
 
 class Seen:
@@ -61,16 +66,33 @@ class Seen:
             self._long.discard(self._count - NEWEST_RUNS)
         self._newest.append(scan)
 
-    def pattern(self) -> str:
-        """Return what was seen in the notation of a pattern, "" where nothing was."""
-        newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
-        return " ".join([*self._atoms(self._first, 1), *[ANYTHING] * self._is_cut, *newest])
+    def pattern(self, by_turns: Collection[int] = (), done: int = 0) -> str:
+        """Return what was seen in the notation of a pattern, "" where nothing was.
 
-    def _atoms(self, scans: list[Scan] | deque[Scan], place: int) -> list[str]:
-        return [str(self._atom(scan, at)) for at, scan in enumerate(scans, place)]
+        Behind a first `done` any number of scans `by_turns` may follow.
+        """
+        newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
+        atoms = [*self._atoms(self._first, 1), *[ANY] * self._is_cut, *newest]
+        return " ".join(map(str, _any_number(atoms, by_turns, done) if by_turns else atoms))
+
+    def _atoms(self, scans: list[Scan] | deque[Scan], place: int) -> list[Atom]:
+        return [self._atom(scan, at) for at, scan in enumerate(scans, place)]
 
     def _atom(self, scan: Scan, at: int) -> Atom:
         return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
+
+
+def _any_number(atoms: list[Atom], by_turns: Collection[int], done: int) -> Iterator[Atom]:
+    """Yield a pattern in which each stretch of scans by turns ends behind its first `done` with anything."""
+    is_open = False
+    for atom in atoms:
+        if is_open and (atom is ANY or (atom.scan is not None and atom.scan[0] in by_turns)):
+            continue
+        yield atom
+        is_open = atom is ANY
+        if atom.scan is not None and atom.scan[0] == done:
+            yield ANY
+            is_open = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +111,9 @@ class Session:
         self._bench = bench
         status = bench.project.rules.status
         self._of_the_wire = frozenset(status[each] for each in OF_THE_WIRE if each in status)
+        self._turns = {status[each] for each in BY_TURNS if each in status}
+        self._done = status.get(Condition.RECEIVED, 0)
+        self._peers_by_the_clock = False  # by commands; those of the project are known from it
         self._entries: list[Entry] = []
         self._characters = 0
         self._seen: dict[str, Seen] = {}
@@ -102,6 +127,7 @@ class Session:
         if isinstance(command, words.Delete):
             self._expect(command.instance)  # afterwards nobody knows its name any more
         self.commands += 1
+        self._peers_by_the_clock |= _goes_on(command)
         text = _kept_text(command, line)
         self._characters += len(text)
         if not self.is_overfull:
@@ -113,7 +139,17 @@ class Session:
     def _expect(self, instance: str) -> None:
         seen = self._seen.pop(instance, None)
         if seen is not None:
-            self._add(f"expect {instance} trace {seen.pattern()}", instance)
+            self._add(f"expect {instance} trace {self._pattern(seen)}", instance)
+
+    @property
+    def is_by_the_clock(self) -> bool:
+        """Return whether peers acted at times of a clock that is not the scans'."""
+        peers = self._bench.project.peers
+        acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
+        return acts and self._bench.kernel_name != SIMULATED
+
+    def _pattern(self, seen: Seen) -> str:
+        return seen.pattern(self._turns, self._done) if self.is_by_the_clock else seen.pattern()
 
     @property
     def is_overfull(self) -> bool:
@@ -150,7 +186,7 @@ class Session:
             yield entry.line
         yield from _let_pass(self._bench.runtime.scans - passed)
         for instance, seen in self._seen.items():
-            yield f"expect {instance} trace {seen.pattern()}"
+            yield f"expect {instance} trace {self._pattern(seen)}"
 
 
 def _let_pass(scans: int) -> Iterator[str]:
@@ -160,6 +196,17 @@ def _let_pass(scans: int) -> Iterator[str]:
 
 def _without_judgement(entry: Entry) -> Entry:
     return replace(entry, line=f"expect {entry.traced} trace {ANYTHING}") if entry.traced else entry
+
+
+def _goes_on(command: words.BenchCommand) -> bool:
+    """Return whether a command lets a peer send at later times."""
+    match command:
+        case words.PeerSend():
+            return command.repeat > 1 or bool(command.gap_ns or command.gaps_ns)
+        case words.PeerPlay() | words.CheckOn():
+            return True
+        case _:
+            return False
 
 
 def _kept_text(command: words.BenchCommand, line: str) -> str:

@@ -17,7 +17,6 @@ from textual.screen import Screen
 
 from trcvtui.plc.project import Project
 from trcvtui.rig.driver import Driver, EngineStopped
-from trcvtui.rig.picture import Picture
 from trcvtui.rig.wording import count
 from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.lab_words import LAB, is_for_lab
@@ -126,15 +125,16 @@ class BenchApp(App[None]):
             return
         try:
             picture = self._engine.picture()
+            before = self.scene.bench
             if picture is not None:
-                self._show(picture)
-            self._engine.request(self.scene.request())
+                self.scene.take(picture)
+            self._engine.request(self.scene.request())  # now: it is packed while this one is drawn
+            if picture is not None:
+                self._show(before)
         except EngineStopped as stopped:
             self._end(str(stopped))
 
-    def _show(self, picture: Picture) -> None:
-        before = self.scene.bench
-        self.scene.take(picture)
+    def _show(self, before: int) -> None:
         above = self.scenarios or self.lab
         if above is not None:
             if above.is_mounted:
@@ -298,7 +298,6 @@ def _quiet_collector() -> None:
 
 def run_app(driver: Driver, project: Project, theme: str | None = None, read_only: bool = False) -> int:
     """Open the screen on a bench; return 0, or 1 when the engine ended by itself."""
-    gc.disable()  # until the first frame stands: what is made on the way to it stays
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
     app = BenchApp(driver, project, settings, read_only)
     app.run()

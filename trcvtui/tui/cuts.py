@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from trcvtui.rig.bench_words import PeerSend
 from trcvtui.tui.formatting import MS
 from trcvtui.udt.literals import format_time
+
+if TYPE_CHECKING:  # the screen composes lines, it seldom reads one
+    from trcvtui.rig.bench_words import PeerSend
 
 PAUSES: Final = (0, 1, 2, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000)  # ms
 FIRST_PAUSE: Final = 20 * MS

@@ -21,7 +21,7 @@ EVERYWHERE: Final = (
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
-    ("y", "yank: a menu of ten formats; y y takes what the pane is about"),
+    ("y", "yank: a menu of twelve formats; y y takes what the pane is about"),
     ("K", "mark: what a saved session will expect begins here"),
     ("A", "add an instance, connection, DATA, peer, message; `save project` keeps them"),
     ("P", "a picture of the screen as SVG, its path is told"),
@@ -55,7 +55,11 @@ TIMING: Final = (
     ("e", "export as VCD (GTKWave, PulseView), SVG or text"),
 )
 PEER: Final = (
-    ("m", "payload as hex, text or udt"),
+    ("s c f", "send the message; connect or listen; FIN (UDP: close)"),
+    ("r h z", "RST; half-close, the peer still receives; stall: it reads no more, and on again"),
+    ("l u", "silence: the wire goes down without a word; a fault of a kernel call, or clear them"),
+    ("b", "self-checking traffic, number and CRC: what is lost, doubled, shifted is counted; off"),
+    ("i, m", "edit the payload; as hex, text or udt"),
     ("enter", "in the payload: send it"),
     ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
     ("e", "try every split of the message, as a table; enter in it takes the cut"),
@@ -68,7 +72,7 @@ SCENARIOS: Final = (
     ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
     ("k", "simulated network or real sockets, for the next one that is loaded"),
     ("enter", "load it: a fresh bench stands in for the present one"),
-    ("n or space", "the next step; during a run: stop behind the running one"),
+    ("n or space", "the next step; during a run: stop after the running one"),
     ("r", "all steps that are left; simulated ones as fast as they go"),
     ("esc or q", "leave: the project that was opened begins afresh"),
 )

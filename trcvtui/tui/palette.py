@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from textual.app import SystemCommand
 
@@ -12,14 +12,10 @@ from trcvtui.rig import demo_path
 from trcvtui.tui.add_fields import TITLES
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.messages import InstanceSelected, PeerSelected
+from trcvtui.tui.palette_keys import PANES, commands_of_keys
 from trcvtui.tui.peer_commands import SEND, buttons_for
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.main import MainScreen
-
-PANES: Final = {
-    1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",
-    8: "Timing",
-}  # fmt: skip
 
 
 class Reach(NamedTuple):
@@ -40,6 +36,7 @@ def commands(bench: Reach) -> Iterator[SystemCommand]:
     yield from _of_peer(bench)
     yield from _of_instances(bench)
     yield from _of_screen(bench)
+    yield from commands_of_keys(bench.main)
     yield from _of_taking(bench)
 
 
@@ -108,7 +105,8 @@ def _of_peer(bench: Reach) -> Iterator[SystemCommand]:
     for button in buttons_for(bool(bench.scene.snapshot and bench.scene.snapshot.faults), peer):
         line = bench.main.peer.composer.line or "the payload" if button.letter == SEND else button.line(peer)
         press = partial(bench.main.peer.action_button, button.letter)
-        yield SystemCommand(f"Peer {plain(peer.name)}: {button.label(peer)}", plain(line), press)
+        about = f"{plain(line)} · pane 7, key {button.letter}"
+        yield SystemCommand(f"Peer {plain(peer.name)}: {button.label(peer)}", about, press)
     for other in bench.scene.peers:
         if other.name != peer.name:
             yield SystemCommand(
@@ -144,6 +142,7 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
 def _of_taking(bench: Reach) -> Iterator[SystemCommand]:
     from trcvtui.tui.yank import FORMATS
 
+    yield SystemCommand("Yank …", "a menu of all formats · key y", bench.main.action_yank)
     for form in FORMATS:
         about = f"to the clipboard and a file · keys y {form.letter}"
         yield SystemCommand(f"Yank {form.name}", about, partial(bench.main.yank, form.letter))

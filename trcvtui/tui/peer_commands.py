@@ -61,6 +61,8 @@ EVERY_SPLIT, FORM = "e", "o"
 TRY: Final = Button(EVERY_SPLIT, _always("Every split"), _says("try-splits"))
 REPLY: Final = Button("a", _always("Reply …"), _says("reply on contains hex 05 send hex 06"), edit=True)
 NO_REPLY: Final = Button("d", _always("No replies"), _says("reply off"))
+CHECK: Final = Button("b", _always("Check …"), _says("check on size=64 every=T#100ms"), edit=True)
+NO_CHECK: Final = Button("b", _always("Check off"), _says("check off"))
 FAULT: Final = Button("u", _always("Fault …"), _always("fault recv ECONNRESET on "), edit=True)
 CLEAR: Final = Button("u", _always("Clear faults"), _always("fault clear"))
 
@@ -72,7 +74,8 @@ def buttons_for(faults: bool, peer: PeerSnapshot | None = None) -> tuple[Button,
     always = tuple(button for button in BUTTONS if not (is_udp and button.letter in NEED_A_CONNECTION))
     tries = (TRY,) if peer is not None and not is_udp else ()
     replies = (REPLY, NO_REPLY) if peer is not None and peer.replies else (REPLY,)
-    return (*always, *silence, CLEAR if faults else FAULT, *tries, *replies)
+    checks = NO_CHECK if peer is not None and peer.check is not None else CHECK
+    return (*always, *silence, CLEAR if faults else FAULT, *tries, *replies, checks)
 
 
 def try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str:

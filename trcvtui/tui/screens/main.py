@@ -92,6 +92,7 @@ class MainScreen(Screen[None]):
 
     def compose(self) -> Iterator[Widget]:
         """Compose header, instances, panes, prompt, keys."""
+        self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
         yield self.header
         yield self.instances
         yield self.tabs
@@ -129,13 +130,13 @@ class MainScreen(Screen[None]):
 
     def on_resize(self, event: events.Resize) -> None:
         """Take all panes side by side only where nothing has to be cut."""
-        small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
-        self.set_class(small, TABS)
-        self.set_class(event.size.height >= ROOMY, "-roomy")
-        self.set_class(event.size.height >= TALL, "-tall")
-        self.set_class(event.size.width >= BROAD, "-broad")
-        self.set_class(event.size.height >= HIGH, "-high")
+        self._fit(*event.size)
         self._arrange()
+
+    def _fit(self, width: int, height: int) -> None:
+        sizes = {"-roomy": height >= ROOMY, "-tall": height >= TALL, "-high": height >= HIGH}
+        small = width < LEAST_WIDTH or height < LEAST_HEIGHT
+        self.update_classes({TABS: small, "-broad": width >= BROAD, **sizes})
 
     # -- what comes in ------------------------------------------------------------------------------
 

@@ -27,11 +27,11 @@ class CutRow(LineView):
         Binding("right", "place(1)", show=False),
         Binding("home", "edge(-1)", show=False),
         Binding("end", "edge(1)", show=False),
-        Binding("space", "cut", show=False),
-        Binding("plus,equals_sign", "pause(1)", show=False),
-        Binding("minus", "pause(-1)", show=False),
-        Binding("delete,backspace", "join", show=False),
-        Binding("enter", "send", show=False),
+        Binding("space", "cut", "cut the message here, or join it", show=False),
+        Binding("plus,equals_sign", "pause(1)", "a longer pause at this cut", show=False),
+        Binding("minus", "pause(-1)", "a shorter pause at this cut", show=False),
+        Binding("delete,backspace", "join", "take all cuts away", show=False),
+        Binding("enter", "send", "send the message as it is cut", show=False),
     ]
 
     def __init__(self, changed: Callable[[Cuts], None], send: Callable[[], None]) -> None:

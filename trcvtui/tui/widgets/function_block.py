@@ -23,7 +23,7 @@ LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks w
 class FunctionBlock(LineView):
     """The selected instance. A toggle is shown as pending until a scan has taken it over."""
 
-    BINDINGS: ClassVar = [("enter", "toggle_pin", "toggle")]
+    BINDINGS: ClassVar = [("enter", "toggle_pin", "toggle the pin under the cursor")]
 
     def __init__(self, scene: Scene, voice: Voice) -> None:
         super().__init__(id="block")

@@ -12,7 +12,7 @@ from textual.widgets import Input
 
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.tui.formatting import clip, plain
-from trcvtui.tui.peer_commands import EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
+from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.button_line import ButtonLine
@@ -24,7 +24,7 @@ from trcvtui.tui.widgets.peer_notes import PeerNotes
 if TYPE_CHECKING:
     from trcvtui.tui.widgets.trial_screen import TrialScreen
 
-LETTERS = "scfrhzulead"
+LETTERS = "scfrhzuleadb"
 
 
 class PeerPanel(Vertical):
@@ -33,11 +33,11 @@ class PeerPanel(Vertical):
     DEFAULT_CSS = "PeerPanel { background: $surface; border-subtitle-align: left; }"
     BINDINGS: ClassVar = [
         *[(letter, f"button('{letter}')", "") for letter in LETTERS],
-        ("m", "mode", "payload mode"),
-        ("o", "form", "members as fields"),
-        ("x", "cuts", "the cuts"),
-        ("p", "library", "named messages"),
-        ("w", "keep", "into the library"),
+        ("m", "mode", "payload as hex, text or udt"),
+        ("o", "form", "a UDT as a form, its members as fields"),
+        ("x", "cuts", "cut points of the message"),
+        ("p", "library", "named messages and sequences of the project"),
+        ("w", "keep", "the message under a name into the library"),
         ("i", "payload", "edit the payload"),
     ]
 
@@ -135,11 +135,14 @@ class PeerPanel(Vertical):
         elif button.letter == EVERY_SPLIT:
             self._try_splits(peer)
         elif button.edit:
-            self._voice.open_prompt(button.line(peer) + self._aim(button))
+            self._voice.open_prompt(button.line(peer) + self._aim(button, peer))
         else:
             self._voice.submit(button.line(peer))
 
-    def _aim(self, button: Button) -> str:
+    def _aim(self, button: Button, peer: PeerSnapshot) -> str:
+        if button is CHECK:
+            instance = receiver_for(peer.link, self._scene.selected, self._scene.project)
+            return f" on {instance}" if instance else ""
         connection = self._scene.connection
         return connection.name if connection is not None and button is FAULT else ""
 

@@ -44,15 +44,15 @@ class Received(Vertical):
     Received.-past #stream, Received.-past #origin-line { display: block; }
     """
     BINDINGS: ClassVar = [
-        Binding("H", "past", show=False),
-        Binding("slash", "find", show=False),
-        Binding("n", "find_next(True)", show=False),
-        Binding("N", "find_next(False)", show=False),
-        Binding("left_square_bracket", "done(False)", show=False),
-        Binding("right_square_bracket", "done(True)", show=False),
-        Binding("d", "before", show=False),
-        Binding("u", "rulers", show=False),
-        Binding("escape", "end_find", show=False),
+        Binding("H", "past", "all received bytes as a stream, or DATA now", show=False),
+        Binding("slash", "find", "find bytes, text or a number", show=False),
+        Binding("n", "find_next(True)", "find the next", show=False),
+        Binding("N", "find_next(False)", "find the one before", show=False),
+        Binding("left_square_bracket", "done(False)", "the DONE before", show=False),
+        Binding("right_square_bracket", "done(True)", "the next DONE", show=False),
+        Binding("d", "before", "diff against the job before", show=False),
+        Binding("u", "rulers", "rulers of the stream: all, fewer, none", show=False),
+        Binding("escape", "end_find", "look for nothing any more", show=False),
     ]
 
     def __init__(self, scene: Scene) -> None:
@@ -271,6 +271,8 @@ class Received(Vertical):
 
     def action_rulers(self) -> None:
         """Show all rulers, fewer, or none."""
+        if not self.is_past:  # by name, from the palette
+            self.action_past()
         self.stream.change_rulers()
 
     # -- looking for bytes -------------------------------------------------------------------------------
@@ -293,7 +295,8 @@ class Received(Vertical):
         self._go_on(is_forward, again=True)
 
     def _go_on(self, is_forward: bool, again: bool) -> None:
-        if self._wanted is None:
+        if self._wanted is None:  # by name, from the palette
+            self.run_worker(self.action_find())
             return
         self._nowhere = ""
         patterns, stream = self._wanted.patterns, self.stream

@@ -23,7 +23,7 @@ class StatusHistory(LineView):
     """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
 
     KEYS: ClassVar = (("↑↓", "explain an edge"), ("esc", "now"))
-    BINDINGS: ClassVar = [("escape", "now", "now")]
+    BINDINGS: ClassVar = [("escape", "now", "back to now")]
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(id="history")

@@ -1,0 +1,86 @@
+"""The palette: each key of each pane has an entry, and the entry does there what the key does."""
+
+from __future__ import annotations
+
+import pytest
+from textual.app import SystemCommand
+from textual.keys import format_key
+
+from tests.tui.looking import WIDE, Looker, looking
+from tests.tui.on_a_bench import on_a_bench
+from trcvtui.tui.app import BenchApp
+from trcvtui.tui.palette_keys import own_bindings, pane_keys
+from trcvtui.tui.screens.main import MainScreen
+
+
+def entries(looker: Looker) -> list[SystemCommand]:
+    return list(looker.app.get_system_commands(looker.app.screen))
+
+
+async def test_each_binding_of_each_pane_has_an_entry_with_a_name() -> None:
+    async with looking(WIDE) as looker:
+        found = entries(looker)
+        ends = [command.help for command in found]
+        keys = list(pane_keys(looker.app.main))
+        now = {button.letter for button in looker.app.main.peer._buttons_now()}
+    assert {key.digit for key in keys} == {2, 4, 5, 7, 8}
+    for key in keys:
+        if key.action == "button" and key.binding.key not in now:
+            continue  # its button is not there now
+        wanted = f"pane {key.digit}, key {key.key}"
+        if key.action == "write":
+            wanted = f"export timing {key.binding.action.split(chr(39))[1]} · pane 8, key e"
+        assert any(end.endswith(wanted) for end in ends), f"no entry ends in {wanted!r}"
+    assert all(command.title.strip(" :") == command.title for command in found)
+
+
+async def test_each_key_of_the_whole_screen_has_an_entry() -> None:
+    async with looking(WIDE) as looker:
+        helps = [command.help for command in entries(looker)]
+        pins = {pin.letter for pin in looker.app.main.block.drawing().inputs}
+    for binding in (*own_bindings(MainScreen), *own_bindings(BenchApp)):
+        if binding.action == "calm" or (binding.action.startswith("pin(") and binding.key not in pins):
+            continue
+        key = "1" if binding.key == "1" else format_key(binding.key)
+        assert any(end.endswith(f"key {key}") for end in helps), (binding.key, binding.action)
+
+
+@pytest.mark.parametrize(
+    ("title", "pane", "shown"),
+    [
+        ("Received: all received bytes as a stream, or DATA now", "received", "Received so far"),
+        ("Received: rulers of the stream: all, fewer, none", "received", "Received so far"),
+        ("Received: find bytes, text or a number", "received", "29 00 ·"),
+        ("Timing: the other instances of this CONNECT, too", "timing", "Timing"),
+        ("Timing: zoom out, more scans a column", "timing", "2 scans a column"),
+        ("Timing: next ERROR", "timing", "no ERROR"),
+        ("Peer: payload as hex, text or udt", "peer", "send"),
+        ("Peer P1: Check …", "open-line", "peer P1 check on size=64 every=T#100ms on TRCV_C_1"),
+    ],
+)
+async def test_an_entry_goes_to_its_pane_and_does_what_the_key_does(
+    title: str, pane: str, shown: str
+) -> None:
+    async with on_a_bench() as looker:
+        looker.bench.do("peer P1 connect")
+        looker.bench.scan(8)
+        await looker.pictures()
+        await looker.press("ctrl+p")
+        await looker.type(title)
+        await looker.pilot.pause(0.3)
+        await looker.press("enter")
+        await looker.pictures()
+        assert shown in looker.pane(pane), looker.text
+
+
+async def test_self_checking_traffic_is_switched_on_and_off_by_a_button() -> None:
+    async with on_a_bench() as looker:
+        looker.bench.do("peer P1 connect")
+        looker.bench.scan(8)
+        await looker.press("7", "b", "enter")
+        looker.bench.scan(2)
+        await looker.pictures()
+        assert looker.lines == ["peer P1 check on size=64 every=T#100ms on TRCV_C_1"]
+        assert "[b Check off]" in looker.pane("peer")
+        await looker.press("b")
+        assert looker.lines[-1] == "peer P1 check off"

@@ -1,0 +1,19 @@
+"""What a dialect decides about connections; apart, so that a table of answers needs no kernel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What a dialect decides about connections; times in ns."""
+
+    retry_ns: int = 1_000_000_000
+    attempt_limit_ns: int = 5_000_000_000
+    strict_local_address: bool = False
+    check_remote_ip: bool = True
+    check_remote_port: bool = False
+    second_client: str = "reject"
+    small_buffers: bool = False
+    user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection

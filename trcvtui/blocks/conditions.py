@@ -16,6 +16,7 @@ class Condition(StrEnum):
     ESTABLISHING = "connecting"
     CLOSING = "closing"
     CONNECTED = "connected"
+    JOB_BEGINS = "connected, job begins"
     SENDING = "sending"
     RECEIVING = "receiving"
     CLOSED = "closed by us"
@@ -44,9 +45,22 @@ class Condition(StrEnum):
     QUEUE_FULL = "queue full"
     CONNECT_IN_USE = "CONNECT in use"
     PARTNER_CLOSED = "partner closed"
+    REFUSED = "partner refused"
+    UNREACHABLE = "partner unreachable"
+    NOT_NOW = "not possible now"
+    FOUND_CLOSED = "found closed"
+    STILL_ASKED = "link gone, still asked"
+    LET_GO = "let go by another block"
+    RESET_IN_JOB = "reset in a job"
+    PORT_IN_USE = "port in use"
+    PORT_RESERVED = "port reserved"
+    REMOTE_WRONG = "wrong remote address"
+    LEN_OVER_DATA = "LEN larger than DATA"
+    AREA_CHANGED = "DATA or LEN changed"
+    MESSAGE_TOO_LONG = "message too long"
 
 
-BUSY: Final = frozenset({Condition.SENDING, Condition.RECEIVING})
+BUSY: Final = frozenset({Condition.JOB_BEGINS, Condition.SENDING, Condition.RECEIVING})
 DONE: Final = frozenset({Condition.SENT, Condition.RECEIVED})
 # RESETTING stands above the manual's "exception" heading: it is no error (baosky.md section 4).
 ERROR: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

@@ -27,7 +27,7 @@ def refuse(
     if data is None or data.size == 0:
         return _EMPTY
     if length > data.size or (length or data.size) > limit:
-        return _wrong_length(limit, data, length)
+        return _wrong_length(env, limit, data, length)
     other = direction.take(claim)
     if other is not None:
         return Outcome(Condition.CONNECT_IN_USE, _in_use(other))
@@ -35,11 +35,14 @@ def refuse(
     return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
 
 
-def _wrong_length(most: int, data: DataArea, length: int) -> Outcome:
+def _wrong_length(env: Environment, most: int, data: DataArea, length: int) -> Outcome:
     limit = min(data.size, most)
-    name = "LEN is larger than DATA" if length > data.size else "longer than one job can be"
+    if (length or data.size) > most:
+        condition, name = Condition.LENGTH_WRONG, "longer than one job can be"
+    else:
+        condition, name = env.rules.longer_than_data, "LEN is larger than DATA"
     cause = Cause(Why.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
-    return Outcome(Condition.LENGTH_WRONG, cause)
+    return Outcome(condition, cause)
 
 
 def _in_use(other: Claim) -> Cause:

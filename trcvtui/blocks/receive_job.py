@@ -19,7 +19,7 @@ from trcvtui.blocks.job_checks import refuse
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.answers import WOULD_BLOCK
-from trcvtui.net.connection_loss import ConnectionLoss
+from trcvtui.net.connection_loss import ConnectionLoss, LossKind
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
 
@@ -122,6 +122,9 @@ class ReceiveJob:
         """Return what a loss shows, one scan each, and end the job."""
         failed = Condition.RECEIVE_FAILED if self.running else None
         outcomes = shown(loss, self._env.rules, self, failed, short_frame=bool(self.have and not self.adhoc))
+        still_asked = self._env.rules.course.still_asked
+        if self.running and still_asked and loss.kind is not LossKind.OURS:
+            outcomes.append(Outcome(still_asked, outcomes[-1].cause))
         self.abandon("connection lost")
         return outcomes
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.course import Course
 from trcvtui.net.set_up import Policy
 
 
@@ -23,6 +24,11 @@ class Rules:
     """One vendor's answers. Lengths in bytes."""
 
     status: Mapping[Condition, int]
+    status_of: Mapping[str, Mapping[Condition, int]] = field(
+        default_factory=dict
+    )  # where a block has its own
+    course: Course = field(default_factory=Course)
+    longer_than_data: Condition = Condition.LENGTH_WRONG  # LEN against the size of DATA
     not_connected: NotConnected = NotConnected.PULSE
     short_frame_shown: bool = True
     reset_counts_as_close: bool = False
@@ -34,3 +40,8 @@ class Rules:
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64
     queue: int = 64
+
+    def word(self, block: str, condition: Condition) -> int:
+        """Return the STATUS that a condition has on a block."""
+        own = self.status_of.get(block)
+        return self.status[condition] if own is None or condition not in own else own[condition]

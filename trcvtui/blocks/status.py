@@ -30,6 +30,7 @@ class StatusRow:
     checks: tuple[str, ...]
     reach: Reach
     manual: str
+    also: tuple[Condition, ...] = ()  # further conditions that show this code
 
     @property
     def word(self) -> str:

@@ -171,7 +171,7 @@ class Instance:
         """Return what an outcome looks like, made once for outcomes that come again."""
         if len(self._known) >= KNOWN_OUTCOMES:
             self._known.clear()
-        status = self._env.rules.status[outcome.condition]
+        status = self._env.rules.word(self.block_name, outcome.condition)
         lamps = outcome.busy, outcome.done, outcome.error
         named = self.name, self.block_name, status, *lamps, outcome.rcvd_len if self._has_rcvd_len else None
         shown = Shown(Outputs(*named), StatusEdge(*named, str(outcome.condition), outcome.cause))

@@ -1,0 +1,116 @@
+"""Siemens S7-1500 and S7-1200: the answered questionnaire of siemens.md sections 1, 2, 4 and 7.
+
+One course for all of them; a dialect below it is its limits and its few differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.course import Course
+from trcvtui.blocks.rules import NotConnected, Rules
+from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
+from trcvtui.dialects.siemens_codes import CODES
+from trcvtui.dialects.siemens_status import STATUS
+from trcvtui.net.connection_loss import LossKind
+from trcvtui.net.set_up import Policy, Stage
+
+SECOND: Final = 1_000_000_000  # ns
+
+SWITCHES: Final = (
+    Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
+    Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
+    Switch("rcv_lag", "bool", True, "a block that did not build the connection sees it one scan later (A6)"),
+    Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan (A15)"),
+    Switch(
+        "en_r_falls",
+        "choice",
+        "keeps",
+        "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped (A5)",
+        ("keeps", "drops"),
+    ),
+    Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80C3"),
+    Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80C3"),
+    Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
+)
+
+# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6. 2.1: ports 80A1, resources 80C3.
+SET_UP: Final = {
+    (Stage.SOCKET, ""): Condition.NO_SOCKET,
+    (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
+    (Stage.REUSE, ""): Condition.NOT_NOW,
+    (Stage.BIND, ""): Condition.NOT_NOW,
+    (Stage.BIND, "EADDRINUSE"): Condition.PORT_IN_USE,
+    (Stage.BIND, "EACCES"): Condition.PORT_RESERVED,
+    (Stage.POLL_ADD, ""): Condition.NOT_NOW,
+    (Stage.ACCEPT, ""): Condition.NOT_NOW,
+    (Stage.CONNECT, ""): Condition.NOT_NOW,
+    (Stage.CONNECT, "ECONNREFUSED"): Condition.REFUSED,
+    (Stage.CONNECT, "ECONNRESET"): Condition.REFUSED,
+    (Stage.CONNECT, "ETIMEDOUT"): Condition.UNREACHABLE,
+    (Stage.CONNECT, "ENETUNREACH"): Condition.UNREACHABLE,
+    (Stage.CONNECT, "EHOSTUNREACH"): Condition.UNREACHABLE,
+}
+JOB_LOSS: Final = {
+    LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.RESET_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.LINK_DEAD: Condition.LINK_DEAD,
+}
+
+
+def answer(chosen: Mapping[str, SwitchValue], max_len: int, max_datagram: int) -> Rules:
+    """Return the rules for these switch values and the limits of a CPU, in bytes."""
+    return Rules(
+        status=CODES,
+        course=_course(chosen),
+        not_connected=NotConnected.NEVER,
+        longer_than_data=Condition.LEN_OVER_DATA,
+        short_frame_shown=False,
+        max_len=max_len,
+        max_datagram=max_datagram,
+        policy=Policy(
+            retry_ns=int(chosen["retry"]),
+            attempt_limit_ns=int(chosen["attempt_limit"]),
+            small_buffers=bool(chosen["small_buffers"]),
+        ),
+        buffers=int(chosen["buffers"]),
+        queue=int(chosen["queue"]),
+    )
+
+
+def _course(chosen: Mapping[str, SwitchValue]) -> Course:
+    return Course(
+        job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
+        waiting_req_sends=True,  # 1.3, A4
+        en_r_keeps_job=chosen["en_r_falls"] == "keeps",  # 1.7
+        joiner_lags=bool(chosen["rcv_lag"]),  # 1.8
+        reset=(Condition.CLOSING,),  # 1.9, A16
+        reset_ends_send=Condition.RESET_IN_JOB,
+        rebuilding=(Condition.CREATING,),  # 1.8, 1.9
+        let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
+        idle_loss=Condition.FOUND_CLOSED,  # 1.9
+        job_loss=JOB_LOSS,
+        still_asked=Condition.STILL_ASKED,  # 1.9
+        set_up=SET_UP,
+    )
+
+
+def _dialect(name: str, title: str, max_len: int, max_datagram: int, budget: int) -> Dialect:
+    defaults = {switch.name: switch.default for switch in SWITCHES}
+    return Dialect(
+        name=name,
+        title=title,
+        blocks=("TRCV_C", "TSEND_C"),
+        status=STATUS,
+        switches=SWITCHES,
+        models={"CPU": budget},
+        default_model="CPU",
+        layout="baosky",
+        answer=lambda values: answer(defaults | dict(values), max_len, max_datagram),
+    )
+
+
+S7_1500: Final = _dialect("s7-1500", "Siemens S7-1500, Open User Communication", 65536, 2048, 128)
+S7_1200: Final = _dialect("s7-1200", "Siemens S7-1200, Open User Communication", 8192, 1472, 8)

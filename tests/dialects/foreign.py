@@ -5,4 +5,13 @@ from __future__ import annotations
 from trcvtui.blocks.conditions import Condition
 
 _ORDER = list(Condition)
-NOT_BAOSKYS = frozenset({Condition.JOB_BEGINS, *_ORDER[_ORDER.index(Condition.PARTNER_CLOSED) + 1 :]})
+NOT_BAOSKYS = frozenset(
+    {
+        Condition.JOB_BEGINS,
+        Condition.STARTED,
+        Condition.RUNNING,
+        Condition.FINISHED,
+        Condition.NOTHING_TO_RESET,
+        *_ORDER[_ORDER.index(Condition.PARTNER_CLOSED) + 1 :],
+    }
+)

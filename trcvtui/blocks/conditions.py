@@ -17,6 +17,10 @@ class Condition(StrEnum):
     CLOSING = "closing"
     CONNECTED = "connected"
     JOB_BEGINS = "connected, job begins"
+    STARTED = "job started"
+    RUNNING = "job running"
+    FINISHED = "job finished"
+    NOTHING_TO_RESET = "nothing to reset"
     SENDING = "sending"
     RECEIVING = "receiving"
     CLOSED = "closed by us"
@@ -50,6 +54,8 @@ class Condition(StrEnum):
     NOT_NOW = "not possible now"
     FOUND_CLOSED = "found closed"
     STILL_ASKED = "link gone, still asked"
+    ENDPOINT_THERE = "already connected"
+    ENDPOINT_GONE = "no such connection"
     LET_GO = "let go by another block"
     RESET_IN_JOB = "reset in a job"
     PORT_IN_USE = "port in use"
@@ -60,7 +66,9 @@ class Condition(StrEnum):
     MESSAGE_TOO_LONG = "message too long"
 
 
-BUSY: Final = frozenset({Condition.JOB_BEGINS, Condition.SENDING, Condition.RECEIVING})
-DONE: Final = frozenset({Condition.SENT, Condition.RECEIVED})
+BUSY: Final = frozenset(
+    {Condition.JOB_BEGINS, Condition.STARTED, Condition.RUNNING, Condition.SENDING, Condition.RECEIVING}
+)
+DONE: Final = frozenset({Condition.FINISHED, Condition.NOTHING_TO_RESET, Condition.SENT, Condition.RECEIVED})
 # RESETTING stands above the manual's "exception" heading: it is no error (baosky.md section 4).
 ERROR: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

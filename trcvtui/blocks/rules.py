@@ -27,6 +27,7 @@ class Rules:
     status_of: Mapping[str, Mapping[Condition, int]] = field(
         default_factory=dict
     )  # where a block has its own
+    single_instructions: bool = False  # TCON, TSEND, ...: one job for each edge (blocks/single)
     course: Course = field(default_factory=Course)
     longer_than_data: Condition = Condition.LENGTH_WRONG  # LEN against the size of DATA
     not_connected: NotConnected = NotConnected.PULSE

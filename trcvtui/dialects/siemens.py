@@ -36,7 +36,7 @@ SWITCHES: Final = (
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
-# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6. 2.1: ports 80A1, resources 80C3.
+# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1.
 SET_UP: Final = {
     (Stage.SOCKET, ""): Condition.NO_SOCKET,
     (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
@@ -65,6 +65,7 @@ def answer(chosen: Mapping[str, SwitchValue], max_len: int, max_datagram: int) -
     return Rules(
         status=CODES,
         course=_course(chosen),
+        single_instructions=True,
         not_connected=NotConnected.NEVER,
         longer_than_data=Condition.LEN_OVER_DATA,
         short_frame_shown=False,
@@ -102,7 +103,7 @@ def _dialect(name: str, title: str, max_len: int, max_datagram: int, budget: int
     return Dialect(
         name=name,
         title=title,
-        blocks=("TRCV_C", "TSEND_C"),
+        blocks=("TRCV_C", "TSEND_C", "TCON", "TDISCON", "T_RESET", "TSEND", "TRCV"),
         status=STATUS,
         switches=SWITCHES,
         models={"CPU": budget},

@@ -46,7 +46,7 @@ class _Parameter(IntEnum):
 
 
 class Connect(NamedTuple):
-    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n stands for 2**n bytes, None: not told."""
+    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not told."""
 
     code: Code
     destination_ref: int

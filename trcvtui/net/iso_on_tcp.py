@@ -1,4 +1,4 @@
-"""One ISO-on-TCP connection over a TCP stream: handshake, size negotiation, messages; no sockets (siemens.md 5.2).
+"""One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (siemens.md 5.2).
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
 Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait in a short queue: who
@@ -22,8 +22,8 @@ from trcvtui.net.cotp import (
     Malformed,
     Refusal,
     Rejected,
-    TpktReader,
     Tpdu,
+    TpktReader,
     encode,
     segments,
 )

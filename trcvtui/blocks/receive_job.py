@@ -18,7 +18,7 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.job_checks import refuse
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import WOULD_BLOCK
+from trcvtui.net.answers import WOULD_BLOCK, Datagram
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
@@ -41,6 +41,7 @@ class ReceiveJob:
         self.have = 0
         self.need = 0
         self.adhoc = False
+        self.whole = 0  # bytes of the message that has come, also of those that DATA has no room for
         self.last_bytes: int | None = None
         self.claim = bound.claim()
         self._env = bound.env
@@ -48,6 +49,7 @@ class ReceiveJob:
         self._buffers = bound.env.resources.buffers
         self._connection = bound.connection
         self._connect = bound.connection.config.name
+        self._is_message_oriented = bound.connection.config.is_message_oriented
         self._instance = bound.instance
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
@@ -93,6 +95,8 @@ class ReceiveJob:
 
     def _collect(self) -> ConnectionLoss | None:
         """Read what is there into the job's own buffer; return the loss that stands behind the last byte."""
+        if self._is_message_oriented:
+            return self._collect_message()
         have = self.have
         got = self._connection.receive(self._view[have:] if have else self._view, self._instance)
         if isinstance(got, int):
@@ -105,6 +109,18 @@ class ReceiveJob:
             self.last_bytes = self._env.now
             return None
         return None if got is WOULD_BLOCK else got
+
+    def _collect_message(self) -> ConnectionLoss | None:
+        """Take one message, whole (siemens.md 4.2): it ends the job, whatever its length."""
+        got = self._connection.receive_message(self._view, self._instance)
+        if not isinstance(got, Datagram):
+            return None if got is WOULD_BLOCK else got
+        self._first_offset = self._span_offset = self._connection.bytes_received - got.size
+        self._next_offset = self._connection.bytes_received
+        self.have, self.whole = got.size, got.whole
+        self.complete = True
+        self.last_bytes = self._env.now
+        return None
 
     def _begin_span(self, offset: int) -> None:
         """Go on behind bytes that a job of another priority has read in between."""
@@ -136,6 +152,8 @@ class ReceiveJob:
         """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
         size, data = self.have, self._data
         assert data is not None
+        if self.whole > size:
+            return self._too_long()
         self._view.release()
         if size == data.size == len(self._buffer):
             self._buffer = data.swap(self._buffer)
@@ -146,6 +164,12 @@ class ReceiveJob:
             self._drop(kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
         return _received(size, self.need)
+
+    def _too_long(self) -> Outcome:
+        """End the job without DONE: the message is gone, the next one is clean (siemens.md A11)."""
+        cause = Cause(Why.BYTES, "the message is longer than LEN or DATA", have=self.whole, need=self.need)
+        self.abandon("the message is too long")
+        return Outcome(Condition.MESSAGE_TOO_LONG, cause)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what it had collected is dropped and noted."""
@@ -178,7 +202,7 @@ class ReceiveJob:
     def _end(self, done: bool, reason: str, size: int) -> None:
         self._buffers.release()
         self.running = self.complete = False
-        self.have = 0
+        self.have = self.whole = 0
         incarnation, offset = self._incarnation, self._first_offset
         self._env.write(
             JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)

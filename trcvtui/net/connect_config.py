@@ -7,6 +7,7 @@ from typing import Final
 
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.ipv4 import octets
+from trcvtui.net.session import Settings
 
 ANY_ADDRESS: Final = "0.0.0.0"
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
@@ -24,6 +25,12 @@ class ConnectConfig:
     remote_port: int | str = 0
     send_delay_opt: bool = False
     keep_alive_interval_s: int = 0
+    session: Settings | None = None
+
+    @property
+    def is_message_oriented(self) -> bool:
+        """Return whether the partner's messages arrive whole, one a job."""
+        return self.session is not None and self.session.is_message_oriented
 
     @property
     def keep_alive_s(self) -> int:

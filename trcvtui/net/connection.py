@@ -10,13 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from enum import StrEnum
 from typing import Final
 
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind, loss_of
+from trcvtui.net.connection_state import State as State
 from trcvtui.net.dead_link import DeadLinkWatch, Sent
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, Kernel, WouldBlock
+from trcvtui.net.kernel import (
+    WOULD_BLOCK,
+    Accepted,
+    Datagram,
+    Endpoint,
+    Fault,
+    Handle,
+    Kernel,
+    Loss,
+    WouldBlock,
+)
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.ownership import Claim, Direction
 from trcvtui.net.resources import Resources
@@ -24,16 +34,6 @@ from trcvtui.net.set_up import ACCEPTS_A_SCAN, Policy, SetUp, Stage, StepFault
 
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 LOSSES_KEPT: Final = 8
-
-
-class State(StrEnum):
-    """Where the connection stands."""
-
-    CLOSED = "closed"
-    QUEUED = "queued"
-    CREATED = "created"
-    ESTABLISHING = "establishing"
-    CONNECTED = "connected"
 
 
 class Connection:
@@ -216,6 +216,21 @@ class Connection:
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._lose(self.doom or self._loss_of(got))
         return WOULD_BLOCK
+
+    def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
+        """Take one message; what there is no room for is gone. A loss is answered behind the last message."""
+        assert self.handle is not None
+        got = self._kernel.recv_from(self.handle, into)
+        if isinstance(got, Datagram):
+            self.recvs += 1
+            offset = self.bytes_received
+            self.bytes_received = offset + got.size
+            self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got.size, instance))
+            return got
+        seen = Loss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
+        if self.doom is None and seen is None:
+            return WOULD_BLOCK
+        return self._lose(self.doom or self._loss_of(seen.fault if seen else None))
 
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from enum import Enum, auto
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.net.cotp import (
     DATA_HEADER,
@@ -27,7 +27,9 @@ from trcvtui.net.cotp import (
     encode,
     segments,
 )
+from trcvtui.net.session import Ended, Message, Settings
 
+REFERENCE: Final = 1
 OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
 SIZE_CODES: Final = range(7, 17)  # 128 bytes .. 65536
 NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size (A19)
@@ -43,59 +45,72 @@ class Phase(Enum):
     ENDED = auto()
 
 
-class Message(NamedTuple):
-    """One message: its first bytes up to the cap, and how many it had."""
-
-    data: bytes
-    whole: int
-
-
-class Ended(NamedTuple):
-    """Why the connection is over; `is_refusal`: it never was up, and the partner said so."""
-
-    why: str
-    is_refusal: bool = False
-
-
 @dataclass(frozen=True, slots=True)
-class Selectors:
-    """TSAPs of both ends; an empty `remote` of a passive end takes every caller."""
+class IsoSettings:
+    """What a CONNECT says: both TSAPs and the longest message in bytes; an empty `remote` is anyone."""
 
     local: bytes
-    remote: bytes = b""
+    remote: bytes
+    cap: int
+    is_message_oriented: bool = True
+    shares_port: bool = True
+
+    def new(self, is_active: bool) -> IsoOnTcp:
+        """Return a fresh session."""
+        return IsoOnTcp(self, is_active)
 
 
 class IsoOnTcp:
-    """One end. The passive one answers a CR that its owner has accepted (`accept`), or refuses it."""
+    """One end. The passive one waits for a CR, and then for somebody who takes it (`give_to`) or says no."""
 
-    def __init__(self, is_active: bool, selectors: Selectors, cap: int, reference: int = 1) -> None:
+    def __init__(self, settings: IsoSettings, is_active: bool) -> None:
         self.phase = Phase.WAITS_FOR_CC if is_active else Phase.WAITS_FOR_CR
         self.ended: Ended | None = None
         self.request: Connect | None = None  # the partner's CR, until it is answered
-        self.messages: deque[Message] = deque()
-        self._selectors = selectors
-        self._cap = cap
-        self._reference = reference
-        self._partner_reference = 0
+        self._settings = settings
         self._most = NOT_TOLD - DATA_HEADER
         self._reader = TpktReader()
         self._output = bytearray()
         self._collected = bytearray()
         self._whole = 0
+        self._messages: deque[Message] = deque()
         if is_active:
-            self._output += encode(
-                Connect(Code.CR, 0, reference, selectors.local, selectors.remote, OWN_SIZE_CODE)
-            )
+            request = Connect(Code.CR, 0, REFERENCE, settings.local, settings.remote, OWN_SIZE_CODE)
+            self._output += encode(request)
+
+    # -- as every session -----------------------------------------------------------------------------------
+
+    @property
+    def is_up(self) -> bool:
+        """Return whether messages may flow."""
+        return self.phase is Phase.UP
+
+    @property
+    def has_data(self) -> bool:
+        """Return whether a message is complete."""
+        return bool(self._messages)
 
     @property
     def wants_more(self) -> bool:
-        """Return whether bytes may be fed: nobody has to take a message first."""
-        return self.phase is not Phase.ENDED and len(self.messages) < MESSAGES_WAITING
+        """Return whether bytes may be fed: nobody has to take a message, or answer a CR, first."""
+        waits = self.request is not None or len(self._messages) >= MESSAGES_WAITING
+        return self.phase is not Phase.ENDED and not waits
 
     @property
     def held(self) -> int:
-        """Return how many bytes of unfinished things are kept."""
-        return self._reader.held + len(self._collected)
+        """Return how many bytes are kept: complete messages, and what is not complete yet."""
+        return self._reader.held + len(self._collected) + sum(len(one.data) for one in self._messages)
+
+    def feed(self, data: bytes | memoryview) -> None:
+        """Take bytes of the stream."""
+        for tpdu in self._reader.feed(data):
+            if self.phase is not Phase.ENDED:
+                self._take(tpdu)
+
+    def partner_closed(self) -> None:
+        """Note that the stream has ended, which is how class 0 releases; before the CC it is a refusal."""
+        if self.phase is Phase.WAITS_FOR_CC:
+            self._end("ECONNREFUSED", "closed instead of a CC")
 
     def take_output(self) -> bytes:
         """Return what must be sent, once."""
@@ -103,90 +118,103 @@ class IsoOnTcp:
         self._output.clear()
         return output
 
-    def feed(self, data: bytes | memoryview) -> None:
-        """Take bytes of the stream."""
-        for tpdu in self._reader.feed(data):
-            if self.phase is Phase.ENDED:
-                return
-            self._take(tpdu)
+    def read(self, into: memoryview) -> Message | None:
+        """Take the next message: as much of it as there is room for goes into `into`."""
+        if not self._messages:
+            return None
+        data, whole = self._messages.popleft()
+        size = min(len(data), len(into))
+        into[:size] = data[:size]
+        return Message(data[:size], whole)
 
-    def partner_closed(self) -> None:
-        """Note that the stream has ended: class 0 is released by that."""
-        self._end("the partner closed", is_refusal=self.phase is Phase.WAITS_FOR_CC)
-
-    def message(self, data: bytes | memoryview) -> bytes:
-        """Return the bytes that carry one message."""
+    def encode(self, data: bytes) -> bytes:
+        """Return the DTs that carry one message."""
         return segments(data, self._most)
 
-    # -- the passive end answers --------------------------------------------------------------------------
+    def drop_data(self) -> int:
+        """Drop what could be read and return how many bytes it was."""
+        dropped = sum(len(one.data) for one in self._messages)
+        self._messages.clear()
+        return dropped
 
-    def matches(self, request: Connect) -> Refusal | None:
-        """Return why this CR is none for us, None: it is."""
-        if request.called != self._selectors.local:
-            return Refusal.UNKNOWN_TSAP
-        if self._selectors.remote and request.calling != self._selectors.remote:
-            return Refusal.REFUSED
-        return None
+    # -- the passive end is asked for one of several ---------------------------------------------------
 
-    def accept(self) -> None:
-        """Answer the CR: the connection is up."""
+    @property
+    def has_asked(self) -> bool:
+        """Return whether a CR waits for its answer."""
+        return self.request is not None
+
+    def is_for(self, settings: Settings) -> str:
+        """Return "" when the CR asks for this CONNECT, else why not."""
+        assert self.request is not None
+        if not isinstance(settings, IsoSettings) or self.request.called != settings.local:
+            return f"no CONNECT has the TSAP {self.request.called.hex(' ')}"
+        if settings.remote and self.request.calling != settings.remote:
+            return f"the TSAP {self.request.calling.hex(' ')} is not the partner's"
+        return ""
+
+    def give_to(self, settings: Settings) -> None:
+        """Answer the CR with a CC: the connection is up."""
         request = self.request
         assert request is not None
-        self.request = None
+        assert isinstance(settings, IsoSettings)
+        self.request, self._settings = None, settings
         size = _agreed(request.size_code)
-        self._begin(request.source_ref, size)
-        answer = Connect(Code.CC, request.source_ref, self._reference, request.calling, request.called, size)
-        self._output += encode(answer)
+        self._begin(size)
+        refs = request.source_ref, REFERENCE
+        self._output += encode(Connect(Code.CC, *refs, request.calling, request.called, size))
 
-    def refuse(self, reason: Refusal) -> None:
-        """Answer the CR with a DR; the owner closes the stream behind it."""
-        assert self.request is not None
-        self._output += encode(Disconnect(self.request.source_ref, 0, reason))
+    def refuse(self, is_known: bool) -> None:
+        """Answer the CR with a DR; the stream is closed behind it."""
+        if self.request is not None:
+            reason = Refusal.NOBODY_WAITS if is_known else Refusal.UNKNOWN_TSAP
+            self._output += encode(Disconnect(self.request.source_ref, 0, reason))
         self.request = None
-        self._end(f"refused: {reason.name.replace('_', ' ').lower()}")
+        self._end("ECONNREFUSED", "refused by us")
 
     # -- what comes ----------------------------------------------------------------------------------------
 
     def _take(self, tpdu: Tpdu) -> None:
         match tpdu:
             case Malformed(what):
-                self._end(what)
+                self._end("EPROTO", what)
             case Connect(code=Code.CR) if self.phase is Phase.WAITS_FOR_CR and self.request is None:
                 self.request = tpdu
             case Connect(code=Code.CC) if self.phase is Phase.WAITS_FOR_CC:
-                self._begin(tpdu.source_ref, tpdu.size_code)
+                self._begin(tpdu.size_code)
             case Data() if self.phase is Phase.UP:
                 self._collect(tpdu)
             case Disconnect(reason=reason):
                 was_asking = self.phase is Phase.WAITS_FOR_CC
-                self._end(f"the partner sent DR, reason {reason:02X}", is_refusal=was_asking)
+                self._end("ECONNREFUSED" if was_asking else "ECONNRESET", f"DR, reason {reason:02X}")
             case Rejected(cause=cause):
-                self._end(f"the partner sent ER, cause {cause:02X}")
-            case Connect() | Data():
-                self._end(f"a {tpdu.code.name if isinstance(tpdu, Connect) else 'DT'} out of turn")
+                self._end("EPROTO", f"ER, cause {cause:02X}")
+            case Connect():
+                self._end("EPROTO", f"a {tpdu.code.name} out of turn")
+            case Data():
+                self._end("EPROTO", "a DT out of turn")
             case _:  # what class 0 does not know is no reason to end
                 pass
 
-    def _begin(self, partner_reference: int, size_code: int | None) -> None:
+    def _begin(self, size_code: int | None) -> None:
         self.phase = Phase.UP
-        self._partner_reference = partner_reference
-        size = NOT_TOLD if size_code not in SIZE_CODES or size_code is None else 1 << size_code
-        self._most = max(size, 1 << SIZE_CODES.start) - DATA_HEADER
+        size = 1 << size_code if size_code is not None and size_code in SIZE_CODES else NOT_TOLD
+        self._most = size - DATA_HEADER
 
     def _collect(self, piece: Data) -> None:
-        room = self._cap - len(self._collected)
+        room = self._settings.cap - len(self._collected)
         self._collected += piece.payload[: max(room, 0)]
         self._whole += len(piece.payload)
         if not piece.is_last:
             return
         if self._whole:  # an empty message is none (siemens.md 5.2)
-            self.messages.append(Message(bytes(self._collected), self._whole))
+            self._messages.append(Message(bytes(self._collected), self._whole))
         self._collected.clear()
         self._whole = 0
 
-    def _end(self, why: str, is_refusal: bool = False) -> None:
+    def _end(self, error: str, detail: str) -> None:
         if self.ended is None:
-            self.ended = Ended(why, is_refusal)
+            self.ended = Ended(error, detail)
         self.phase = Phase.ENDED
         self._collected.clear()
 

@@ -16,6 +16,7 @@ from trcvtui.net.answers import Datagram as Datagram
 from trcvtui.net.answers import Endpoint as Endpoint
 from trcvtui.net.answers import Fault as Fault
 from trcvtui.net.answers import WouldBlock as WouldBlock
+from trcvtui.net.session import Settings
 
 Handle = NewType("Handle", int)
 
@@ -79,6 +80,7 @@ class SocketOptions:
     keep_alive_s: int = 10
     user_timeout_ms: int = 0
     small_buffers: bool = False
+    session: Settings | None = None  # what runs on the stream, where it is no plain TCP
 
 
 class Kernel(Protocol):

@@ -226,6 +226,7 @@ class SetUp:
             nodelay=self.config.send_delay_opt,
             keep_alive_s=self.config.keep_alive_s,
             small_buffers=self._policy.small_buffers,
+            session=self.config.session,
         )
 
     def free(self) -> Fault | None:

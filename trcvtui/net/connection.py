@@ -12,21 +12,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from trcvtui.net.answers import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind, loss_of
 from trcvtui.net.connection_state import State as State
 from trcvtui.net.dead_link import DeadLinkWatch, Sent
-from trcvtui.net.kernel import (
-    WOULD_BLOCK,
-    Accepted,
-    Datagram,
-    Endpoint,
-    Fault,
-    Handle,
-    Kernel,
-    Loss,
-    WouldBlock,
-)
+from trcvtui.net.kernel import Accepted, Handle, Kernel, Loss
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.ownership import Claim, Direction
 from trcvtui.net.resources import Resources
@@ -208,10 +199,7 @@ class Connection:
         if isinstance(got, int):
             if got == 0:
                 return self._lose(self.doom or self._loss_of(None))
-            self.recvs += 1
-            offset = self.bytes_received
-            self.bytes_received = offset + got
-            self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got, instance))
+            self._took(got, instance)
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._lose(self.doom or self._loss_of(got))
@@ -222,15 +210,17 @@ class Connection:
         assert self.handle is not None
         got = self._kernel.recv_from(self.handle, into)
         if isinstance(got, Datagram):
-            self.recvs += 1
-            offset = self.bytes_received
-            self.bytes_received = offset + got.size
-            self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got.size, instance))
+            self._took(got.size, instance)
             return got
         seen = Loss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
-        if self.doom is None and seen is None:
-            return WOULD_BLOCK
-        return self._lose(self.doom or self._loss_of(seen.fault if seen else None))
+        loss = self.doom or (self._loss_of(seen.fault) if seen else None)
+        return WOULD_BLOCK if loss is None else self._lose(loss)
+
+    def _took(self, size: int, instance: str) -> None:
+        self.recvs += 1
+        offset = self.bytes_received
+        self.bytes_received = offset + size
+        self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size, instance))
 
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.

@@ -155,7 +155,7 @@ class SessionKernel:
         return self._ends.get(handle) or self.inner.local_end(handle)
 
     def poll_add(self, handle: Handle) -> Fault | None:
-        """Put the handle into the poll set; a client with a session, or who joins a port, is there already."""
+        """Put the handle into the poll set; a client with a session, or who joins a port, is in it."""
         if handle in self._ends or (handle in self._streams and handle not in self._connecting):
             return None
         return self.inner.poll_add(handle)

@@ -8,6 +8,9 @@ _ORDER = list(Condition)
 NOT_BAOSKYS = frozenset(
     {
         Condition.JOB_BEGINS,
+        Condition.ESTABLISHED,
+        Condition.LINK_DONE,
+        Condition.RECEIVING_PART,
         Condition.STARTED,
         Condition.RUNNING,
         Condition.FINISHED,

@@ -17,12 +17,15 @@ class Condition(StrEnum):
     CLOSING = "closing"
     CONNECTED = "connected"
     JOB_BEGINS = "connected, job begins"
+    ESTABLISHED = "connection established"
+    LINK_DONE = "connection established, DONE"
     STARTED = "job started"
     RUNNING = "job running"
     FINISHED = "job finished"
     NOTHING_TO_RESET = "nothing to reset"
     SENDING = "sending"
     RECEIVING = "receiving"
+    RECEIVING_PART = "receiving, bytes are here"
     CLOSED = "closed by us"
     RECEIVED = "received"
     SENT = "sent"
@@ -64,11 +67,60 @@ class Condition(StrEnum):
     LEN_OVER_DATA = "LEN larger than DATA"
     AREA_CHANGED = "DATA or LEN changed"
     MESSAGE_TOO_LONG = "message too long"
+    DATA_MISSING = "no DATA"
+    DATA_REFUSED = "DATA of a type that is refused"
+    DATA_SYMBOLIC = "LEN with a symbolic DATA"
+    RESULT_WRONG = "RESULT cannot hold it"
+    ID_WRONG = "ID out of range"
+    ID_IN_USE = "ID in use"
+    ID_DIFFERS = "ID differs from CONNECT"
+    CONNECT_WRONG = "CONNECT is no description"
+    CONNECT_SIZE_WRONG = "CONNECT has the wrong size"
+    INTERFACE_WRONG = "no such interface"
+    DESCRIPTION_WRONG = "faulty description"
+    TSAP_WRONG = "wrong TSAP"
+    UDP_ACTIVE = "UDP cannot be active"
+    TYPE_WRONG = "wrong connection type"
+    FIELDS_WRONG = "wrong fields in CONNECT"
+    WRONG_PARTNER = "not the partner of CONNECT"
+    NAME_EMPTY = "name empty"
+    NAME_NOT_FULL = "name not fully qualified"
+    NAME_NO_SERVER = "no server for names"
+    NAME_UNKNOWN = "name unknown"
+    ADDR_WRONG = "wrong ADDR"
+    NO_DESCRIPTION = "no connection description"
+    DESCRIPTION_LENGTH = "wrong length of CONNECT"
+    ID_WRONG = "ID out of range"
+    INTERFACE_WRONG = "wrong InterfaceId"
+    INTERFACE_BARE = "interface without address"
+    TYPE_WRONG = "wrong ConnectionType"
+    NEEDS_ADDR = "UDP without ADDR"
+    UDP_ACTIVE = "UDP cannot be active"
+    TSAP_WRONG = "wrong TSAP"
+    PARAMETER_WRONG = "wrong connection parameter"
+    NAME_EMPTY = "name of partner empty"
+    NAME_NOT_FULL = "name of partner not fully qualified"
+    NO_RESOLVER = "no DNS server"
 
 
 BUSY: Final = frozenset(
-    {Condition.JOB_BEGINS, Condition.STARTED, Condition.RUNNING, Condition.SENDING, Condition.RECEIVING}
+    {
+        Condition.JOB_BEGINS,
+        Condition.STARTED,
+        Condition.RUNNING,
+        Condition.SENDING,
+        Condition.RECEIVING,
+        Condition.RECEIVING_PART,
+    }
 )
-DONE: Final = frozenset({Condition.FINISHED, Condition.NOTHING_TO_RESET, Condition.SENT, Condition.RECEIVED})
+DONE: Final = frozenset(
+    {
+        Condition.LINK_DONE,
+        Condition.FINISHED,
+        Condition.NOTHING_TO_RESET,
+        Condition.SENT,
+        Condition.RECEIVED,
+    }
+)
 # RESETTING stands above the manual's "exception" heading: it is no error (baosky.md section 4).
 ERROR: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from trcvtui.blocks.conditions import Condition
@@ -28,6 +28,15 @@ class Switch:
     most: int = 1_000_000
 
 
+def codes_of(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
+    """Return what each block shows for each condition, as the rows say."""
+    codes: dict[str, dict[Condition, int]] = {}
+    for row in rows:
+        for block in row.blocks:
+            codes.setdefault(block, {}).update(dict.fromkeys(row.conditions, row.code))
+    return codes
+
+
 @dataclass(frozen=True, slots=True)
 class Dialect:
     """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default."""
@@ -48,4 +57,4 @@ class Dialect:
 
     def row_of(self, condition: Condition) -> StatusRow | None:
         """Return the row that shows a condition."""
-        return next((r for r in self.status if r.condition is condition), None)
+        return next((r for r in self.status if condition in r.conditions), None)

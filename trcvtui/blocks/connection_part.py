@@ -226,9 +226,10 @@ class ConnectionPart:
 def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:
     """Return what a failed step of the set-up shows."""
     peer = connection.set_up.remote if failed.stage is Stage.CONNECT else None
-    return Outcome(
-        course.of_set_up(failed.stage, failed.fault.error), cause_of(failed.fault, str(peer or ""))
-    )
+    cause = cause_of(failed.fault, str(peer or ""))
+    if failed.detail:
+        cause = replace(cause, detail=failed.detail)
+    return Outcome(course.of_set_up(failed.stage, failed.fault.error), cause)
 
 
 _NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)

@@ -39,7 +39,10 @@ def codes_of(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default."""
+    """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default.
+
+    `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
+    """
 
     name: str
     title: str
@@ -50,6 +53,7 @@ class Dialect:
     default_model: str
     layout: str
     answer: Callable[[Mapping[str, SwitchValue]], Rules]
+    describes_connects: bool = False
 
     def row(self, code: int, block: str | None = None) -> StatusRow | None:
         """Return the row of a code, for one block or for any."""

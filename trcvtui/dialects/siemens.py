@@ -15,6 +15,7 @@ from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
 from trcvtui.dialects.siemens_codes import CODES
 from trcvtui.dialects.siemens_status import STATUS
 from trcvtui.net.connection_loss import LossKind
+from trcvtui.net.description_check import Flaw
 from trcvtui.net.set_up import Policy, Stage
 
 SECOND: Final = 1_000_000_000  # ns
@@ -38,6 +39,22 @@ SWITCHES: Final = (
 
 # siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1.
 SET_UP: Final = {
+    (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
+    (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
+    (Stage.DESCRIPTION, Flaw.ID): Condition.ID_WRONG,
+    (Stage.DESCRIPTION, Flaw.INTERFACE): Condition.INTERFACE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NO_LOCAL_ADDRESS): Condition.INTERFACE_BARE,
+    (Stage.DESCRIPTION, Flaw.TYPE): Condition.TYPE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NEEDS_ADDR): Condition.NEEDS_ADDR,
+    (Stage.DESCRIPTION, Flaw.UDP_ACTIVE): Condition.UDP_ACTIVE,
+    (Stage.DESCRIPTION, Flaw.TSAP): Condition.TSAP_WRONG,
+    (Stage.DESCRIPTION, Flaw.PARAMETER): Condition.PARAMETER_WRONG,
+    (Stage.DESCRIPTION, Flaw.PORT_RESERVED): Condition.PORT_RESERVED,
+    (Stage.DESCRIPTION, Flaw.REMOTE): Condition.REMOTE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NAME_EMPTY): Condition.NAME_EMPTY,
+    (Stage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
+    (Stage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
+    (Stage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
     (Stage.SOCKET, ""): Condition.NO_SOCKET,
     (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
     (Stage.REUSE, ""): Condition.NOT_NOW,
@@ -109,6 +126,7 @@ def _dialect(name: str, title: str, max_len: int, max_datagram: int, budget: int
         models={"CPU": budget},
         default_model="CPU",
         layout="baosky",
+        describes_connects=True,
         answer=lambda values: answer(defaults | dict(values), max_len, max_datagram),
     )
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.net.answers import Endpoint
+from trcvtui.net.description import Description
+from trcvtui.net.description_check import Finding
 from trcvtui.net.ipv4 import octets
 from trcvtui.net.session import Settings
 
@@ -16,7 +18,11 @@ SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system se
 
 @dataclass(frozen=True, slots=True)
 class ConnectConfig:
-    """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort."""
+    """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
+
+    `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
+    `any_local`: the system's own routing gives an active end its local address.
+    """
 
     name: str
     active: bool = False
@@ -26,6 +32,9 @@ class ConnectConfig:
     send_delay_opt: bool = False
     keep_alive_interval_s: int = 0
     session: Settings | None = None
+    description: Description | None = None
+    flaw: Finding | None = None
+    any_local: bool = False
 
     @property
     def is_message_oriented(self) -> bool:

@@ -114,7 +114,8 @@ class Connection:
         self.attempts += 1
         self.state = State.CREATED
         short = self._resources.budget.acquire(self.config.name)
-        failed = StepFault(Stage.SOCKET, short) if short else self.set_up.create()
+        full = StepFault(Stage.SOCKET, short) if short else None
+        failed = self.set_up.judge() or full or self.set_up.create()
         return self._failed(failed, now) if failed else None
 
     def _prepare(self, now: int) -> StepFault | None:
@@ -395,4 +396,4 @@ class Connection:
 
     def _note_failure(self, failed: StepFault) -> None:
         what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED
-        self._note(what, self.set_up.remote, failed.fault)
+        self._note(what, self.set_up.remote, failed.fault, failed.detail)

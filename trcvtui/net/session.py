@@ -73,14 +73,17 @@ class Session(Protocol):
 
 
 class Settings(Protocol):
-    """How to make a session: what a CONNECT says about it.
+    """How to make a session: what a CONNECT says about it."""
 
-    `is_message_oriented`: a read gives one message. `shares_port`: several passive CONNECTs listen on one
-    port, and the partner's first message says which of them it wants.
-    """
+    @property
+    def is_message_oriented(self) -> bool:
+        """Return whether a read gives one message."""
+        ...
 
-    is_message_oriented: bool
-    shares_port: bool
+    @property
+    def shares_port(self) -> bool:
+        """Return whether several passive CONNECTs listen on one port: the partner says which it wants."""
+        ...
 
     def new(self, is_active: bool) -> Session:
         """Return a fresh session."""

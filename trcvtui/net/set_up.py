@@ -32,6 +32,7 @@ PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
 class Stage(Enum):
     """Which part of the set-up failed."""
 
+    DESCRIPTION = auto()
     SOCKET = auto()
     ADDRESS = auto()
     REUSE = auto()
@@ -43,10 +44,11 @@ class Stage(Enum):
 
 @dataclass(frozen=True, slots=True)
 class StepFault:
-    """A set-up step that failed."""
+    """A set-up step that failed; `detail` is what a person should read."""
 
     stage: Stage
     fault: Fault
+    detail: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +90,13 @@ class SetUp:
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
 
+    def judge(self) -> StepFault | None:
+        """Look at the connection description, before there is any socket."""
+        flaw = self.config.flaw
+        if flaw is None:
+            return None
+        return StepFault(Stage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
+
     def create(self) -> StepFault | None:
         """Make the socket of a new attempt."""
         made = self._kernel.socket(self.config.name)
@@ -108,7 +117,7 @@ class SetUp:
         local = Endpoint(self.config.local.address, self._kept_port)
         own = self._kernel.local_addresses()
         wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
-        if wrong:
+        if wrong and not self.config.any_local:
             return StepFault(Stage.ADDRESS, Fault("address", wrong))
         fault = self._kernel.set_reuse(handle)
         if fault is not None:

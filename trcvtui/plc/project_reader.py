@@ -18,6 +18,7 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
+from trcvtui.plc.connect_descriptions import read_described
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
 from trcvtui.plc.project import DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl, SimDecl, Task
@@ -106,7 +107,7 @@ class Reader:
             types=types or NO_TYPES,
             tasks=tasks,
             data=_present([self.data(table, types, head.layout) for table in tables["data"]]),
-            connects=_present([parts.read_connect(table) for table in tables["connect"]]),
+            connects=self.connects(tables["connect"], head),
             udp_configs=_present([parts.read_udp_config(table) for table in tables["udp_config"]]),
             addrs=_present([parts.read_addr(table) for table in tables["addr"]]),
             instances=self.instances(tables["instance"], head.dialect, tasks[0].name),
@@ -166,6 +167,12 @@ class Reader:
                 self.problems += refused.problems
             return None
         return DataDecl(name or "", text, type_, laid_out, laid_out.size)
+
+    def connects(self, tables: list[Table], head: Head) -> tuple[ConnectConfig, ...]:
+        if not head.dialect.describes_connects:
+            return _present([parts.read_connect(table) for table in tables])
+        cap = head.dialect.answer(head.options).max_len
+        return _present([read_described(table, n, cap) for n, table in enumerate(tables, 1)])
 
     def instances(self, tables: list[Table], dialect: Dialect, first_task: str) -> tuple[InstanceDecl, ...]:
         blocks = tuple(block for block in dialect.blocks if block in PINS)

@@ -16,9 +16,9 @@ from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.net.connection import Connection, State
-from trcvtui.net.faults import FaultyKernel
 from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
+from trcvtui.net.session_kernel import Stirring
 from trcvtui.net.udp_config import RemoteAddress
 from trcvtui.net.udp_port import UdpPort
 from trcvtui.plc.commands import (
@@ -48,7 +48,7 @@ class Runtime:
     def __init__(
         self,
         project: Project,
-        kernel: FaultyKernel,
+        kernel: Stirring,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
     ) -> None:

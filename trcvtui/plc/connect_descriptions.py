@@ -1,0 +1,264 @@
+"""One `[[connect]]` of a dialect with connection descriptions: by field name, or as the bytes of the DB.
+
+Rule: refused is only what cannot be typed; what a CPU would find wrong is the block's to show (`flaw`).
+Beside the description stand the bench's own keys, which no CPU has: where this machine takes part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from trcvtui.errors import UserError
+from trcvtui.net.answers import Endpoint
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.description import (
+    CONNECTIONS,
+    LONGEST_NAME,
+    LONGEST_SELECTOR,
+    Description,
+    Field,
+    FieldType,
+    Structure,
+    Value,
+    pack,
+    structure_of_size,
+)
+from trcvtui.net.description_check import (
+    Asked,
+    Finding,
+    Flaw,
+    Meaning,
+    Protocol,
+    judge,
+    meaning,
+    types_of,
+)
+from trcvtui.net.ipv4 import is_loopback, octets
+from trcvtui.net.iso_on_tcp import IsoSettings
+from trcvtui.net.session import Settings
+from trcvtui.plc.names import expected_name
+from trcvtui.plc.project_parts import NAME, PORT_OR_NAME, UINT
+from trcvtui.plc.tables import ADDRESS, PORT, TRUTH, Kind, Table, of_text, shown, whole
+from trcvtui.udt.hexadecimal import parse_hex
+
+LOOPBACK: Final = "127.0.0.1"
+ISO_PORT: Final = 102
+DEFAULT_TYPE: Final = "TCON_IP_v4"
+USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
+LONGEST_BYTES: Final = 4096
+OWN_KEYS: Final = "type, bytes, LocalAddress, ListenPort, IsoPort, DnsAnswer, KeepAliveTimeInterval"
+
+
+# -- how the fields are written ------------------------------------------------------------------------------
+
+
+def _hex(text: str) -> bytes | None:
+    try:
+        found = parse_hex(text)
+    except UserError:
+        return None
+    return found if len(found) <= LONGEST_BYTES else None
+
+
+def parse_selector(text: str) -> bytes | None:
+    """Return a TSAP: `hex E0 02`, `E0 02` and `E0.02` are bytes, everything else is text, `text ...` too."""
+    word, _, rest = text.partition(" ")
+    if word == "hex":
+        found = _hex(rest)
+    elif word == "text":
+        found = _latin(rest)
+    else:
+        pairs = text.replace(".", " ").split()
+        are_bytes = bool(pairs) and all(len(one) == 2 and _is_hex(one) for one in pairs)
+        found = bytes.fromhex("".join(pairs)) if are_bytes else _latin(text)
+    return found if found is not None and len(found) <= LONGEST_SELECTOR else None
+
+
+def _is_hex(text: str) -> bool:
+    return all(one in "0123456789abcdefABCDEF" for one in text)
+
+
+def _latin(text: str) -> bytes | None:
+    return text.encode("ascii") if text.isascii() else None
+
+
+def _bytes_of(size: int) -> Callable[[str], bytes | None]:
+    def read(text: str) -> bytes | None:
+        numbers = octets(text)
+        found = bytes(numbers) if numbers is not None else _hex(text)
+        return found if found is not None and len(found) <= size else None
+
+    return read
+
+
+HEX: Final = of_text('the bytes of a DB in hex such as "00 40 00 01 0b 01 ..."', _hex)
+TSAP: Final = of_text('a TSAP of at most 32 bytes such as "E0 02", "hex e0 02" or "TCP-1"', parse_selector)
+STRUCTURE: Final = of_text("a structure", lambda text: text)
+QDN: Final = of_text(
+    f"a name of at most {LONGEST_NAME} ASCII characters such as plc2.line.local.",
+    lambda text: text if text.isascii() and len(text) <= LONGEST_NAME else None,
+)
+
+
+def _kind(field: Field) -> Kind[Any]:
+    match field.type:
+        case FieldType.NUMBER if field.name == "RemotePort":
+            return PORT_OR_NAME
+        case FieldType.NUMBER:
+            return whole(0, (1 << 8 * field.size) - 1)
+        case FieldType.TRUTH:
+            return TRUTH
+        case FieldType.ADDRESS:
+            return ADDRESS
+        case FieldType.SELECTOR:
+            return TSAP
+        case FieldType.NAME:
+            return QDN
+        case FieldType.BYTES:
+            return of_text(f"at most {field.size} bytes in hex, or an IPv4 address", _bytes_of(field.size))
+
+
+# -- one table ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Written:
+    """A description as it stands in the file; `reference` is a RemotePort `@NAME`."""
+
+    description: Description
+    reference: str | None = None
+    flaw: Finding | None = None
+    is_plain: bool = False  # neither `type` nor `bytes`: LocalPort 0 takes a free port, as in any dialect
+
+
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """The bench's own keys."""
+
+    address: str | None
+    listen_port: int | None
+    iso_port: int | str
+    dns_answer: str | None
+    keep_alive: int
+
+
+def read_described(table: Table, number: int, cap: int) -> ConnectConfig | None:
+    """Return one CONNECT; `number` is its place in the file, and its ID where none is written.
+
+    `cap` is the longest message in bytes.
+    """
+    name = table.must("name", NAME)
+    written = _read_written(table, number)
+    bench = _Bench(
+        address=table.read("LocalAddress", ADDRESS),
+        listen_port=table.read("ListenPort", PORT),
+        iso_port=table.get("IsoPort", PORT_OR_NAME, ISO_PORT),
+        dns_answer=table.read("DnsAnswer", ADDRESS),
+        keep_alive=table.get("KeepAliveTimeInterval", UINT, 0),
+    )
+    table.finish()
+    if name is None or written is None:
+        return None
+    says = meaning(written.description)
+    if isinstance(bench.iso_port, str) and not says.is_active:
+        table.wrong("IsoPort", shown(bench.iso_port), "a port: a passive end listens on its own")
+    return _config(name, written, says, bench, cap)
+
+
+def _read_written(table: Table, number: int) -> _Written | None:
+    type_name = table.read("type", STRUCTURE)
+    if type_name is not None and type_name not in CONNECTIONS:
+        table.wrong("type", shown(type_name), expected_name(type_name, CONNECTIONS, "structure"))
+        table.know(*table.rest())
+        return None
+    raw = table.read("bytes", HEX)
+    if table.has("bytes"):
+        return None if raw is None else _of_bytes(raw, type_name)
+    structure = CONNECTIONS[type_name or DEFAULT_TYPE]
+    return _of_fields(table, structure, number, is_plain=type_name is None)
+
+
+def _of_bytes(raw: bytes, type_name: str | None) -> _Written:
+    structure = CONNECTIONS[type_name] if type_name else structure_of_size(len(raw))
+    if structure is None:
+        text = f"{len(raw)} bytes are no connection description"
+        flaw = Finding(Flaw.NO_DESCRIPTION, "", text)
+        return _Written(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
+    return _Written(Description(structure, raw))
+
+
+def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> _Written:
+    read = {field.name: table.read(field.name, _kind(field)) for field in structure.fields}
+    values: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
+    port = values.pop("RemotePort", 0)
+    reference = port if isinstance(port, str) else None
+    given = values | ({} if reference else {"RemotePort": port} if "RemotePort" in read else {})
+    data = pack(structure, _usual(structure, number, given) | given)
+    return _Written(Description(structure, data), reference, is_plain=is_plain)
+
+
+def _usual(structure: Structure, number: int, given: dict[str, Value]) -> dict[str, Value]:
+    """Return what STEP 7 writes into a new description, and the lengths that follow from what is given."""
+    kind = types_of(structure.name)[0]
+    if structure.name != "TCON_Param":
+        return {"InterfaceId": USUAL_INTERFACE, "ID": number, "ConnectionType": kind}
+    usual: dict[str, Value] = {"block_length": structure.size, "id": number, "connection_type": kind}
+    usual |= {"active_est": True, "local_device_id": 1}
+    for size, part in (
+        ("local_tsap_id_len", "local_tsap_id"),
+        ("rem_tsap_id_len", "rem_tsap_id"),
+        ("rem_staddr_len", "rem_staddr"),
+    ):
+        content = given.get(part, b"")
+        usual[size] = len(content) if isinstance(content, bytes) else 0
+    return usual
+
+
+def _config(name: str, written: _Written, says: Meaning, bench: _Bench, cap: int) -> ConnectConfig:
+    is_iso = says.protocol is Protocol.ISO
+    remote, flaw = _remote_address(written, says, bench)
+    address = bench.address or LOOPBACK
+    takes_free_port = bench.listen_port is not None or written.is_plain
+    flaw = (
+        written.flaw
+        or judge(Asked(written.description, says, address, takes_free_port, written.reference is not None))
+        or flaw
+    )
+    local_port = says.local_port if bench.listen_port is None or says.is_active else bench.listen_port
+    remote_port: int | str = written.reference or says.remote_port
+    if is_iso and says.is_active:
+        local_port, remote_port = 0, bench.iso_port
+    elif is_iso:
+        local_port, remote_port = int(bench.iso_port) if isinstance(bench.iso_port, int) else 0, 0
+    return ConnectConfig(
+        name=name,
+        active=says.is_active,
+        local=Endpoint(address, local_port),
+        remote_address=remote,
+        remote_port=remote_port,
+        keep_alive_interval_s=bench.keep_alive,
+        session=_session(says, cap),
+        description=written.description,
+        flaw=flaw,
+        any_local=says.is_active and bench.address is None and not is_loopback(remote),
+    )
+
+
+def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[str, Finding | None]:
+    """Return where the partner is; a name is asked of the bench's DNS server."""
+    if written.description.structure.field("RemoteQDN") is None or not says.remote_name:
+        return says.remote_address, None
+    if bench.dns_answer is None:
+        return says.remote_address, Finding(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
+    if octets(bench.dns_answer) == (0, 0, 0, 0):
+        text = f"the DNS server does not know {says.remote_name}"
+        return says.remote_address, Finding(Flaw.NAME_UNKNOWN, "RemoteQDN", text)
+    return bench.dns_answer, None
+
+
+def _session(says: Meaning, cap: int) -> Settings | None:
+    if says.protocol is not Protocol.ISO:
+        return None
+    return IsoSettings(local=says.local_tsap, remote=says.remote_tsap, cap=cap)

@@ -47,11 +47,15 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class IsoSettings:
-    """What a CONNECT says: both TSAPs and the longest message in bytes; an empty `remote` is anyone."""
+    """What a CONNECT says: both TSAPs and the longest message in bytes; an empty `remote` is anyone.
+
+    `size_code` n: TPDUs of at most 2**n bytes are proposed, and taken.
+    """
 
     local: bytes
     remote: bytes
     cap: int
+    size_code: int = OWN_SIZE_CODE
     is_message_oriented: bool = True
     shares_port: bool = True
 
@@ -69,13 +73,14 @@ class IsoOnTcp:
         self.request: Connect | None = None  # the partner's CR, until it is answered
         self._settings = settings
         self._most = NOT_TOLD - DATA_HEADER
+        self._agreed: int | None = None  # bytes of a DT, where both ends have told
         self._reader = TpktReader()
         self._output = bytearray()
         self._collected = bytearray()
         self._whole = 0
         self._messages: deque[Message] = deque()
         if is_active:
-            request = Connect(Code.CR, 0, REFERENCE, settings.local, settings.remote, OWN_SIZE_CODE)
+            request = Connect(Code.CR, 0, REFERENCE, settings.local, settings.remote, settings.size_code)
             self._output += encode(request)
 
     # -- as every session -----------------------------------------------------------------------------------
@@ -159,7 +164,7 @@ class IsoOnTcp:
         assert request is not None
         assert isinstance(settings, IsoSettings)
         self.request, self._settings = None, settings
-        size = _agreed(request.size_code)
+        size = _agreed(request.size_code, settings.size_code)
         self._begin(size)
         refs = request.source_ref, REFERENCE
         self._output += encode(Connect(Code.CC, *refs, request.calling, request.called, size))
@@ -181,9 +186,10 @@ class IsoOnTcp:
             case Connect(code=Code.CR) if self.phase is Phase.WAITS_FOR_CR and self.request is None:
                 self.request = tpdu
             case Connect(code=Code.CC) if self.phase is Phase.WAITS_FOR_CC:
-                self._begin(tpdu.size_code)
+                told = tpdu.size_code
+                self._begin(None if told is None else min(told, self._settings.size_code))
             case Data() if self.phase is Phase.UP:
-                self._collect(tpdu)
+                self._take_data(tpdu)
             case Disconnect(reason=reason):
                 was_asking = self.phase is Phase.WAITS_FOR_CC
                 self._end("ECONNREFUSED" if was_asking else "ECONNRESET", f"DR, reason {reason:02X}")
@@ -198,8 +204,16 @@ class IsoOnTcp:
 
     def _begin(self, size_code: int | None) -> None:
         self.phase = Phase.UP
-        size = 1 << size_code if size_code is not None and size_code in SIZE_CODES else NOT_TOLD
-        self._most = size - DATA_HEADER
+        is_told = size_code is not None and size_code in SIZE_CODES
+        self._agreed = 1 << size_code if size_code is not None and is_told else None
+        self._most = (self._agreed or NOT_TOLD) - DATA_HEADER
+
+    def _take_data(self, piece: Data) -> None:
+        size = len(piece.payload) + DATA_HEADER
+        if self._agreed is not None and size > self._agreed:  # a CPU ends the connection (siemens.md 5.2)
+            self._end("EPROTO", f"a DT of {size} bytes, {self._agreed} are agreed")
+        else:
+            self._collect(piece)
 
     def _collect(self, piece: Data) -> None:
         room = self._settings.cap - len(self._collected)
@@ -219,8 +233,8 @@ class IsoOnTcp:
         self._collected.clear()
 
 
-def _agreed(proposed: int | None) -> int | None:
+def _agreed(proposed: int | None, own: int) -> int | None:
     """Return the size code of our CC: never above the caller's; None: he told none, so neither do we."""
     if proposed is None:
         return None
-    return min(max(proposed, SIZE_CODES.start), OWN_SIZE_CODE)
+    return min(max(proposed, SIZE_CODES.start), own)

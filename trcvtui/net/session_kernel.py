@@ -9,7 +9,7 @@ Rule 2: a client that says nothing, too much, or nonsense is dropped, and the le
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
@@ -30,6 +30,7 @@ from trcvtui.net.shared_listener import Choosing, Listener, Member
 from trcvtui.net.stream import Stream
 
 
+@runtime_checkable
 class Stirring(Kernel, Protocol):
     """A kernel that can say which handles its last poll saw."""
 
@@ -38,15 +39,28 @@ class Stirring(Kernel, Protocol):
         ...
 
 
+def nothing_known() -> Mapping[Handle, str] | None:
+    """Return None: whoever asks must look at everything."""
+    return None
+
+
 class SessionKernel:
-    """`clock` gives the time in ns; `told` hears of clients that were dropped: CONNECT, client, why."""
+    """`clock` gives the time in ns; `told` hears of clients that were dropped: CONNECT, client, why.
+
+    `polls`: clients go into the poll set before they are accepted; False: nobody here has one.
+    """
 
     def __init__(
-        self, inner: Stirring, clock: Callable[[], int], told: Callable[[str, str, str], None]
+        self,
+        inner: Kernel,
+        clock: Callable[[], int],
+        told: Callable[[str, str, str], None],
+        polls: bool = True,
     ) -> None:
         self.inner = inner
         self._clock = clock
         self._told = told
+        self._polls = polls
         self._owners: dict[Handle, str] = {}
         self._wanted: dict[Handle, Settings] = {}
         self._ends: dict[Handle, Endpoint] = {}  # of handles that join a port which is listened on already
@@ -54,6 +68,8 @@ class SessionKernel:
         self._streams: dict[Handle, Stream] = {}
         self._listeners: dict[Handle, Listener] = {}  # by member
         self._ports: dict[Endpoint, Listener] = {}
+        self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
+        self._stirred_inside = inner.stirred if isinstance(inner, Stirring) else nothing_known
         # What nothing is done to goes to the kernel without a second call.
         self.local_addresses: Callable[[], tuple[LocalAddress, ...]] = inner.local_addresses
         self.set_link: Callable[[str, bool], str] = inner.set_link
@@ -93,7 +109,7 @@ class SessionKernel:
 
     def stirred(self) -> Mapping[Handle, str] | None:
         """Return the handles with news and their owners; None: look at everything."""
-        seen = self.inner.stirred()
+        seen = self._stirred_inside()
         if seen is None:
             return None
         more = {handle: self._owners[handle] for handle, one in self._streams.items() if self._has_news(one)}
@@ -127,10 +143,17 @@ class SessionKernel:
     def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Bind to a local end; a port that is shared is bound once."""
         wanted = self._wanted.get(handle)
-        if wanted is not None and wanted.shares_port and end in self._ports:
+        if wanted is None or not wanted.shares_port:
+            return self.inner.bind(handle, end)
+        end = end if end.port else Endpoint(end.address, self._free_ports.get(end.address, 0))
+        if end in self._ports:
             self._ends[handle] = end
             return None
-        return self.inner.bind(handle, end)
+        fault = self.inner.bind(handle, end)
+        bound = self.inner.local_end(handle) if fault is None and not end.port else None
+        if bound is not None:
+            self._free_ports[end.address] = bound.port
+        return fault
 
     def listen(self, handle: Handle, backlog: int) -> Fault | None:
         """Start to listen, or join those who listen on the same port."""
@@ -142,7 +165,7 @@ class SessionKernel:
             fault = self.inner.listen(handle, backlog)
             if fault is not None:
                 return fault
-            joined = Listener(self.inner, handle, self._told)
+            joined = Listener(self.inner, handle, self._told, self._polls)
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:
                 self._ports[end] = joined
@@ -169,6 +192,8 @@ class SessionKernel:
         member = self._member(handle)
         if member is None:
             return self.inner.accept(handle)
+        if not member.ready:
+            self._listeners[handle].poll(self._clock())
         if not member.ready:
             return WOULD_BLOCK
         got = member.ready.popleft()

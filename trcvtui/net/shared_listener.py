@@ -49,12 +49,15 @@ class Member:
 class Listener:
     """One real listener with its members, and the clients that have not finished their handshake."""
 
-    def __init__(self, kernel: Kernel, handle: Handle, told: Callable[[str, str, str], None]) -> None:
+    def __init__(
+        self, kernel: Kernel, handle: Handle, told: Callable[[str, str, str], None], polls: bool
+    ) -> None:
         self.handle = handle
         self.members: dict[Handle, Member] = {}
         self.clients: list[Stream] = []
         self._kernel = kernel
         self._told = told
+        self._polls = polls
 
     def poll(self, now: int) -> None:
         """Take new clients and go on with the handshakes."""
@@ -69,7 +72,7 @@ class Listener:
             self._go_on(client, now)
 
     def _welcome(self, got: Accepted, now: int) -> None:
-        fault = self._kernel.poll_add(got.handle)
+        fault = self._kernel.poll_add(got.handle) if self._polls else None
         if fault is not None:
             self._kernel.abort(got.handle)
             self._any_member().ready.append(fault)

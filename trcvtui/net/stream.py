@@ -78,7 +78,8 @@ class Stream:
     def send(self, data: memoryview) -> int | WouldBlock | Fault:
         """Send data and return how many bytes of it are with the stack now.
 
-        The caller comes again with the rest of the same data until the stack has all of it.
+        The caller comes again with the rest of the same data until the stack has all of it. What has been
+        encoded must go: the first byte counts as taken even when the stack had no room for any.
         """
         self.flush()
         if self._output:
@@ -88,13 +89,24 @@ class Stream:
             self._carried, self._carried_size = memoryview(carried), len(carried)
             self._data_size, self._told = len(data), 0
         sent = self._kernel.send(self.handle, self._carried)
-        if not isinstance(sent, int):
+        if isinstance(sent, Fault):
             return sent
-        self._carried = self._carried[sent:]
-        gone = self._carried_size - len(self._carried)
-        taken = self._data_size if not self._carried else self._data_size * gone // self._carried_size
+        if isinstance(sent, int):
+            self._carried = self._carried[sent:]
+        taken = self._taken()
         new, self._told = taken - self._told, taken
         return new or WOULD_BLOCK
+
+    def _taken(self) -> int:
+        """Return how many bytes of the data count as gone: all of them only when all that carries them is."""
+        if not self._carried:
+            return self._data_size
+        if self._data_size == 1:  # it cannot be gone in part: what is left of it waits here
+            self._output += self._carried
+            self._carried = memoryview(b"")
+            return 1
+        gone = self._carried_size - len(self._carried)
+        return min(max(1, self._data_size * gone // self._carried_size), self._data_size - 1)
 
 
 _SCRATCH = bytearray(PIECE)

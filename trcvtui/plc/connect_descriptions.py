@@ -10,13 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from trcvtui.errors import UserError
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.description import (
     CONNECTIONS,
     LONGEST_NAME,
-    LONGEST_SELECTOR,
     Description,
     Field,
     FieldType,
@@ -38,63 +36,31 @@ from trcvtui.net.description_check import (
 from trcvtui.net.ipv4 import is_loopback, octets
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.session import Settings
+from trcvtui.plc.iso_words import TSAP, hex_of
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project_parts import NAME, PORT_OR_NAME, UINT
 from trcvtui.plc.tables import ADDRESS, PORT, TRUTH, Kind, Table, of_text, shown, whole
-from trcvtui.udt.hexadecimal import parse_hex
 
 LOOPBACK: Final = "127.0.0.1"
 ISO_PORT: Final = 102
 DEFAULT_TYPE: Final = "TCON_IP_v4"
 USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
-LONGEST_BYTES: Final = 4096
 OWN_KEYS: Final = "type, bytes, LocalAddress, ListenPort, IsoPort, DnsAnswer, KeepAliveTimeInterval"
 
 
 # -- how the fields are written ------------------------------------------------------------------------------
 
 
-def _hex(text: str) -> bytes | None:
-    try:
-        found = parse_hex(text)
-    except UserError:
-        return None
-    return found if len(found) <= LONGEST_BYTES else None
-
-
-def parse_selector(text: str) -> bytes | None:
-    """Return a TSAP: `hex E0 02`, `E0 02` and `E0.02` are bytes, everything else is text, `text ...` too."""
-    word, _, rest = text.partition(" ")
-    if word == "hex":
-        found = _hex(rest)
-    elif word == "text":
-        found = _latin(rest)
-    else:
-        pairs = text.replace(".", " ").split()
-        are_bytes = bool(pairs) and all(len(one) == 2 and _is_hex(one) for one in pairs)
-        found = bytes.fromhex("".join(pairs)) if are_bytes else _latin(text)
-    return found if found is not None and len(found) <= LONGEST_SELECTOR else None
-
-
-def _is_hex(text: str) -> bool:
-    return all(one in "0123456789abcdefABCDEF" for one in text)
-
-
-def _latin(text: str) -> bytes | None:
-    return text.encode("ascii") if text.isascii() else None
-
-
 def _bytes_of(size: int) -> Callable[[str], bytes | None]:
     def read(text: str) -> bytes | None:
         numbers = octets(text)
-        found = bytes(numbers) if numbers is not None else _hex(text)
+        found = bytes(numbers) if numbers is not None else hex_of(text)
         return found if found is not None and len(found) <= size else None
 
     return read
 
 
-HEX: Final = of_text('the bytes of a DB in hex such as "00 40 00 01 0b 01 ..."', _hex)
-TSAP: Final = of_text('a TSAP of at most 32 bytes such as "E0 02", "hex e0 02" or "TCP-1"', parse_selector)
+HEX: Final = of_text('the bytes of a DB in hex such as "00 40 00 01 0b 01 ..."', hex_of)
 STRUCTURE: Final = of_text("a structure", lambda text: text)
 QDN: Final = of_text(
     f"a name of at most {LONGEST_NAME} ASCII characters such as plc2.line.local.",

@@ -15,6 +15,7 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.udt.layout import Layout
 from trcvtui.udt.rules import LayoutRules
@@ -69,7 +70,7 @@ class PeerDecl:
     itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
     every `every_ns`; a message is written as behind `peer P1 send`. `replies` are rules, written as behind
     `peer P1 reply on`. With `udp` it receives datagrams at `end`
-    and sends to `remote`, None: to whoever was heard last.
+    and sends to `remote`, None: to whoever was heard last. With a `session` it speaks that on its connection.
     """
 
     name: str
@@ -82,6 +83,7 @@ class PeerDecl:
     udp: bool = False
     remote: Endpoint | str | None = None
     replies: tuple[str, ...] = ()
+    session: Settings | None = None
 
 
 @dataclass(frozen=True, slots=True)

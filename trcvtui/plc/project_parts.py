@@ -13,6 +13,7 @@ from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
+from trcvtui.plc.iso_words import read_iso
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, parse_reference
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
@@ -191,10 +192,11 @@ def read_peer(table: Table) -> PeerDecl | None:
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
+    session = read_iso(table)
     table.finish()
     if name is None or end is None:
         return None
-    return PeerDecl(name, active, end, source, reconnect, says, every, replies=replies)
+    return PeerDecl(name, active, end, source, reconnect, says, every, replies=replies, session=session)
 
 
 def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:

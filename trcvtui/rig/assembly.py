@@ -9,12 +9,14 @@ from typing import Final
 from trcvtui.errors import mistake
 from trcvtui.net.answers import Endpoint, Fault
 from trcvtui.net.faults import FaultPlan, FaultyKernel
+from trcvtui.net.kernel import Kernel
 from trcvtui.net.os_kernel import OsKernel
 from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
+from trcvtui.net.session_kernel import SessionKernel
 from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project import Project
+from trcvtui.plc.project import PeerDecl, Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
@@ -38,17 +40,12 @@ class Bench:
         self.now = 0
         self._sim = _simulated(project) if kernel == "sim" else None
         self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
-        self.runtime = Runtime(
-            project,
-            FaultyKernel(self._kernel, self.plan),
-            self._resources(project),
-            self._peer_port,
-        )
+        self.runtime = Runtime(project, self._plc_kernel(project), self._resources(project), self._peer_port)
         self.plan.fired = self._fault_fired
         self.peers = {
             decl.name: new_peer(
                 decl,
-                self._kernel,
+                self._peer_kernel(decl),
                 self._listening_end,
                 self.runtime.ledger.write,
                 project.rules.policy.small_buffers,
@@ -66,6 +63,21 @@ class Bench:
         for peer in self.peers.values():
             if not peer.decl.active:
                 self._must_listen(peer)
+
+    def _plc_kernel(self, project: Project) -> SessionKernel | FaultyKernel:
+        """Return the PLC's kernel; sessions cost nothing where no CONNECT has one."""
+        faulty = FaultyKernel(self._kernel, self.plan)
+        if all(config.session is None for config in project.connects):
+            return faulty
+        return SessionKernel(faulty, lambda: self.now, self._client_dropped)
+
+    def _peer_kernel(self, decl: PeerDecl) -> Kernel:
+        if decl.session is None:
+            return self._kernel
+        return SessionKernel(self._kernel, lambda: self.now, self._client_dropped, polls=False)
+
+    def _client_dropped(self, owner: str, client: str, why: str) -> None:
+        self._note(owner, "client dropped", f"{client}: {why}")
 
     def _must_listen(self, peer: AnyPeer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""

@@ -20,8 +20,8 @@ REQ_ROSE: Final = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
 
 @lru_cache(1024)
 def shown_as(condition: Condition, outcome: Outcome) -> Outcome:
-    """Return the same outcome under another condition; the same object for the same outcome."""
-    return replace(outcome, condition=condition)
+    """Return the same outcome under another condition; "started" is for one scan, whatever it waits for."""
+    return replace(outcome, condition=condition, lasts=outcome.lasts and condition is not Condition.STARTED)
 
 
 def end_of_job(loss: ConnectionLoss, job: Job, course: Course, failed: Condition) -> Outcome:

@@ -23,6 +23,7 @@ class StatusRow:
     """One code. `manual` names the section it comes from; `blocks` are the blocks that list it.
 
     `unreached`: why nothing on this bench shows it (Reach.NEVER); such a row may have no condition.
+    `unsure`: what of it no manual says, so that a real PLC may overrule it.
     """
 
     code: int
@@ -36,6 +37,7 @@ class StatusRow:
     manual: str
     also: tuple[Condition, ...] = ()  # further conditions that show this code
     unreached: str = ""
+    unsure: str = ""
 
     @property
     def conditions(self) -> tuple[Condition, ...]:

@@ -11,8 +11,8 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
 from trcvtui.blocks.rules import NotConnected, Rules
-from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
-from trcvtui.dialects.siemens_codes import CODES
+from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
+from trcvtui.dialects.siemens_blocks import ALL
 from trcvtui.dialects.siemens_status import STATUS
 from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.description_check import Flaw
@@ -80,7 +80,8 @@ JOB_LOSS: Final = {
 def answer(chosen: Mapping[str, SwitchValue], max_len: int, max_datagram: int) -> Rules:
     """Return the rules for these switch values and the limits of a CPU, in bytes."""
     return Rules(
-        status=CODES,
+        status={},
+        status_of=codes_of(STATUS),
         course=_course(chosen),
         single_instructions=True,
         not_connected=NotConnected.NEVER,
@@ -120,7 +121,7 @@ def _dialect(name: str, title: str, max_len: int, max_datagram: int, budget: int
     return Dialect(
         name=name,
         title=title,
-        blocks=("TRCV_C", "TSEND_C", "TCON", "TDISCON", "T_RESET", "TSEND", "TRCV"),
+        blocks=ALL,
         status=STATUS,
         switches=SWITCHES,
         models={"CPU": budget},

@@ -56,6 +56,7 @@ def _card(one: Explained, up: str) -> str:
             "",
             *(f"- {_plain(check)}" for check in row.checks),
             "",
+            *(["Not certain", "", f"- {_plain(row.unsure)}", ""] if row.unsure else []),
             "How to see it",
             "",
             f"- {_plain(reach_text(row))} ({row.reach})",

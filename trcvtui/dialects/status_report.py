@@ -109,7 +109,7 @@ def reach_text(row: StatusRow) -> str:
 
 def _as_object(one: Explained) -> dict[str, object]:
     row = one.row
-    why_not = {"unreached": row.unreached} if row.unreached else {}
+    said = {"unreached": row.unreached, "unsure": row.unsure}
     return {
         "code": row.word,
         "dialect": one.dialect,
@@ -121,7 +121,7 @@ def _as_object(one: Explained) -> dict[str, object]:
         "manual": row.manual,
         "reach": str(row.reach),
         "scenarios": list(one.scenarios),
-        **why_not,
+        **{key: text for key, text in said.items() if text},
     }
 
 
@@ -140,6 +140,7 @@ def _card(one: Explained) -> str:
         *(f"    - {cause}" for cause in row.causes),
         "  look at",
         *(f"    - {check}" for check in row.checks),
+        *([f"  not certain: {row.unsure}"] if row.unsure else []),
         f"  {reach_text(row)}",
         *(f"  to see it: trcvtui scenario {file}" for file in one.telling()),
     ]

@@ -1,8 +1,8 @@
 """One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (siemens.md 5.2).
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
-Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait in a short queue: who
-does not take them must not feed more (`wants_more`).
+Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MESSAGES_WAITING or
+`cap` bytes of them: who does not take them must not feed more (`wants_more`).
 Rule 3: whatever cannot be right ends the connection with its reason; nothing raises.
 """
 
@@ -98,13 +98,17 @@ class IsoOnTcp:
     @property
     def wants_more(self) -> bool:
         """Return whether bytes may be fed: nobody has to take a message, or answer a CR, first."""
-        waits = self.request is not None or len(self._messages) >= MESSAGES_WAITING
-        return self.phase is not Phase.ENDED and not waits
+        if self.phase is Phase.ENDED or self.request is not None:
+            return False
+        return len(self._messages) < MESSAGES_WAITING and self._waiting() < self._settings.cap
+
+    def _waiting(self) -> int:
+        return sum(len(one.data) for one in self._messages)
 
     @property
     def held(self) -> int:
         """Return how many bytes are kept: complete messages, and what is not complete yet."""
-        return self._reader.held + len(self._collected) + sum(len(one.data) for one in self._messages)
+        return self._reader.held + len(self._collected) + self._waiting()
 
     def feed(self, data: bytes | memoryview) -> None:
         """Take bytes of the stream."""
@@ -138,7 +142,7 @@ class IsoOnTcp:
 
     def drop_data(self) -> int:
         """Drop what could be read and return how many bytes it was."""
-        dropped = sum(len(one.data) for one in self._messages)
+        dropped = self._waiting()
         self._messages.clear()
         return dropped
 
@@ -149,10 +153,15 @@ class IsoOnTcp:
         """Return whether a CR waits for its answer."""
         return self.request is not None
 
+    def names(self, settings: Settings) -> bool:
+        """Return whether the CR names this CONNECT's TSAP."""
+        assert self.request is not None
+        return isinstance(settings, IsoSettings) and self.request.called == settings.local
+
     def is_for(self, settings: Settings) -> str:
         """Return "" when the CR asks for this CONNECT, else why not."""
         assert self.request is not None
-        if not isinstance(settings, IsoSettings) or self.request.called != settings.local:
+        if not isinstance(settings, IsoSettings) or not self.names(settings):
             return f"no CONNECT has the TSAP {self.request.called.hex(' ')}"
         if settings.remote and self.request.calling != settings.remote:
             return f"the TSAP {self.request.calling.hex(' ')} is not the partner's"

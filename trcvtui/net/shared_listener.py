@@ -24,6 +24,10 @@ class Choosing(Protocol):
 
     has_asked: bool
 
+    def names(self, settings: Settings) -> bool:
+        """Return whether it asks for the name of this CONNECT, whoever may have it."""
+        ...
+
     def is_for(self, settings: Settings) -> str:
         """Return "" when this CONNECT is the one that is asked for, else why not."""
         ...
@@ -93,13 +97,14 @@ class Listener:
             self._fail(client, "no handshake in 5 s")
 
     def _give(self, client: Stream, session: Choosing) -> None:
-        why = "nobody listens for it"
-        for member in self.members.values():
-            why = session.is_for(member.settings)
-            if not why:
+        members = list(self.members.values())
+        named = [member for member in members if session.names(member.settings)]
+        for member in named:
+            if not session.is_for(member.settings):
                 self._hand_over(client, member)
                 return
-        session.refuse(is_known=bool(why))
+        why = session.is_for((named or members)[0].settings)
+        session.refuse(is_known=bool(named))
         client.flush()
         self._drop(client, why)
 

@@ -121,6 +121,9 @@ class ConnectionPart:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
         shown = set_up_failed(self._connection, failed, self._course)
+        if self._course.silent_connect and failed.stage is Stage.CONNECT:
+            self.waits += 1
+            return replace(shown, condition=Condition.ESTABLISHING)
         self._script.extend(self._rebuilding(shown.cause))
         return shown
 
@@ -142,7 +145,7 @@ class ConnectionPart:
         self.phase = Phase.CONNECTED
         self.incarnation = self._connection.incarnation
         cause = Cause(Why.PARTNER, "the partner is connected", peer=str(self._connection.peer or ""))
-        begins = self._course.job_begins if self._asks else None
+        begins = self._course.job_begins if self._asks else self._course.established
         return Outcome(begins or Condition.CONNECTED, cause)
 
     def hold_back(self, outcome: Outcome) -> None:
@@ -217,10 +220,18 @@ class ConnectionPart:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         self.phase, self.waits = Phase.CONNECTING, 0
         cause = Cause(Why.INPUT, "COM_RST rose", pin="COM_RST", value=1)
-        shows = (*((self._job_error,) if self._job_error else ()), *self._course.reset)
-        shown, *more = closing.reset(self._connection, cause, shows)
+        shown, *more = self._drop(cause)
         self._script = deque(more)
         return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
+
+    def _drop(self, cause: Cause) -> list[Outcome]:
+        """Reset or close the connection; return what that shows, behind the error of a job."""
+        first = (self._job_error,) if self._job_error else ()
+        if not self._course.reset_closes:
+            return closing.reset(self._connection, cause, (*first, *self._course.reset))
+        self.phase, self._queued = Phase.STARTING, False
+        closed = closing.disconnect(self._connection, cause)[0]
+        return [*(Outcome(condition, cause) for condition in first), closed]
 
 
 def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:

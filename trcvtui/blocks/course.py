@@ -32,6 +32,7 @@ class Course:
     """What shows when. A tuple of conditions shows one a scan.
 
     `job_begins`: the first scan of a connection that a job has been waiting for; None: "connected" as ever.
+    `established`: the same of a connection that no job waits for.
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
     `en_r_keeps_job`: a receive job that runs goes on when EN_R falls.
@@ -42,10 +43,15 @@ class Course:
     `idle_loss`: the error of a loss while no job runs; None: no error, but for a dead link.
     `job_loss`: the error that ends a job, by kind of loss; a kind that is not named fails the job itself.
     `still_asked`: the error of EN_R = 1 in the scan behind a loss.
+    `teardown`: "closing" shows before the error of a loss that ends a job.
+    `silent_connect`: an attempt to connect that fails shows no error.
+    `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
+    `one_shot`: the request itself connects; CONT only keeps what stands behind its job.
     `set_up`: the error of a set-up step.
     """
 
     job_begins: Condition | None = None
+    established: Condition | None = None
     waiting_req_sends: bool = False
     en_r_keeps_job: bool = False
     joiner_lags: bool = False
@@ -61,6 +67,10 @@ class Course:
         }
     )
     still_asked: Condition | None = None
+    teardown: bool = False
+    silent_connect: bool = False
+    reset_closes: bool = False
+    one_shot: bool = False
     set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
 
     def of_set_up(self, stage: Stage, error: str) -> Condition:

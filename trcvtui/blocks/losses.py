@@ -46,7 +46,8 @@ def _conditions(kind: LossKind, rules: Rules, failed: Condition | None) -> list[
         return [found for found in (course.idle_loss or idle,) if found]
     if kind is LossKind.RESET_BY_PARTNER and rules.reset_counts_as_close:
         kind = LossKind.CLOSED_BY_PARTNER
-    return [course.job_loss.get(kind, failed)]
+    ends = course.job_loss.get(kind, failed)
+    return [Condition.CLOSING, ends] if course.teardown else [ends]
 
 
 def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:

@@ -15,6 +15,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.job_checks import changed as area_changed
 from trcvtui.blocks.job_checks import refuse
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
@@ -45,6 +46,8 @@ class ReceiveJob:
         self.last_bytes: int | None = None
         self.claim = bound.claim()
         self._env = bound.env
+        self._area = bound.env.rules.area
+        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
         self._data = bound.data
         self._buffers = bound.env.resources.buffers
         self._connection = bound.connection
@@ -63,6 +66,8 @@ class ReceiveJob:
         """Start, go on or end: one frame a scan at most."""
         if not self.running:
             return self._begin(inputs.len, inputs.adhoc)
+        if self._area.must_stay and (changed := self._changed(inputs.len)) is not None:
+            return changed
         if not self.complete:
             loss = self._collect()
             if loss is not None:
@@ -72,13 +77,25 @@ class ReceiveJob:
         return self._deliver()
 
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
-        receiving = self._connection.receiving
-        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect)
+        receiving, asked = self._connection.receiving, length
+        if length in self._area.adhoc_lens:
+            length, adhoc = 0, True
+        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect, adhoc=adhoc)
         if refused is not None:
             return self.check_loss() or refused
         assert self._data is not None
+        self._asked = asked, self._data.shape
         self._start(length or self._data.size, adhoc)
         return self._collect() or self.receiving()
+
+    def _changed(self, length: int) -> Outcome | None:
+        """End the job when LEN or DATA is another than at its start."""
+        assert self._asked is not None and self._data is not None
+        if self._asked == (length, self._data.shape):
+            return None
+        outcome = area_changed("DATA" if self._asked[0] == length else "LEN")
+        self.abandon(outcome.cause.name)
+        return outcome
 
     def _start(self, need: int, adhoc: bool) -> None:
         self.number += 1
@@ -146,7 +163,8 @@ class ReceiveJob:
 
     def receiving(self) -> Outcome:
         """Return the outcome of a job that waits; the same object while nothing changes."""
-        return _receiving(self.have, self.need, self.complete)
+        part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
+        return _receiving(self.have, self.need, self.complete, part)
 
     def _deliver(self) -> Outcome:
         """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
@@ -210,9 +228,9 @@ class ReceiveJob:
 
 
 @lru_cache(OUTCOMES_KEPT)
-def _receiving(have: int, need: int, complete: bool) -> Outcome:
+def _receiving(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
     cause = Cause(Why.BYTES, _RECEIVING[have > 0, complete], have=have, need=need)
-    return Outcome(Condition.RECEIVING, cause, lasts=not complete)
+    return Outcome(condition, cause, lasts=not complete)
 
 
 @lru_cache(OUTCOMES_KEPT)

@@ -6,6 +6,7 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.connection_part import ConnectionPart
+from trcvtui.blocks.cont_level import ContLevel
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.not_connected import StandingRequest, not_connected
 from trcvtui.blocks.outcome import Outcome
@@ -22,15 +23,18 @@ class TrcvC:
         self._part = ConnectionPart(bound.env, bound.connection)
         self._inputs: Inputs | None = None
         self._course = bound.env.rules.course
+        self._cont = ContLevel(self._course.one_shot)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
-        if inputs is self._inputs and self._part.stands():  # the usual scan, in short
+        # The usual scan, in short.
+        if inputs is self._inputs and self._part.stands() and not self._course.one_shot:
             return self._receive(inputs) if self._goes_on(inputs) else self._idle(None)
         self._inputs = inputs
         self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
-        outcome = self._part.call(inputs.cont, inputs.com_rst, asks=inputs.en_r)
+        cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running)
+        outcome = self._part.call(cont, inputs.com_rst, asks=inputs.en_r)
         if outcome is not None:
             return self._while_not_receiving(outcome)
         return self._connected(inputs)

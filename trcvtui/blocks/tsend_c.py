@@ -6,6 +6,7 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.connection_part import ConnectionPart
+from trcvtui.blocks.cont_level import ContLevel
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.not_connected import not_connected
 from trcvtui.blocks.outcome import Outcome
@@ -23,17 +24,21 @@ class TsendC:
         self._inputs: Inputs | None = None
         self._req = False
         self._course = bound.env.rules.course
+        self._cont = ContLevel(self._course.one_shot)
         self._asked = False  # an edge that came without a connection, not yet told or served
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
-        if inputs is self._inputs and self._part.stands() and not self._asked:  # the usual scan, in short
+        # The usual scan, in short.
+        if inputs is self._inputs and self._part.stands() and not self._asked and not self._course.one_shot:
             return self._send(inputs, req_rose=False)
         self._inputs = inputs
         req_rose = inputs.req and not self._req
         self._req = inputs.req
-        waits = self._course.waiting_req_sends and inputs.req and (self._asked or req_rose)
-        outcome = self._part.call(inputs.cont, inputs.com_rst, asks=waits, job_error=self._reset_error())
+        asks = self._asked or req_rose
+        waits = self._course.waiting_req_sends and (inputs.req or self._course.one_shot) and asks
+        cont = self._cont.level(inputs.cont, asks, self.job.running)
+        outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=self._reset_error())
         if outcome is not None:
             return self._while_not_sending(inputs, outcome, req_rose)
         loss = self._connection.lost(self._part.incarnation)
@@ -67,7 +72,8 @@ class TsendC:
 
     def _keep_asking(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         """Remember a REQ that stays 1: it sends when the connection is up; one that falls before is lost."""
-        self._asked = inputs.req and (self._asked or req_rose)
+        asks = self._asked or req_rose
+        self._asked = asks and (not outcome.error if self._course.one_shot else inputs.req)
         return outcome
 
     def _may_complain(self, outcome: Outcome) -> bool:

@@ -6,11 +6,11 @@ One course for all of them; a dialect below it is its limits and its few differe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
-from trcvtui.blocks.rules import NotConnected, Rules
+from trcvtui.blocks.rules import AreaRules, NotConnected, Rules
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens_blocks import ALL
 from trcvtui.dialects.siemens_status import STATUS
@@ -23,6 +23,21 @@ SECOND: Final = 1_000_000_000  # ns
 SWITCHES: Final = (
     Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
     Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
+    Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
+    Switch(
+        "status_0001_always", "bool", False, "0001 shows for each connection, also when no job waits (A2)"
+    ),
+    Switch(
+        "teardown_before_error", "bool", False, "7003 shows before the code of a loss that ends a job (A7)"
+    ),
+    Switch(
+        "cont_mode",
+        "choice",
+        "level",
+        "CONT builds and closes the connection, or REQ and EN_R connect and CONT only keeps it (A9)",
+        ("level", "oneshot"),
+    ),
+    Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
     Switch("rcv_lag", "bool", True, "a block that did not build the connection sees it one scan later (A6)"),
     Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan (A15)"),
     Switch(
@@ -77,18 +92,42 @@ JOB_LOSS: Final = {
 }
 
 
-def answer(chosen: Mapping[str, SwitchValue], max_len: int, max_datagram: int) -> Rules:
-    """Return the rules for these switch values and the limits of a CPU, in bytes."""
+class Cpu(NamedTuple):
+    """One CPU: limits in bytes, connections for programs, and which symbolic DATA takes ad-hoc data."""
+
+    max_len: int
+    max_datagram: int
+    connections: int
+    symbolic_bytes: bool = False  # only elements of 8 bits (siemens.md 4.2)
+
+
+BUILDING: Final = frozenset(
+    {Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING, Condition.CLOSING}
+)
+
+
+def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
+    """Return the rules for these switch values on a CPU."""
     return Rules(
         status={},
         status_of=codes_of(STATUS),
-        course=_course(chosen),
+        course=course(chosen),
         single_instructions=True,
         not_connected=NotConnected.NEVER,
-        longer_than_data=Condition.LEN_OVER_DATA,
         short_frame_shown=False,
-        max_len=max_len,
-        max_datagram=max_datagram,
+        area=AreaRules(
+            missing=Condition.DATA_MISSING,
+            longer=Condition.LEN_OVER_DATA,
+            refuses_bits=True,
+            symbolic_alone=True,
+            symbolic_bytes=cpu.symbolic_bytes,
+            must_stay=True,
+        ),
+        also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
+        com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        max_len=cpu.max_len,
+        max_datagram=cpu.max_datagram,
+        datagram_too_long=Condition.MESSAGE_TOO_LONG,
         policy=Policy(
             retry_ns=int(chosen["retry"]),
             attempt_limit_ns=int(chosen["attempt_limit"]),
@@ -99,9 +138,11 @@ def answer(chosen: Mapping[str, SwitchValue], max_len: int, max_datagram: int) -
     )
 
 
-def _course(chosen: Mapping[str, SwitchValue]) -> Course:
+def course(chosen: Mapping[str, SwitchValue]) -> Course:
+    """Return what shows when (siemens.md 1), with these switch values."""
     return Course(
         job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
+        established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
         waiting_req_sends=True,  # 1.3, A4
         en_r_keeps_job=chosen["en_r_falls"] == "keeps",  # 1.7
         joiner_lags=bool(chosen["rcv_lag"]),  # 1.8
@@ -112,11 +153,14 @@ def _course(chosen: Mapping[str, SwitchValue]) -> Course:
         idle_loss=Condition.FOUND_CLOSED,  # 1.9
         job_loss=JOB_LOSS,
         still_asked=Condition.STILL_ASKED,  # 1.9
+        teardown=bool(chosen["teardown_before_error"]),  # A7
+        silent_connect=bool(chosen["silent_connect"]),  # A15
+        one_shot=chosen["cont_mode"] == "oneshot",  # A9
         set_up=SET_UP,
     )
 
 
-def _dialect(name: str, title: str, max_len: int, max_datagram: int, budget: int) -> Dialect:
+def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
     defaults = {switch.name: switch.default for switch in SWITCHES}
     return Dialect(
         name=name,
@@ -124,13 +168,13 @@ def _dialect(name: str, title: str, max_len: int, max_datagram: int, budget: int
         blocks=ALL,
         status=STATUS,
         switches=SWITCHES,
-        models={"CPU": budget},
+        models={"CPU": cpu.connections},
         default_model="CPU",
         layout="baosky",
         describes_connects=True,
-        answer=lambda values: answer(defaults | dict(values), max_len, max_datagram),
+        answer=lambda values: answer(defaults | dict(values), cpu),
     )
 
 
-S7_1500: Final = _dialect("s7-1500", "Siemens S7-1500, Open User Communication", 65536, 2048, 128)
-S7_1200: Final = _dialect("s7-1200", "Siemens S7-1200, Open User Communication", 8192, 1472, 8)
+S7_1500: Final = _dialect("s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128))
+S7_1200: Final = _dialect("s7-1200", "Siemens S7-1200, Open User Communication", Cpu(8192, 1472, 8, True))

@@ -37,13 +37,17 @@ class Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DataDecl:
-    """One global variable: its type as written and as laid out; size in bytes."""
+    """One global variable: its type as written and as laid out; size in bytes.
+
+    `optimized`: it stands in a block that a PLC orders by itself, so that blocks take it as a whole.
+    """
 
     name: str
     type_name: str
     type: Type
     layout: Layout
     size: int
+    optimized: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +145,7 @@ class Project:
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""
-        return PINS[block]
+        return tuple([pin for pin in PINS[block] if pin.name not in self.rules.lacks])
 
     def instance(self, name: str) -> InstanceDecl | None:
         """Return the instance of that name."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP, Direction, Pin
+from trcvtui.blocks.parameters import HAS_DATA, PINS, SPEAKS_UDP, Direction, Pin
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
@@ -144,7 +144,7 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     addr = table.must("addr", TEXT) if speaks_udp else None
     data = table.read("data", TEXT)
     task = table.get("task", TEXT, first_task)
-    if data is not None and block in blocks and block not in MOVES_BYTES:
+    if data is not None and block in blocks and block not in HAS_DATA:
         table.wrong("data", shown(data), f"nothing: {block} has no DATA")
     if block is not None and block not in blocks:
         table.wrong("block", shown(block), expected_name(block, blocks, "block"))

@@ -23,7 +23,7 @@ from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
 from trcvtui.plc.project import DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl, SimDecl, Task
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
-from trcvtui.plc.tables import TEXT, Given, Table, shown
+from trcvtui.plc.tables import TEXT, TRUTH, Given, Table, shown
 from trcvtui.udt.formats import read_files
 from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout import Layout, lay_out
@@ -156,6 +156,7 @@ class Reader:
     def data(self, table: Table, types: TypeSet | None, layout: LayoutRules) -> DataDecl | None:
         name = table.must("name", parts.NAME)
         text = table.must("type", TEXT)
+        optimized = table.get("optimized", TRUTH, False)
         table.finish()
         if text is None:
             return None
@@ -166,7 +167,7 @@ class Reader:
             if types is not None:  # else the type may stand in the file that cannot be read
                 self.problems += refused.problems
             return None
-        return DataDecl(name or "", text, type_, laid_out, laid_out.size)
+        return DataDecl(name or "", text, type_, laid_out, laid_out.size, optimized)
 
     def connects(self, tables: list[Table], head: Head) -> tuple[ConnectConfig, ...]:
         if not head.dialect.describes_connects:

@@ -34,6 +34,7 @@ from trcvtui.plc.commands import (
     SetInput,
     WriteData,
 )
+from trcvtui.plc.elements import elements_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import InstanceDecl, Project
@@ -66,7 +67,10 @@ class Runtime:
         self._resources = resources
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
-        self._data = {d.name: DataArea(d.name, d.type_name, d.size) for d in project.data}
+        self._data = {
+            d.name: DataArea(d.name, d.type_name, d.size, elements_of(d.type), d.optimized)
+            for d in project.data
+        }
         self._connections = {
             config.name: Connection(
                 config,
@@ -251,7 +255,7 @@ class Runtime:
             case DownloadInstance(name):
                 self._download(name)
             case ResizeData(data):
-                self._data[data.name].resize(data.type_name, data.size)
+                self._data[data.name].resize(data.type_name, data.size, elements_of(data.type))
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
     def _create(self, decl: InstanceDecl) -> None:

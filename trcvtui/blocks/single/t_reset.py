@@ -11,6 +11,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
+from trcvtui.net.connection import State
 
 
 class TReset:
@@ -38,6 +39,8 @@ class TReset:
         """Be gone; the connection stays as it is."""
 
     def _begin(self) -> Outcome:
+        if self._connection.state is State.CLOSED:
+            return Outcome(Condition.ENDPOINT_GONE, REQ_ROSE)
         if not self._connection.is_up:
             return Outcome(Condition.NOTHING_TO_RESET, REQ_ROSE)
         fault = self._connection.queue_job()

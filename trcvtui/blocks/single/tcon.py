@@ -10,6 +10,7 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
 from trcvtui.net.connection import State
+from trcvtui.net.set_up import Stage, StepFault
 
 
 class Tcon:
@@ -58,6 +59,8 @@ class Tcon:
             self._is_building = False
             return Outcome(Condition.RESET_IN_JOB, Cause(Why.OTHER_BLOCK, "closed before it was established"))
         failed = self._connection.step(self._env.scan, self._env.now)
+        if failed is not None and self._is_silent(failed):
+            return _BUILDING
         if failed is not None:
             self._is_building = False
             shown = set_up_failed(self._connection, failed, self._env.rules.course)
@@ -67,6 +70,9 @@ class Tcon:
             return _BUILDING
         self._is_building, self._keeps = False, True
         return Outcome(Condition.FINISHED, Cause(Why.PARTNER, "the partner is connected"))
+
+    def _is_silent(self, failed: StepFault) -> bool:
+        return self._env.rules.course.silent_connect and failed.stage is Stage.CONNECT
 
     def _look_after(self) -> None:
         if self._connection.is_up:

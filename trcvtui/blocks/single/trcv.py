@@ -57,7 +57,7 @@ class Trcv:
         got = self.job.call(inputs)
         if isinstance(got, ConnectionLoss):
             return self._lost(got)
-        if got.condition is not Condition.RECEIVING:
+        if got.condition not in (Condition.RECEIVING, Condition.RECEIVING_PART):
             return got
         return shown_as(Condition.RUNNING if was_running else Condition.STARTED, got)
 

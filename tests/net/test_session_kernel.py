@@ -1,4 +1,4 @@
-"""SessionKernel: not there where no session is wanted; ISO-on-TCP on both networks; clients that misbehave."""
+"""SessionKernel: not there where no session is wanted; ISO-on-TCP on both networks; unruly clients."""
 
 from __future__ import annotations
 

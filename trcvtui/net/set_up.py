@@ -125,7 +125,14 @@ class SetUp:
         fault = self._kernel.bind(handle, local)
         if fault is None:
             return None
-        return StepFault(Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND, fault)
+        stage = Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND
+        return StepFault(stage, fault, self._hint(fault, local))
+
+    def _hint(self, fault: Fault, local: Endpoint) -> str:
+        """Return what a person can do about a port of which only some users are let in."""
+        if fault.error != "EACCES" or self.config.session is None or not self.config.session.shares_port:
+            return ""
+        return f"{local} is not for every user: IsoPort sets another"
 
     def _listen(self, handle: Handle) -> StepFault | None:
         fault = self._kernel.listen(handle, BACKLOG)

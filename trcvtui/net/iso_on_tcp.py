@@ -116,6 +116,17 @@ class IsoOnTcp:
             if self.phase is not Phase.ENDED:
                 self._take(tpdu)
 
+    @property
+    def partner_is_done(self) -> bool:
+        """Return False: class 0 ends with its stream."""
+        return False
+
+    def give_up(self) -> None:
+        """Say nothing: whoever waits has his own limit, and his own word for it."""
+
+    def say_goodbye(self) -> None:
+        """Say nothing: class 0 ends with its stream."""
+
     def partner_closed(self) -> None:
         """Note that the stream has ended, which is how class 0 releases; before the CC it is a refusal."""
         if self.phase is Phase.WAITS_FOR_CC:

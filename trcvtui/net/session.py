@@ -51,8 +51,21 @@ class Session(Protocol):
         """Take bytes that the partner has sent."""
         ...
 
+    @property
+    def partner_is_done(self) -> bool:
+        """Return whether the partner has said, inside the session, that nothing more comes."""
+        ...
+
     def partner_closed(self) -> None:
         """Note the end of the partner's bytes."""
+        ...
+
+    def give_up(self) -> None:
+        """End a handshake that takes too long, where the session has a word for that."""
+        ...
+
+    def say_goodbye(self) -> None:
+        """Tell the partner that nothing more comes, where the session has a word for it."""
         ...
 
     def take_output(self) -> bytes:

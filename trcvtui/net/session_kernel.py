@@ -9,7 +9,7 @@ Rule 2: a client that says nothing, too much, or nonsense is dropped, and the le
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
@@ -28,6 +28,10 @@ from trcvtui.net.kernel import (
 from trcvtui.net.session import Settings
 from trcvtui.net.shared_listener import Choosing, Listener, Member
 from trcvtui.net.stream import Stream
+
+# Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
+# from one who is not there.
+ATTEMPT_LIMIT: Final = 4_000_000_000  # ns
 
 
 @runtime_checkable
@@ -228,7 +232,9 @@ class SessionKernel:
             return None
         if stream.end is not None or stream.is_over:
             return stream.end or Fault("session", "ECONNRESET")
-        return WOULD_BLOCK
+        if self._clock() - stream.since >= ATTEMPT_LIMIT:
+            stream.too_slow()
+        return stream.end or WOULD_BLOCK
 
     # -- data ------------------------------------------------------------------------------------------------
 
@@ -280,7 +286,10 @@ class SessionKernel:
     # -- the end ---------------------------------------------------------------------------------------------
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN."""
+        """Send FIN, behind the session's own last word."""
+        stream = self._streams.get(handle)
+        if stream is not None:
+            stream.goodbye()
         return self.inner.shutdown(handle, both)
 
     def abort(self, handle: Handle) -> Fault | None:
@@ -297,6 +306,9 @@ class SessionKernel:
 
     def close(self, handle: Handle) -> Fault | None:
         """Free the handle: FIN, or RST when unread data is queued."""
+        stream = self._streams.get(handle)
+        if stream is not None:
+            stream.goodbye()
         return None if self._forget(handle) else self.inner.close(handle)
 
     def _forget(self, handle: Handle) -> bool:

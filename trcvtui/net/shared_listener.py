@@ -94,6 +94,7 @@ class Listener:
         elif client.is_over or session.ended is not None:
             self._fail(client, str(session.ended.detail if session.ended else "closed before the handshake"))
         elif now - client.since >= HANDSHAKE_LIMIT:
+            client.too_slow()
             self._fail(client, "no handshake in 5 s")
 
     def _give(self, client: Stream, session: Choosing) -> None:
@@ -115,7 +116,8 @@ class Listener:
     def _fail(self, client: Stream, why: str) -> None:
         session: Session = client.session
         member = self._any_member()
-        if session.ended is not None and not isinstance(session, Choosing):
+        told = session.ended is not None and not isinstance(session, Choosing)
+        if session.ended is not None and told and len(member.ready) < CLIENTS_WAITING:
             member.ready.append(Fault("session", session.ended.error))
         self._drop(client, why)
 

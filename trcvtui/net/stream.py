@@ -36,7 +36,7 @@ class Stream:
         """Read what has come, as far as the session takes it, and answer."""
         scratch = memoryview(_SCRATCH)
         for _ in range(PIECES_A_CALL):
-            if self.is_over or not self.session.wants_more:
+            if self.is_over or not self.session.wants_more or len(self._output) > PIECE:
                 break
             got = self._kernel.recv(self.handle, scratch)
             if isinstance(got, WouldBlock):
@@ -48,6 +48,7 @@ class Stream:
                 self.is_over = True
             else:
                 self.session.feed(scratch[:got])
+                self.is_over = self.session.partner_is_done
         self.flush()
 
     def read(self, into: memoryview) -> Message | None:
@@ -64,7 +65,18 @@ class Stream:
         ended = self.session.ended
         return None if ended is None else Fault("session", ended.error)
 
+    def too_slow(self) -> None:
+        """End a handshake that takes too long."""
+        self.session.give_up()
+        self.flush()
+
     # -- out ----------------------------------------------------------------------------------------------
+
+    def goodbye(self) -> None:
+        """Say the session's last word, as far as the stack takes it; not in the middle of data."""
+        if not self._carried:
+            self.session.say_goodbye()
+            self.flush()
 
     def flush(self) -> None:
         """Send what the session has to say."""
@@ -82,6 +94,8 @@ class Stream:
         encoded must go: the first byte counts as taken even when the stack had no room for any.
         """
         self.flush()
+        if self.session.ended is not None:
+            return self.end or WOULD_BLOCK
         if self._output:
             return WOULD_BLOCK
         if not self._carried:

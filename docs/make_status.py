@@ -16,7 +16,7 @@ HERE: Final = Path(__file__).parent
 
 def page(dialect: Dialect) -> str:
     """Return the atlas of a dialect."""
-    shelves = {dialect.name: scenarios_of(dialect.name)}
+    shelves = {dialect.name: scenarios_of(dialect.shelf)}
     found = with_scenarios(explain([dialect], None, None), shelves)
     return as_page(dialect.title, found, "../")
 

@@ -187,7 +187,7 @@ def _status(args: argparse.Namespace) -> int:
         return _print(as_table(found))
     from trcvtui.rig.scenario_shelf import scenarios_of
 
-    shown = with_scenarios(found, {dialect.name: scenarios_of(dialect.name) for dialect in dialects})
+    shown = with_scenarios(found, {dialect.name: scenarios_of(dialect.shelf) for dialect in dialects})
     return _print(as_json(shown) if args.format == "json" else as_text(shown))
 
 

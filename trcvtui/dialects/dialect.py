@@ -42,6 +42,7 @@ class Dialect:
     """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default.
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
+    `folder`: where its scenarios lie, when that has another name.
     """
 
     name: str
@@ -54,6 +55,12 @@ class Dialect:
     layout: str
     answer: Callable[[Mapping[str, SwitchValue]], Rules]
     describes_connects: bool = False
+    folder: str = ""
+
+    @property
+    def shelf(self) -> str:
+        """Return the folder of its scenarios."""
+        return self.folder or self.name
 
     def row(self, code: int, block: str | None = None) -> StatusRow | None:
         """Return the row of a code, for one block or for any."""

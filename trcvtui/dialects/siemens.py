@@ -172,6 +172,7 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         default_model="CPU",
         layout="baosky",
         describes_connects=True,
+        folder="siemens",
         answer=lambda values: answer(defaults | dict(values), cpu),
     )
 

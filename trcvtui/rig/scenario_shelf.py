@@ -21,10 +21,10 @@ ROOT: Final = Path(__file__).parents[2]
 Shown = tuple[int, str]  # a code, the block that shows it
 
 
-def scenarios_of(dialect: str) -> Mapping[Shown, tuple[str, ...]]:
-    """Return the scenario files that show a code at a block; paths start at the source's root."""
+def scenarios_of(shelf: str) -> Mapping[Shown, tuple[str, ...]]:
+    """Return the files of a folder that show a code at a block; paths start at the source's root."""
     showing: dict[Shown, list[str]] = {}
-    for path in sorted((ROOT / "configs" / "scenarios" / dialect).glob("*.toml")):
+    for path in sorted((ROOT / "configs" / "scenarios" / shelf).glob("*.toml")):
         for shown in shown_by(path):
             showing.setdefault(shown, []).append(path.relative_to(ROOT).as_posix())
     return {shown: tuple(files) for shown, files in sorted(showing.items())}

@@ -1,0 +1,92 @@
+"""Every scenario of configs/scenarios/siemens holds, scan by scan, on the simulated and on the live kernel.
+
+Live runs those that the network has a part in: what pins alone decide is the same code on both kernels.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.rig.scenarios import LEGACY, SIEMENS, failures, play
+from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.dialects import DIALECTS
+from trcvtui.dialects.siemens_legacy import OWN_ROWS
+
+SECTIONS = {f"1-{number}" for number in range(1, 12)}
+LIVE = [
+    path for path in SIEMENS + LEGACY if path.stem[0] == "1" or path.stem.startswith(("80c", "udp", "iso"))
+]
+
+
+def name_of(path: Path) -> str:
+    return path.stem
+
+
+def section_of(path: Path) -> str:
+    return "-".join(path.stem.split("-")[:2])
+
+
+def test_each_table_of_section_1_has_a_scenario() -> None:
+    assert {section_of(path) for path in SIEMENS + LEGACY} & SECTIONS == SECTIONS
+
+
+@pytest.mark.parametrize("path", SIEMENS + LEGACY, ids=name_of)
+def test_a_scenario_holds_on_the_simulated_kernel(path: Path) -> None:
+    played = play(path, "sim")
+    assert played.verdict.passed, failures(played.verdict)
+
+
+@pytest.mark.parametrize("path", LIVE, ids=name_of)
+def test_a_scenario_holds_on_real_sockets(path: Path) -> None:
+    played = play(path, "live")
+    assert played.verdict.passed, failures(played.verdict)
+
+
+Shown = frozenset[tuple[str, int, bool]]
+
+
+@pytest.fixture(scope="module")
+def reached() -> Shown:
+    return frozenset().union(*(play(path, "sim").reached() for path in SIEMENS))
+
+
+@pytest.fixture(scope="module")
+def reached_before_3() -> Shown:
+    return frozenset().union(*(play(path, "sim").reached() for path in LEGACY))
+
+
+def unseen(rows: tuple[StatusRow, ...], shown: Shown) -> list[str]:
+    """Return the rows that no scenario shows on any of their blocks."""
+    seen = {(block, status) for block, status, _ in shown}
+    return [
+        f"{row.word} {'/'.join(row.blocks)}"
+        for row in rows
+        if row.reach is not Reach.NEVER and not seen & {(block, row.code) for block in row.blocks}
+    ]
+
+
+def test_every_code_that_a_condition_can_reach_has_a_scenario(reached: Shown) -> None:
+    assert unseen(DIALECTS["s7-1500"].status, reached) == []
+
+
+def test_what_instructions_before_3_show_otherwise_has_a_scenario(reached_before_3: Shown) -> None:
+    assert unseen(OWN_ROWS, reached_before_3) == []
+
+
+def test_no_block_shows_a_status_that_its_table_does_not_list_or_calls_out_of_reach(reached: Shown) -> None:
+    rows = DIALECTS["s7-1500"].status
+    listed = {(b, row.code) for row in rows if row.reach is not Reach.NEVER for b in row.blocks}
+    assert {f"{block} {status:04X}" for block, status, _ in reached if (block, status) not in listed} == set()
+
+
+def test_a_code_that_only_a_fault_brings_about_says_so(reached: Shown) -> None:
+    real = {(block, status) for block, status, injected in reached if not injected}
+    rows = DIALECTS["s7-1500"].status
+    only_injected = [
+        row.word
+        for row in rows
+        if row.reach is not Reach.NEVER and not real & {(block, row.code) for block in row.blocks}
+    ]
+    assert only_injected == [row.word for row in rows if row.reach is Reach.INJECTED]

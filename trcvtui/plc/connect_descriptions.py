@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from trcvtui.net.answers import Endpoint
-from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.description import (
     CONNECTIONS,
     LONGEST_NAME,
@@ -37,7 +37,7 @@ from trcvtui.net.ipv4 import is_loopback, octets
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.session import Settings
 from trcvtui.plc.iso_words import TSAP, hex_of
-from trcvtui.plc.names import expected_name
+from trcvtui.plc.names import expected_name, parse_reference
 from trcvtui.plc.project_parts import NAME, PORT_OR_NAME, UINT
 from trcvtui.plc.tables import ADDRESS, PORT, TRUTH, Kind, Table, of_text, shown, whole
 
@@ -45,7 +45,6 @@ LOOPBACK: Final = "127.0.0.1"
 ISO_PORT: Final = 102
 DEFAULT_TYPE: Final = "TCON_IP_v4"
 USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
-OWN_KEYS: Final = "type, bytes, LocalAddress, ListenPort, IsoPort, DnsAnswer, KeepAliveTimeInterval"
 
 
 # -- how the fields are written ------------------------------------------------------------------------------
@@ -61,7 +60,10 @@ def _bytes_of(size: int) -> Callable[[str], bytes | None]:
 
 
 HEX: Final = of_text('the bytes of a DB in hex such as "00 40 00 01 0b 01 ..."', hex_of)
-STRUCTURE: Final = of_text("a structure", lambda text: text)
+REFERENCE: Final = of_text(
+    "@NAME of a peer or CONNECT: the bytes say the rest", lambda text: text if parse_reference(text) else None
+)
+STRUCTURE: Final = of_text("the name of a structure such as TCON_IP_RFC", lambda text: text)
 QDN: Final = of_text(
     f"a name of at most {LONGEST_NAME} ASCII characters such as plc2.line.local.",
     lambda text: text if text.isascii() and len(text) <= LONGEST_NAME else None,
@@ -128,9 +130,28 @@ def read_described(table: Table, number: int, cap: int) -> ConnectConfig | None:
     if name is None or written is None:
         return None
     says = meaning(written.description)
-    if isinstance(bench.iso_port, str) and not says.is_active:
-        table.wrong("IsoPort", shown(bench.iso_port), "a port: a passive end listens on its own")
+    _check_own_keys(table, written.description.structure, says)
     return _config(name, written, says, bench, cap)
+
+
+def _check_own_keys(table: Table, structure: Structure, says: Meaning) -> None:
+    """Refuse a key of the bench that would have no effect here."""
+    iso_port, is_iso = table.text("IsoPort"), says.protocol is Protocol.ISO
+    useless = (
+        ("IsoPort", not is_iso, "nothing: only ISO-on-TCP has it"),
+        ("ListenPort", is_iso, "IsoPort"),
+        ("ListenPort", says.is_active, "nothing: an active end does not listen"),
+        ("DnsAnswer", structure.field("RemoteQDN") is None, "nothing: there is no RemoteQDN"),
+        (
+            "IsoPort",
+            iso_port is not None and iso_port.startswith("@") and not says.is_active,
+            "a port: a passive end listens on its own",
+        ),
+    )
+    for key, is_useless, expected in useless:
+        if table.has(key) and is_useless:
+            table.wrong(key, shown(table.peek(key)), expected)
+            return
 
 
 def _read_written(table: Table, number: int) -> _Written | None:
@@ -141,26 +162,28 @@ def _read_written(table: Table, number: int) -> _Written | None:
         return None
     raw = table.read("bytes", HEX)
     if table.has("bytes"):
-        return None if raw is None else _of_bytes(raw, type_name)
+        reference = table.read("RemotePort", REFERENCE)
+        return None if raw is None else _of_bytes(raw, type_name, reference)
     structure = CONNECTIONS[type_name or DEFAULT_TYPE]
     return _of_fields(table, structure, number, is_plain=type_name is None)
 
 
-def _of_bytes(raw: bytes, type_name: str | None) -> _Written:
+def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> _Written:
     structure = CONNECTIONS[type_name] if type_name else structure_of_size(len(raw))
     if structure is None:
         text = f"{len(raw)} bytes are no connection description"
         flaw = Finding(Flaw.NO_DESCRIPTION, "", text)
         return _Written(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
-    return _Written(Description(structure, raw))
+    return _Written(Description(structure, raw), reference)
 
 
 def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> _Written:
     read = {field.name: table.read(field.name, _kind(field)) for field in structure.fields}
-    values: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
-    port = values.pop("RemotePort", 0)
+    port = read.get("RemotePort")
     reference = port if isinstance(port, str) else None
-    given = values | ({} if reference else {"RemotePort": port} if "RemotePort" in read else {})
+    if reference is not None:
+        read["RemotePort"] = 0  # nobody knows it before the partner listens
+    given: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
     data = pack(structure, _usual(structure, number, given) | given)
     return _Written(Description(structure, data), reference, is_plain=is_plain)
 
@@ -183,33 +206,34 @@ def _usual(structure: Structure, number: int, given: dict[str, Value]) -> dict[s
 
 
 def _config(name: str, written: _Written, says: Meaning, bench: _Bench, cap: int) -> ConnectConfig:
-    is_iso = says.protocol is Protocol.ISO
-    remote, flaw = _remote_address(written, says, bench)
+    remote, name_flaw = _remote_address(written, says, bench)
+    any_local = says.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
     takes_free_port = bench.listen_port is not None or written.is_plain
-    flaw = (
-        written.flaw
-        or judge(Asked(written.description, says, address, takes_free_port, written.reference is not None))
-        or flaw
-    )
-    local_port = says.local_port if bench.listen_port is None or says.is_active else bench.listen_port
-    remote_port: int | str = written.reference or says.remote_port
-    if is_iso and says.is_active:
-        local_port, remote_port = 0, bench.iso_port
-    elif is_iso:
-        local_port, remote_port = int(bench.iso_port) if isinstance(bench.iso_port, int) else 0, 0
+    asked = Asked(written.description, says, address, takes_free_port, written.reference is not None)
+    local_port, remote_port = _ports(written, says, bench)
     return ConnectConfig(
         name=name,
         active=says.is_active,
-        local=Endpoint(address, local_port),
+        local=Endpoint(ANY_ADDRESS if any_local else address, local_port),
         remote_address=remote,
         remote_port=remote_port,
         keep_alive_interval_s=bench.keep_alive,
         session=_session(says, cap),
         description=written.description,
-        flaw=flaw,
-        any_local=says.is_active and bench.address is None and not is_loopback(remote),
+        flaw=written.flaw or judge(asked) or name_flaw,
+        any_local=any_local,
     )
+
+
+def _ports(written: _Written, says: Meaning, bench: _Bench) -> tuple[int, int | str]:
+    """Return the port on this side and the partner's."""
+    if says.protocol is Protocol.ISO and says.is_active:
+        return 0, bench.iso_port
+    if says.protocol is Protocol.ISO:
+        return bench.iso_port if isinstance(bench.iso_port, int) else 0, 0
+    own = says.local_port if bench.listen_port is None else bench.listen_port
+    return own, written.reference or says.remote_port
 
 
 def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[str, Finding | None]:

@@ -85,6 +85,19 @@ class Condition(StrEnum):
     NAME_NOT_FULL = "name of partner not fully qualified"
     NO_RESOLVER = "no DNS server"
     NAME_UNKNOWN = "name of partner unknown"
+    TLS_MESSAGE = "TLS: no message that makes sense"
+    TLS_HANDSHAKE = "TLS: handshake failed"
+    TLS_UNSUPPORTED = "TLS: certificate not supported, or none"
+    TLS_DISCARDED = "TLS: certificate discarded"
+    TLS_NO_CA = "TLS: no authority for the certificate"
+    TLS_EXPIRED = "TLS: certificate expired"
+    TLS_INTEGRITY = "TLS: integrity check failed"
+    TLS_EXTENSION = "TLS: extension not supported"
+    TLS_SERVER_BARE = "TLS: server without certificate"
+    TLS_DATAGRAMS = "TLS: not for datagrams"
+    TLS_CLIENT_ASKS = "TLS: client asks for a client certificate"
+    TLS_SERVER_CHECKS = "TLS: server checks a name"
+    TLS_REFERENCE = "TLS: wrong number of a certificate"
 
 
 BUSY: Final = frozenset(

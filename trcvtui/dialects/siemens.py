@@ -13,6 +13,7 @@ from trcvtui.blocks.course import Course
 from trcvtui.blocks.rules import AreaRules, NotConnected, Rules
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens_blocks import ALL
+from trcvtui.dialects.siemens_secure import SECURE_SET_UP
 from trcvtui.dialects.siemens_status import STATUS
 from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.description_check import Flaw
@@ -84,6 +85,7 @@ SET_UP: Final = {
     (Stage.CONNECT, "ETIMEDOUT"): Condition.UNREACHABLE,
     (Stage.CONNECT, "ENETUNREACH"): Condition.UNREACHABLE,
     (Stage.CONNECT, "EHOSTUNREACH"): Condition.UNREACHABLE,
+    **SECURE_SET_UP,
 }
 JOB_LOSS: Final = {
     LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,

@@ -4,9 +4,26 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.siemens_blocks import SET_UP, UDP
 
+_SHOWN_BY: Final = {
+    0x80E0: Condition.TLS_MESSAGE,
+    0x80E1: Condition.TLS_HANDSHAKE,
+    0x80E2: Condition.TLS_UNSUPPORTED,
+    0x80E3: Condition.TLS_DISCARDED,
+    0x80E4: Condition.TLS_NO_CA,
+    0x80E5: Condition.TLS_EXPIRED,
+    0x80E6: Condition.TLS_INTEGRITY,
+    0x80E7: Condition.TLS_EXTENSION,
+    0x80E9: Condition.TLS_SERVER_BARE,
+    0x80EA: Condition.TLS_DATAGRAMS,
+    0x80EB: Condition.TLS_CLIENT_ASKS,
+    0x80EC: Condition.TLS_SERVER_CHECKS,
+    0x80ED: Condition.TLS_REFERENCE,
+}
+_BY_DESCRIPTION: Final = range(0x80E9, 0x80EE)
 # Code: what it means, two causes, two things to look at. The list of codes is read, what each covers is not.
 _FAILURES: Final = {
     0x80E0: (
@@ -19,12 +36,21 @@ _FAILURES: Final = {
     ),
     0x80E1: (
         "TLS: the handshake failed",
-        ("no version or cipher that both sides have", "the partner did not accept what this side showed"),
-        ("`openssl s_client -connect ADDRESS:PORT -msg`: the alert and who sent it", "versions at both ends"),
+        (
+            "no version or cipher that both sides have, or the partner did not accept what this side showed",
+            "ExtTLSCapabilities bit 0: the certificate does not bear the partner's address or name",
+        ),
+        (
+            "the ledger: the alert and who sent it; `openssl s_client -connect ADDRESS:PORT -msg`",
+            "`openssl x509 -in FILE -noout -ext subjectAltName` against RemoteAddress or RemoteQDN",
+        ),
     ),
     0x80E2: (
-        "TLS: the certificate is not supported",
-        ("a key or signature of a kind that is not taken", "a certificate for another use"),
+        "TLS: certificate not supported, or missing",
+        (
+            "the client has shown no certificate (TLSServerReqClientCert asks for one)",
+            "a key, a signature or a use of a kind that is not taken",
+        ),
         ("`openssl x509 -in FILE -noout -text`: key, signature, extended key usage", "another certificate"),
     ),
     0x80E3: (
@@ -85,29 +111,38 @@ _FAILURES: Final = {
     ),
 }
 _UNSURE: Final = "the sources list this code in a row of short names; which failure shows it is inferred"
-_NOT_YET: Final = "the bench speaks no TLS on a CONNECT"
+_NO_DATAGRAM_TLS: Final = "a UDP connection has no secure structure: ActivateSecureConn cannot be written"
+_NOT_BEFORE: Final = "a job starts behind the handshake: until then the connection is not up (80A1)"
 
 
-def _blocks(code: int) -> tuple[str, ...]:
-    return (*SET_UP, *UDP) if code == 0x80EA else SET_UP
+def _row(code: int) -> StatusRow:
+    title, causes, checks = _FAILURES[code]
+    return StatusRow(
+        code,
+        _SHOWN_BY[code],
+        SET_UP,
+        True,
+        title,
+        causes,
+        checks,
+        Reach.LOGIC if code in _BY_DESCRIPTION else Reach.REAL,
+        "siemens.md 2.3, 3.5",
+        unsure=_UNSURE,
+    )
 
 
 TLS_ERRORS: Final = (
-    *(
-        StatusRow(
-            code,
-            None,
-            _blocks(code),
-            True,
-            title,
-            causes,
-            checks,
-            Reach.NEVER,
-            "siemens.md 2.3, 2.7, 3.5" if code == 0x80EA else "siemens.md 2.3, 3.5",
-            unreached=_NOT_YET,
-            unsure=_UNSURE,
-        )
-        for code, (title, causes, checks) in _FAILURES.items()
+    *(_row(code) for code in _FAILURES),
+    StatusRow(
+        0x80EA,
+        None,
+        UDP,
+        True,
+        *_FAILURES[0x80EA],
+        Reach.NEVER,
+        "siemens.md 2.7",
+        unreached=_NO_DATAGRAM_TLS,
+        unsure=_UNSURE,
     ),
     StatusRow(
         0x80EE,
@@ -122,6 +157,6 @@ TLS_ERRORS: Final = (
         ("start jobs behind the DONE of TCON", "`tcpdump -ni any tcp port PORT`: whose message is missing?"),
         Reach.NEVER,
         "siemens.md 2.4, 2.5",
-        unreached=_NOT_YET,
+        unreached=_NOT_BEFORE,
     ),
 )

@@ -16,6 +16,8 @@ from trcvtui.net.ipv4 import is_group, is_loopback
 ANY_ADDRESS: Final = "0.0.0.0"
 MOST_ID: Final = 4095
 CONFIGURED: Final = 254
+UDP_TYPE: Final = 19
+CHECKS_NAME: Final = 1  # bit 0 of ExtTLSCapabilities
 RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})
 FIRST_DYNAMIC_PORT: Final = 49152
 TCON_PARAM_SIZE: Final = 64
@@ -51,6 +53,11 @@ class Flaw(StrEnum):
     NAME_NOT_FULL = "name not fully qualified"
     NO_RESOLVER = "no resolver"
     NAME_UNKNOWN = "name unknown"
+    SERVER_BARE = "server without certificate"
+    SECURE_DATAGRAMS = "secure datagrams"
+    CLIENT_ASKS = "client asks for a client certificate"
+    SERVER_CHECKS = "server checks a name"
+    CERTIFICATE = "certificate unknown"
 
 
 class Finding(NamedTuple):
@@ -316,7 +323,31 @@ def _name(asked: Asked) -> Finding | None:
     return None
 
 
+def _secure_type(asked: Asked) -> Finding | None:
+    is_udp = asked.description.number("ConnectionType") == UDP_TYPE
+    if not is_udp or not asked.description.number("ActivateSecureConn"):
+        return None
+    return Finding(Flaw.SECURE_DATAGRAMS, "ConnectionType", "UDP cannot be secured: there is no DTLS")
+
+
+def _secure(asked: Asked) -> Finding | None:
+    number = asked.description.number
+    if not number("ActivateSecureConn"):
+        return None
+    if asked.meaning.is_active:
+        if number("TLSServerReqClientCert"):
+            text = "TLSServerReqClientCert is TRUE: only a server asks for a client's certificate"
+            return Finding(Flaw.CLIENT_ASKS, "TLSServerReqClientCert", text)
+        return None
+    if number("ExtTLSCapabilities") & CHECKS_NAME:
+        text = "ExtTLSCapabilities has bit 0: only a client checks the subjectAlternateName"
+        return Finding(Flaw.SERVER_CHECKS, "ExtTLSCapabilities", text)
+    if not number("TLSServerCertRef"):
+        return Finding(Flaw.SERVER_BARE, "TLSServerCertRef", "TLSServerCertRef is 0: a server shows one")
+    return None
+
+
 _QUESTIONS: Final[tuple[Callable[[Asked], Finding | None], ...]] = (
-    _length, _identity, _configured, _interface, _type, _tsap,
-    _param, _udp, _ports, _remote, _local_port, _name,
+    _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
+    _param, _udp, _ports, _remote, _local_port, _name, _secure,
 )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
@@ -12,12 +13,15 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.siemens_blocks import ALL
 from trcvtui.dialects.siemens_status import STATUS
 
+ROOT = Path(__file__).parents[2]
+
 # fmt: off
 # siemens.md 2.1 to 2.7; what a _C block passes through from TCON, TSEND, TRCV stands behind the first break.
 LISTED = {
     "TSEND_C": [
         0x0000, 0x0001, 0x0003, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7005,
-        0x8085, 0x8086, 0x8087, 0x8088, 0x8089, 0x8091, 0x809A, 0x809B, 0x80A1, 0x80A3, 0x80A4, 0x80A7, 0x80AA,
+        0x8085, 0x8086, 0x8087, 0x8088, 0x8089, 0x8091, 0x809A, 0x809B, 0x80A1, 0x80A3, 0x80A4, 0x80A7,
+        0x80AA,
         0x80B3, 0x80B4, 0x80B5, 0x80B6, 0x80B7, 0x80C3, 0x80C4, 0x80C5, 0x80C6,
         0x8722, 0x873A, 0x877F, 0x8822, 0x8824, 0x8832, 0x883A, 0x887F, 0x893A,
         0x80A2, 0x80B1, 0x80CE, 0x80D0, 0x80D1, 0x80D2, 0x80D3,
@@ -33,7 +37,8 @@ LISTED = {
         0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8087, 0x8089, 0x8090, 0x809A, 0x809B, 0x809C,
         0x80A1, 0x80A2, 0x80A3, 0x80A4, 0x80A7, 0x80B4, 0x80B5, 0x80B6, 0x80B7, 0x80B8,
         0x80C3, 0x80C4, 0x80C5, 0x80C6, 0x80C7, 0x80C8, 0x80C9, 0x80CE, 0x80D0, 0x80D1, 0x80D2, 0x80D3,
-        0x80E0, 0x80E1, 0x80E2, 0x80E3, 0x80E4, 0x80E5, 0x80E6, 0x80E7, 0x80E9, 0x80EA, 0x80EB, 0x80EC, 0x80ED,
+        0x80E0, 0x80E1, 0x80E2, 0x80E3, 0x80E4, 0x80E5, 0x80E6, 0x80E7, 0x80E9, 0x80EA, 0x80EB, 0x80EC,
+        0x80ED,
     ],
     "TSEND": [
         0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8088,
@@ -47,7 +52,8 @@ LISTED = {
     "T_RESET": [0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x8081],
     "T_DIAG": [0x0000, 0x7000, 0x7001, 0x7002, 0x8086, 0x8089, 0x80A3, 0x80B1, 0x80C4],
     "TUSEND": [
-        0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8088, 0x8089, 0x80A1, 0x80A4, 0x80B1, 0x80B3, 0x80B7,
+        0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8088, 0x8089, 0x80A1, 0x80A4, 0x80B1, 0x80B3,
+        0x80B7,
         0x80C3, 0x80C4, 0x80C5, 0x80C6, 0x80C7, 0x80D3, 0x80EA,
     ],
     "TURCV": [
@@ -129,6 +135,8 @@ _RECEIVES = {Condition.RECEIVED, Condition.RECEIVE_FAILED, Condition.MESSAGE_TOO
 _SINGLE = {Condition.NOT_CALLED, Condition.NO_JOB, Condition.STARTED, Condition.RUNNING}
 _ENDS = _SINGLE | {Condition.FINISHED}
 
+NOT_BEFORE_3 = {Condition.JOB_BEGINS, Condition.ESTABLISHED}
+
 # What each block can show: the conditions that its code makes.
 CAN_SHOW = {
     "TSEND_C": _SET_UP | _COURSE | _AREA | _LOSS | _SENDS | {Condition.SENDING, Condition.RESET_IN_JOB},
@@ -198,6 +206,27 @@ def test_what_a_block_shows_is_what_its_row_says() -> None:
         0x8924,
     )
     assert rules.word("TUSEND", Condition.SEND_FAILED) == 0x80C6
+
+
+def test_instructions_before_3_have_one_row_for_each_condition_that_they_can_show() -> None:
+    legacy = DIALECTS["s7-1200-legacy"]
+    for block in legacy.blocks:
+        rows = Counter(c for row in legacy.status if block in row.blocks for c in row.conditions)
+        assert {str(c): rows[c] for c in CAN_SHOW[block] - NOT_BEFORE_3 if rows[c] != 1} == {}
+    rules = legacy.answer({})
+    assert rules.word("TSEND_C", Condition.ESTABLISHING) == 0x7001
+    assert rules.word("TSEND_C", Condition.SENDING) == 0x7002
+    assert rules.word("TRCV_C", Condition.RECEIVING) == 0x7006
+    assert rules.word("TRCV_C", Condition.RECEIVING_PART) == 0x7002
+    assert rules.word("TRCV_C", Condition.LINK_DONE) == 0x0000
+
+
+def test_a_scenario_that_a_row_names_is_there() -> None:
+    named = {
+        word.strip("`") for row in STATUS for check in row.checks for word in check.split() if ".toml" in word
+    }
+    assert named
+    assert [path for path in named if not (ROOT / path).exists()] == []
 
 
 def ident(row: StatusRow) -> str:

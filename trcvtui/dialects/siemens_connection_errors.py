@@ -76,7 +76,7 @@ CONNECTION_ERRORS: Final = (
         (
             "nothing to mend: 7001 and 7002 follow, and the block builds it again",
             "the partner's log: does it close when nothing comes for some time?",
-            "`trcvtui scenario configs/scenarios/siemens/80a3-idle.toml` shows the course",
+            "`trcvtui scenario configs/scenarios/siemens/1-9-tsend_c-idle.toml` shows the course",
         ),
         Reach.REAL,
         "siemens.md 1.9, 2.1",

@@ -34,7 +34,7 @@ def read_create(words: Words, project: Project) -> Create:
     if block in HAS_DATA:
         data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
     task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
-    inputs = _inputs(given, block, words)
+    inputs = _inputs(given, block, words, project)
     return Create(InstanceDecl(name, block, connect, data, task or project.tasks[0].name, inputs, addr))
 
 
@@ -79,8 +79,10 @@ def _reference(given: dict[str, str], key: str, names: list[str], what: str, wor
     return name
 
 
-def _inputs(given: dict[str, str], block: str, words: Words) -> tuple[tuple[str, bool | int], ...]:
-    pins = {pin.name: pin for pin in PINS[block] if pin.direction is not Direction.OUT}
+def _inputs(
+    given: dict[str, str], block: str, words: Words, project: Project
+) -> tuple[tuple[str, bool | int], ...]:
+    pins = {pin.name: pin for pin in project.pins(block) if pin.direction is not Direction.OUT}
     keys = (*(("config", "addr") if block in SPEAKS_UDP else ("connect",)), "task", *pins)
     for key in given:
         if key == "data":

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final
 
 from trcvtui.net.answers import Endpoint
@@ -40,7 +41,9 @@ from trcvtui.plc.iso_words import TSAP, hex_of
 from trcvtui.plc.names import expected_name, parse_reference
 from trcvtui.plc.project_parts import NAME, PORT_OR_NAME, UINT
 from trcvtui.plc.tables import ADDRESS, PORT, TRUTH, Kind, Table, of_text, shown, whole
+from trcvtui.plc.tls_words import VERIFY, Certificates, is_secure, secure
 
+NO_CERTIFICATES: Final[Certificates] = MappingProxyType({})
 LOOPBACK: Final = "127.0.0.1"
 ISO_PORT: Final = 102
 DEFAULT_TYPE: Final = "TCON_IP_v4"
@@ -110,9 +113,12 @@ class _Bench:
     iso_port: int | str
     dns_answer: str | None
     keep_alive: int
+    is_unverified: bool
 
 
-def read_described(table: Table, number: int, cap: int) -> ConnectConfig | None:
+def read_described(
+    table: Table, number: int, cap: int, certificates: Certificates = NO_CERTIFICATES
+) -> ConnectConfig | None:
     """Return one CONNECT; `number` is its place in the file, and its ID where none is written.
 
     `cap` is the longest message in bytes.
@@ -125,23 +131,25 @@ def read_described(table: Table, number: int, cap: int) -> ConnectConfig | None:
         iso_port=table.get("IsoPort", PORT_OR_NAME, ISO_PORT),
         dns_answer=table.read("DnsAnswer", ADDRESS),
         keep_alive=table.get("KeepAliveTimeInterval", UINT, 0),
+        is_unverified=table.read("verify", VERIFY) is not None,
     )
     table.finish()
     if name is None or written is None:
         return None
     says = meaning(written.description)
-    _check_own_keys(table, written.description.structure, says)
-    return _config(name, written, says, bench, cap)
+    _check_own_keys(table, written.description, says)
+    return _config(name, written, says, bench, _session(written.description, says, bench, cap, certificates))
 
 
-def _check_own_keys(table: Table, structure: Structure, says: Meaning) -> None:
+def _check_own_keys(table: Table, description: Description, says: Meaning) -> None:
     """Refuse a key of the bench that would have no effect here."""
     iso_port, is_iso = table.text("IsoPort"), says.protocol is Protocol.ISO
     useless = (
         ("IsoPort", not is_iso, "nothing: only ISO-on-TCP has it"),
         ("ListenPort", is_iso, "IsoPort"),
         ("ListenPort", says.is_active, "nothing: an active end does not listen"),
-        ("DnsAnswer", structure.field("RemoteQDN") is None, "nothing: there is no RemoteQDN"),
+        ("DnsAnswer", not _has_name(description), "nothing: there is no RemoteQDN"),
+        ("verify", not is_secure(description), "nothing: only a secure connection has certificates"),
         (
             "IsoPort",
             iso_port is not None and iso_port.startswith("@") and not says.is_active,
@@ -205,7 +213,13 @@ def _usual(structure: Structure, number: int, given: dict[str, Value]) -> dict[s
     return usual
 
 
-def _config(name: str, written: _Written, says: Meaning, bench: _Bench, cap: int) -> ConnectConfig:
+def _has_name(description: Description) -> bool:
+    return description.structure.field("RemoteQDN") is not None
+
+
+def _config(
+    name: str, written: _Written, says: Meaning, bench: _Bench, session: Settings | Finding | None
+) -> ConnectConfig:
     remote, name_flaw = _remote_address(written, says, bench)
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
@@ -219,9 +233,9 @@ def _config(name: str, written: _Written, says: Meaning, bench: _Bench, cap: int
         remote_address=remote,
         remote_port=remote_port,
         keep_alive_interval_s=bench.keep_alive,
-        session=_session(says, cap),
+        session=None if isinstance(session, Finding) else session,
         description=written.description,
-        flaw=written.flaw or judge(asked) or name_flaw,
+        flaw=written.flaw or judge(asked) or name_flaw or (session if isinstance(session, Finding) else None),
         any_local=any_local,
     )
 
@@ -238,7 +252,7 @@ def _ports(written: _Written, says: Meaning, bench: _Bench) -> tuple[int, int | 
 
 def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[str, Finding | None]:
     """Return where the partner is; a name is asked of the bench's DNS server."""
-    if written.description.structure.field("RemoteQDN") is None or not says.remote_name:
+    if not _has_name(written.description) or not says.remote_name:
         return says.remote_address, None
     if bench.dns_answer is None:
         return says.remote_address, Finding(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
@@ -248,7 +262,11 @@ def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[st
     return bench.dns_answer, None
 
 
-def _session(says: Meaning, cap: int) -> Settings | None:
+def _session(
+    description: Description, says: Meaning, bench: _Bench, cap: int, certificates: Certificates
+) -> Settings | Finding | None:
+    if is_secure(description):
+        return secure(description, says, certificates, bench.is_unverified)
     if says.protocol is not Protocol.ISO:
         return None
     return IsoSettings(local=says.local_tsap, remote=says.remote_tsap, cap=cap)

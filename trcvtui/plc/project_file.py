@@ -15,7 +15,7 @@ from trcvtui.plc.toml_file import read_toml
 
 KEYS: Final = (
     "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
-    "message", "sequence",
+    "message", "sequence", "certificate",
     "start", "sim",
 )  # fmt: skip
 

@@ -12,6 +12,7 @@ from trcvtui.blocks.parameters import HAS_DATA, PINS, SPEAKS_UDP, Direction, Pin
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.iso_words import read_iso
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, parse_reference
@@ -44,6 +45,7 @@ from trcvtui.plc.tables import (
     shown,
     whole,
 )
+from trcvtui.plc.tls_words import Certificates, read_peer_tls
 from trcvtui.udt.types import ELEMENTARY
 
 NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
@@ -172,7 +174,7 @@ def kind_of(pin: Pin) -> Kind[Any]:
     return TRUTH if pin.is_bool else whole(*ELEMENTARY[pin.iec_type].limits)
 
 
-def read_peer(table: Table) -> PeerDecl | None:
+def read_peer(table: Table, certificates: Certificates) -> PeerDecl | None:
     """Return one peer; without `active` it is active when it has a `remote`."""
     name = table.must("name", NAME)
     if table.get("udp", TRUTH, False):
@@ -192,7 +194,10 @@ def read_peer(table: Table) -> PeerDecl | None:
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
-    session = read_iso(table)
+    iso, secure = read_iso(table), read_peer_tls(table, certificates)
+    if iso is not None and secure is not None:
+        table.wrong("tls", "true beside iso = true", "one of them")
+    session: Settings | None = iso or secure
     table.finish()
     if name is None or end is None:
         return None

@@ -1,4 +1,4 @@
-"""ISO-on-TCP on the bench: the scenarios on both kernels, the ledger, and who costs what."""
+"""ISO-on-TCP on the bench: both kernels alike, the ledger, messages of any size, and who costs what."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 
 from tests.rig.iso_desk import PASSIVE, Desk
 from tests.rig.scenarios import CONFIGS, failures, play
+from tests.rig.test_golden_traces import walk
 from trcvtui.net.faults import FaultyKernel
 from trcvtui.net.session_kernel import SessionKernel
 from trcvtui.plc.ledger import StatusEdge
@@ -15,14 +16,14 @@ from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 
 SCENARIOS = sorted(CONFIGS.glob("scenarios/siemens/iso-*.toml"))
-SCENARIOS += sorted(CONFIGS.glob("scenarios/siemens/description-*.toml"))
 
 
-@pytest.mark.parametrize("kernel", ["sim", "live"])
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_a_scenario_of_iso_on_tcp_holds(path: Path, kernel: str) -> None:
-    played = play(path, kernel)
-    assert played.verdict.passed, failures(played.verdict)
+def test_real_sockets_give_the_status_walk_of_the_simulated_ones_for_the_same_causes(path: Path) -> None:
+    live, sim = play(path, "live"), play(path, "sim")
+    assert live.verdict.passed, failures(live.verdict)
+    assert walk(live.records()) == walk(sim.records())
+    assert live.causes() == sim.causes()
 
 
 @pytest.mark.parametrize("kernel", ["sim", "live"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from trcvtui.plc.connect_view import DescriptionView, description_view
+from trcvtui.plc.connect_view import DescriptionView, description_view, initial_values
 from trcvtui.plc.project_file import read_project
 
 
@@ -47,3 +47,24 @@ def test_bytes_of_no_description_are_shown_with_their_flaw() -> None:
     assert seen.flaw == "3 bytes are no connection description"
     assert seen.rows[-1].remark == "! 3 bytes are no connection description"
     assert b"".join(row.data for row in seen.rows) == b"\x00\x40\x00"
+
+
+def test_a_description_is_written_as_the_initial_values_of_a_db() -> None:
+    text = """
+dialect = "s7-1500"
+[[connect]]
+name = "C1"
+type = "TCON_IP_RFC"
+RemoteAddress = "10.0.0.9"
+LocalTSelector = "E0 02"
+"""
+    config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
+    assert initial_values(config) == (
+        "InterfaceId := 64",
+        "ID := 1",
+        "ConnectionType := 12",
+        "ActiveEstablished := FALSE",
+        "RemoteAddress := (ADDR := [10, 0, 0, 9])",
+        "RemoteTSelector := (TSelLength := 0, TSel := [])",
+        "LocalTSelector := (TSelLength := 2, TSel := [16#E0, 16#02])",
+    )

@@ -14,6 +14,7 @@ from trcvtui.errors import mistake
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam
 from trcvtui.plc.names import expected_name
+from trcvtui.plc.connect_view import initial_values
 from trcvtui.plc.project import InstanceDecl, Project
 
 PinValue = bool | int
@@ -109,7 +110,9 @@ def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
 def _records(project: Project, decl: InstanceDecl) -> Iterator[tuple[str, str, Iterator[str]]]:
     """Return name, type and fields of each record that the call is given."""
     config, port = project.connect(decl.connect), project.udp_config(decl.connect)
-    if config is not None:
+    if config is not None and config.description is not None:
+        yield config.name, config.description.structure.name, iter(initial_values(config))
+    elif config is not None:
         yield config.name, "TCP_CONNECTCONFIG", _fields(config)
     if port is not None:
         fields = (f"LocalAddress := {_array(port.local.address)}", f"LocalPort := {port.local.port}")

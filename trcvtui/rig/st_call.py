@@ -13,8 +13,8 @@ from trcvtui.blocks.parameters import MOVES_BYTES, Direction, Pin
 from trcvtui.errors import mistake
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam
-from trcvtui.plc.names import expected_name
 from trcvtui.plc.connect_view import initial_values
+from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import InstanceDecl, Project
 
 PinValue = bool | int

@@ -77,7 +77,8 @@ SPEAKS_UDP: Final = frozenset(
 )  # CONFIG and ADDR in the place of CONNECT
 SENDS: Final = frozenset({"TSEND_C", "TSEND"})
 MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP
-HAS_DATA: Final = MOVES_BYTES | {"T_DIAG"}  # T_DIAG calls it RESULT
+HAS_DATA: Final = MOVES_BYTES | {"T_DIAG"}
+DATA_PIN: Final = {"T_DIAG": "RESULT"}  # what the manual calls it, where that is not DATA
 
 
 def inputs_of(block: str) -> tuple[Pin, ...]:

@@ -430,6 +430,22 @@ def test_a_flood_of_silent_clients_holds_so_many_places_and_no_more(b: IsoBench)
     b.close_all(*clients, last, called, listener)
 
 
+def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    end = b.end(listener)
+    request = encode(Connect(Code.CR, 0, 9, E001, E002, 10))
+    clients = []
+    for _ in range(CLIENTS_WAITING):
+        clients.append(raw_client(b, end, request))
+        b.settle()
+    assert b.net.told == []
+    one_more = raw_client(b, end, request)
+    b.until(lambda: b.net.told)
+    assert b.net.told == [("C1", "16 clients wait there already, and nobody takes them")]
+    assert answer_of(b, one_more, 11) == [Disconnect(9, 0, 2)]
+    b.close_all(*clients, one_more, listener)
+
+
 def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> None:
     listener = b.iso_listener(WAITS)
     client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))

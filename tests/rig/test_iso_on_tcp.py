@@ -59,6 +59,24 @@ def test_a_message_is_the_same_on_both_ends_whatever_its_size(tmp_path: Path, ke
     desk.close()
 
 
+@pytest.mark.parametrize("kernel", ["sim", "live"])
+def test_a_message_waits_at_7005_until_the_stack_has_all_of_it(tmp_path: Path, kernel: str) -> None:
+    text = PASSIVE.replace("ARRAY[0..1999]", "ARRAY[0..59999]").replace(
+        'dialect = "s7-1500"', 'dialect = "s7-1500"\n[options]\nsmall_buffers = true'
+    )
+    desk = Desk(text, tmp_path, kernel)
+    desk.say("set S CONT=1", "run 3", "peer P1 connect")
+    desk.until_status("S", "7004")
+    desk.say("peer P1 stall", "write tx random 60000 seed=5", "pulse S REQ", "run 20")
+    assert desk.status("S") == "7005"
+    assert desk.bench.peers["P1"].snapshot().bytes_received == 0
+    desk.say("peer P1 resume")
+    desk.until_done("S")
+    desk.until(lambda: desk.bench.peers["P1"].snapshot().bytes_received == 60000)
+    assert desk.bench.peers["P1"].has_received(desk.bench.runtime.data("tx"))
+    desk.close()
+
+
 def test_adhoc_changes_nothing_where_messages_are_whole(tmp_path: Path) -> None:
     desk = Desk(PASSIVE, tmp_path)
     desk.say("set R CONT=1 EN_R=1 ADHOC=1", "run 3", "peer P1 connect")

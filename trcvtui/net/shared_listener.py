@@ -1,7 +1,8 @@
 """Listeners whose clients speak before they are accepted: the handshake comes first, then somebody gets them.
 
 Several CONNECTs may share one port: the client's first message says which of them it wants (siemens.md 5.2).
-Rule: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most.
+Rule: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most; as many wait
+for each CONNECT.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from trcvtui.net.stream import Stream
 
 CLIENTS_WAITING: Final = 16
 HANDSHAKE_LIMIT: Final = 5_000_000_000  # ns
+FULL: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
 
 
 @runtime_checkable
@@ -100,16 +102,19 @@ class Listener:
     def _give(self, client: Stream, session: Choosing) -> None:
         members = list(self.members.values())
         named = [member for member in members if session.names(member.settings)]
-        for member in named:
-            if not session.is_for(member.settings):
-                self._hand_over(client, member)
-                return
-        why = session.is_for((named or members)[0].settings)
+        meant = [member for member in named if not session.is_for(member.settings)]
+        if meant and len(meant[0].ready) < CLIENTS_WAITING:
+            self._hand_over(client, meant[0])
+            return
+        why = FULL if meant else session.is_for((named or members)[0].settings)
         session.refuse(is_known=bool(named))
         client.flush()
         self._drop(client, why)
 
     def _hand_over(self, client: Stream, member: Member) -> None:
+        if len(member.ready) >= CLIENTS_WAITING:
+            self._drop(client, FULL)
+            return
         self.clients.remove(client)
         member.ready.append(client)
 

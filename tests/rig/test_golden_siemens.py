@@ -13,6 +13,9 @@ from tests.rig.scenarios import LEGACY, SIEMENS, failures, play
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.siemens_legacy import OWN_ROWS
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.runner import Runner, VirtualPace
+from trcvtui.rig.scenario import load_scenario
 
 SECTIONS = {f"1-{number}" for number in range(1, 12)}
 LIVE = [
@@ -44,12 +47,27 @@ def test_a_scenario_holds_on_real_sockets(path: Path) -> None:
     assert played.verdict.passed, failures(played.verdict)
 
 
+@pytest.mark.parametrize("path", SIEMENS + LEGACY, ids=name_of)
+def test_sleeping_instances_show_what_called_ones_show(path: Path) -> None:
+    seen = []
+    for calls_all in (True, False):
+        scenario = load_scenario(path)
+        bench = Bench(scenario.project, "sim")
+        bench.runtime.calls_all = calls_all
+        runner = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None)
+        verdict = runner.play((*scenario.start, *scenario.steps))
+        seen.append((verdict.traces, verdict.failures, [line.event for line in bench.runtime.ledger]))
+        bench.close()
+    assert seen[0] == seen[1]
+
+
 Shown = frozenset[tuple[str, int, bool]]
 
 
 @pytest.fixture(scope="module")
-def reached() -> Shown:
-    return frozenset().union(*(play(path, "sim").reached() for path in SIEMENS))
+def reached(secure_bench: Path) -> Shown:
+    paths = (*SIEMENS, *secure_bench.glob("*.toml"))
+    return frozenset().union(*(play(path, "sim").reached() for path in paths))
 
 
 @pytest.fixture(scope="module")

@@ -12,15 +12,7 @@ from trcvtui.net.tls_settings import TlsSettings
 
 OPENSSL = shutil.which("openssl")
 NEEDS_OPENSSL = pytest.mark.skipif(OPENSSL is None, reason="the openssl program is not here")
-# Name: who signs it, for how many days, what it is for.
-CERTIFICATES = {
-    "plc": ("ca", 365, "IP:127.0.0.1,DNS:plc.line.local"),
-    "partner": ("ca", 365, "IP:127.0.0.1,DNS:partner.line.local"),
-    "expired": ("ca", -1, "IP:127.0.0.1"),
-    "elsewhere": ("ca", 365, "IP:10.9.8.7,DNS:elsewhere.line.local"),
-    "stranger": ("strangers", 365, "IP:127.0.0.1,DNS:plc.line.local"),
-}
-AUTHORITIES = ("ca", "strangers")
+SCRIPT = Path(__file__).parents[1] / "configs" / "tls" / "make_certificates.sh"
 
 
 class Certificates:
@@ -28,21 +20,7 @@ class Certificates:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        for name in AUTHORITIES:
-            self._openssl(
-                f"req -x509 {NEW_KEY} -keyout {name}.key -out {name}.pem -days 365 -subj /CN={name}"
-            )
-        for name, (authority, days, names) in CERTIFICATES.items():
-            (folder / "names").write_text(f"subjectAltName={names}\n")
-            self._openssl(f"req {NEW_KEY} -keyout {name}.key -out request -subj /CN={name}")
-            self._openssl(
-                f"x509 -req -in request -CA {authority}.pem -CAkey {authority}.key -CAcreateserial"
-                f" -out {name}.pem -days {days} -extfile names"
-            )
-
-    def _openssl(self, words: str) -> None:
-        assert OPENSSL is not None
-        subprocess.run([OPENSSL, *words.split()], cwd=self.folder, check=True, capture_output=True)
+        subprocess.run(["sh", str(SCRIPT), str(folder)], check=True, capture_output=True)
 
     def pem(self, name: str) -> str:
         return str(self.folder / f"{name}.pem")
@@ -52,7 +30,9 @@ class Certificates:
 
     def locked_key(self, name: str) -> str:
         """Return a copy of the key that wants a password."""
-        self._openssl(f"ec -in {name}.key -aes256 -passout pass:secret -out {name}-locked.key")
+        assert OPENSSL is not None
+        words = f"ec -in {name}.key -aes256 -passout pass:secret -out {name}-locked.key"
+        subprocess.run([OPENSSL, *words.split()], cwd=self.folder, check=True, capture_output=True)
         return self.key(f"{name}-locked")
 
     def settings(
@@ -75,7 +55,13 @@ class Certificates:
         )
 
 
-NEW_KEY = "-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes"
+@pytest.fixture(scope="session")
+def secure_bench(certificates: Certificates) -> Path:
+    """Return a folder with the scenarios of configs/tls, and what they need beside them."""
+    folder = certificates.folder.parent
+    for file in SCRIPT.parent.glob("*.toml"):
+        shutil.copy(file, folder)
+    return folder
 
 
 @pytest.fixture(scope="session")
@@ -83,4 +69,4 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Certificates:
     """Return certificates that are made once."""
     if OPENSSL is None:
         pytest.skip("the openssl program is not here")
-    return Certificates(tmp_path_factory.mktemp("certificates"))
+    return Certificates(tmp_path_factory.mktemp("tls") / "certificates")

@@ -162,13 +162,23 @@ def test_data_may_come_cut_at_every_byte(up: tuple[Session, Session]) -> None:
 
 
 def test_a_stranger_s_certificate_has_no_authority(certificates: Certificates) -> None:
-    ends = met(certificates.settings(), certificates.settings("stranger"))
+    ends = met(certificates.settings(), certificates.settings("strange"))
     assert errors(ends) == [TlsError.NO_CA, TlsError.REFUSED]
     assert not any(end.is_up for end in ends)
 
 
 def test_with_nobody_to_trust_nobody_is_trusted(certificates: Certificates) -> None:
     assert errors(met(certificates.settings(trusts=""), certificates.settings("plc")))[0] == TlsError.NO_CA
+
+
+@pytest.mark.parametrize(
+    ("shown", "error"),
+    [("expired", TlsError.EXPIRED), ("early", TlsError.DISCARDED), ("critical", TlsError.EXTENSION)],
+)
+def test_a_certificate_that_is_no_longer_not_yet_or_not_fully_understood(
+    certificates: Certificates, shown: str, error: TlsError
+) -> None:
+    assert errors(met(certificates.settings(), certificates.settings(shown)))[0] == error
 
 
 def test_an_expired_certificate(certificates: Certificates) -> None:
@@ -200,12 +210,12 @@ def test_a_client_that_shows_no_certificate(certificates: Certificates) -> None:
 
 
 def test_a_client_that_shows_a_stranger_s_certificate(certificates: Certificates) -> None:
-    ends = met(certificates.settings("stranger"), certificates.settings("plc", asks_client=True))
+    ends = met(certificates.settings("strange"), certificates.settings("plc", asks_client=True))
     assert errors(ends)[1] == TlsError.NO_CA
 
 
 def test_verification_is_off_only_where_that_was_said(certificates: Certificates) -> None:
-    for shown in ("stranger", "expired", "elsewhere"):
+    for shown in ("strange", "expired", "elsewhere"):
         client = certificates.settings(server_name=LOOPBACK, checks_name=True, is_unverified=True)
         assert errors(met(client, certificates.settings(shown))) == ["", ""]
 

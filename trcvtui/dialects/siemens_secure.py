@@ -13,7 +13,7 @@ from trcvtui.net.description_check import Flaw
 from trcvtui.net.set_up import Stage
 from trcvtui.net.tls_words import TlsError
 
-_TLS: Final = {
+_TLS: Final[dict[str, Condition]] = {
     TlsError.PLAIN: Condition.TLS_MESSAGE,
     TlsError.HANDSHAKE: Condition.TLS_HANDSHAKE,
     TlsError.SILENT: Condition.TLS_HANDSHAKE,
@@ -28,13 +28,18 @@ _TLS: Final = {
     TlsError.EXTENSION: Condition.TLS_EXTENSION,
     TlsError.REFERENCE: Condition.TLS_REFERENCE,
 }
+_CHANGED: Final = {"EBADMSG": Condition.TLS_INTEGRITY}  # by a planned fault
 _NAMES: Final = {
     "EAI_AGAIN": Condition.NO_RESOLVER,
     "EAI_NONAME": Condition.NAME_UNKNOWN,
     "EAI_FAIL": Condition.NAME_UNKNOWN,
 }
 SECURE_SET_UP: Final[dict[tuple[Stage, str], Condition]] = {
-    **{(stage, error): shows for stage in (Stage.CONNECT, Stage.ACCEPT) for error, shows in _TLS.items()},
+    **{
+        (stage, error): shows
+        for stage in (Stage.CONNECT, Stage.ACCEPT)
+        for error, shows in (_TLS | _CHANGED).items()
+    },
     **{(Stage.CONNECT, error): shows for error, shows in _NAMES.items()},
     (Stage.DESCRIPTION, Flaw.SERVER_BARE): Condition.TLS_SERVER_BARE,
     (Stage.DESCRIPTION, Flaw.SECURE_DATAGRAMS): Condition.TLS_DATAGRAMS,

@@ -151,7 +151,9 @@ QDN = 'type = "TCON_QDN"\nActiveEstablished = true\nRemoteQDN = "plc2.line."\nRe
 
 
 def test_a_name_is_where_the_dns_server_says() -> None:
-    known, unknown, unasked = read(QDN + 'DnsAnswer = "10.0.0.9"', QDN + 'DnsAnswer = "0.0.0.0"', QDN)
+    known, unknown, unasked = read(
+        QDN + 'DnsAnswer = "10.0.0.9"', QDN + 'DnsAnswer = "0.0.0.0"', QDN + 'DnsAnswer = "none"'
+    )
     assert (known.remote_address, known.flaw) == ("10.0.0.9", None)
     assert flaw_of(unknown) is Flaw.NAME_UNKNOWN
     assert flaw_of(unasked) is Flaw.NO_RESOLVER

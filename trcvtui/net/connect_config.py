@@ -21,6 +21,7 @@ class ConnectConfig:
     """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
 
     `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
+    `remote_name`: the partner's name, asked for at each attempt; "": `remote_address` says where he is.
     `any_local`: the system's own routing gives an active end its local address.
     """
 
@@ -35,6 +36,7 @@ class ConnectConfig:
     description: Description | None = None
     flaw: Finding | None = None
     any_local: bool = False
+    remote_name: str = ""
 
     @property
     def is_message_oriented(self) -> bool:

@@ -145,6 +145,13 @@ class Kernel(Protocol):
         """Take one finished handshake from a listener; the new handle has the listener's owner."""
         ...
 
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name; WOULD_BLOCK: ask again. Freeing the handle ends the question.
+
+        EAI_AGAIN: nobody who could know answers; EAI_NONAME: the name is unknown.
+        """
+        ...
+
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending, ask `connect_result`."""
         ...

@@ -81,6 +81,7 @@ class SessionKernel:
         self.set_reuse: Callable[[Handle], Fault | None] = inner.set_reuse
         self.datagram_socket: Callable[[str], Handle | Fault] = inner.datagram_socket
         self.send_to: Callable[[Handle, memoryview, Endpoint], int | WouldBlock | Fault] = inner.send_to
+        self.resolve: Callable[[Handle, str], str | WouldBlock | Fault] = inner.resolve
         self.path: Callable[[Handle], PathInfo | None] = inner.path
         self.probe: Callable[[Handle], Fault | None] = inner.probe
 

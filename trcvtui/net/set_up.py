@@ -86,6 +86,7 @@ class SetUp:
         self._resolve = resolve
         self._note = note
         self._verdict: Fault | None = None
+        self._is_asking = False  # for the address of the partner's name
         self._deadline = 0
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
@@ -163,11 +164,19 @@ class SetUp:
         port = self._remote_port()
         if port is None:
             return Fault("resolve", f"{self.config.remote_port} does not listen")
-        self.remote = Endpoint(self.config.remote_address, port)
+        address = self._remote_address(handle)
+        self._is_asking = isinstance(address, WouldBlock)
+        if not isinstance(address, str):
+            return address if isinstance(address, Fault) else None
+        self.remote = Endpoint(address, port)
         # 3.1 traps: 0.0.0.0 would silently mean loopback; a socket can connect to itself.
-        if self.config.remote_address == ANY_ADDRESS or self.remote == self.local:
+        if address == ANY_ADDRESS or self.remote == self.local:
             return Fault("address", f"{self.remote} is no end to connect to")
         return self._kernel.connect(handle, self.remote)
+
+    def _remote_address(self, handle: Handle) -> str | WouldBlock | Fault:
+        name = self.config.remote_name
+        return self._kernel.resolve(handle, name) if name else self.config.remote_address
 
     def _remote_port(self) -> int | None:
         """Return RemotePort; for `@NAME` where that listens now, else where it listened last."""
@@ -180,7 +189,9 @@ class SetUp:
     def look(self, now: int) -> Accepted | StepFault | None:
         """Ask how the running attempt of an active CONNECT stands."""
         assert self.attempt is not None
-        verdict: Fault | WouldBlock | None = self._verdict
+        if self._is_asking:
+            self._verdict = self._start_connect(self.attempt)
+        verdict: Fault | WouldBlock | None = WOULD_BLOCK if self._is_asking else self._verdict
         if verdict is None:
             verdict = self._kernel.connect_result(self.attempt)
         if verdict is WOULD_BLOCK:
@@ -258,7 +269,7 @@ class SetUp:
         if self.attempt is None:
             return None
         fault = self._kernel.abort(self.attempt)
-        self.attempt, self._verdict = None, None
+        self.attempt, self._verdict, self._is_asking = None, None, False
         return fault
 
     def forget(self) -> None:

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from trcvtui.net.answers import Endpoint
-from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
 from trcvtui.net.description import (
     CONNECTIONS,
     LONGEST_NAME,
@@ -65,6 +65,11 @@ def _bytes_of(size: int) -> Callable[[str], bytes | None]:
 HEX: Final = of_text('the bytes of a DB in hex such as "00 40 00 01 0b 01 ..."', hex_of)
 REFERENCE: Final = of_text(
     "@NAME of a peer or CONNECT: the bytes say the rest", lambda text: text if parse_reference(text) else None
+)
+NO_SERVER: Final = "none"
+DNS_ANSWER: Final = of_text(
+    'the address that the DNS server of the bench answers, or "none": no server',
+    lambda text: text if text == NO_SERVER else parse_address(text),
 )
 STRUCTURE: Final = of_text("the name of a structure such as TCON_IP_RFC", lambda text: text)
 QDN: Final = of_text(
@@ -129,7 +134,7 @@ def read_described(
         address=table.read("LocalAddress", ADDRESS),
         listen_port=table.read("ListenPort", PORT),
         iso_port=table.get("IsoPort", PORT_OR_NAME, ISO_PORT),
-        dns_answer=table.read("DnsAnswer", ADDRESS),
+        dns_answer=table.read("DnsAnswer", DNS_ANSWER),
         keep_alive=table.get("KeepAliveTimeInterval", UINT, 0),
         is_unverified=table.read("verify", VERIFY) is not None,
     )
@@ -237,6 +242,7 @@ def _config(
         description=written.description,
         flaw=written.flaw or judge(asked) or name_flaw or (session if isinstance(session, Finding) else None),
         any_local=any_local,
+        remote_name=says.remote_name if bench.dns_answer is None else "",
     )
 
 
@@ -254,7 +260,9 @@ def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[st
     """Return where the partner is; a name is asked of the bench's DNS server."""
     if not _has_name(written.description) or not says.remote_name:
         return says.remote_address, None
-    if bench.dns_answer is None:
+    if bench.dns_answer is None:  # the network's own names, at each attempt
+        return says.remote_address, None
+    if bench.dns_answer == NO_SERVER:
         return says.remote_address, Finding(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
     if octets(bench.dns_answer) == (0, 0, 0, 0):
         text = f"the DNS server does not know {says.remote_name}"

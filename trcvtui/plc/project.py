@@ -109,13 +109,17 @@ class SequenceDecl:
 
 @dataclass(frozen=True, slots=True)
 class SimDecl:
-    """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports."""
+    """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports.
+
+    `names` and their addresses are what its DNS server knows; None: there is no such server.
+    """
 
     addresses: tuple[str, ...] = ()
     not_ethernet: tuple[str, ...] = ()
     seed: int = 0
     latency_ns: int = 0
     fragment: bool = False
+    names: tuple[tuple[str, str], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

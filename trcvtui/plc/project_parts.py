@@ -11,7 +11,7 @@ from typing import Any, Final
 from trcvtui.blocks.parameters import HAS_DATA, PINS, SPEAKS_UDP, Direction, Pin
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
-from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
 from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.iso_words import read_iso
@@ -53,6 +53,20 @@ UINT: Final = whole(*ELEMENTARY["UINT"].limits)
 PRIORITY: Final = whole(0, 255)
 SEED: Final = whole(0, (1 << 63) - 1)
 FREE_PORT: Final = Endpoint("127.0.0.1", 0)
+
+
+def names_of(value: Any) -> tuple[tuple[str, str], ...] | None:
+    """Return the names of a table with their addresses, None where one is no address."""
+    if not isinstance(value, Mapping):
+        return None
+    found = [(name, parse_address(address)) for name, address in value.items() if isinstance(address, str)]
+    known = tuple((name, address) for name, address in found if address is not None)
+    return known if len(known) == len(value) else None
+
+
+NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
+    'names and addresses such as { "plc2.line.local." = "10.0.0.7" }', names_of, lambda text: None
+)
 
 
 def _reference(text: str) -> str | None:
@@ -245,6 +259,7 @@ def read_sim(table: Table) -> SimDecl:
         seed=table.get("seed", SEED, 0),
         latency_ns=table.get("latency", DELAY, 0),
         fragment=table.get("fragment", TRUTH, False),
+        names=table.read("names", NAMES),
     )
     table.finish()
     return sim

@@ -246,4 +246,5 @@ class Bench:
 
 def _simulated(project: Project) -> SimKernel:
     sim = project.sim
-    return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment)
+    names = None if sim.names is None else dict(sim.names)
+    return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment, names)

@@ -162,6 +162,12 @@ def _scenario(args: argparse.Namespace) -> int:
     return run_files(files, args.kernel, args.format, out, args.set, args.netns)
 
 
+def _race(args: argparse.Namespace) -> int:
+    from trcvtui.rig.race_report import run_race
+
+    return _print(run_race(_path(args.file), args.dialect, args.format))
+
+
 def _format_names() -> str:
     from trcvtui.rig.report import FORMATS
 
@@ -300,6 +306,7 @@ def _parser() -> _Parser:
     _add_run(commands.add_parser("run", help="open the screen on a project"))
     _add_serve(commands.add_parser("serve", help="the screen in a browser on this machine"))
     _add_scenario(commands.add_parser("scenario", help="run without a screen"))
+    _add_race(commands.add_parser("race", help="a scenario through several dialects, scan by scan"))
     _add_status(commands.add_parser("status", help="explain a STATUS code"))
     _add_st(commands.add_parser("st", help="print instances as their calls in Structured Text"))
     _add_udt(commands.add_parser("udt", help="show, decode, encode a UDT"))
@@ -339,6 +346,16 @@ def _add_scenario(parser: _Parser) -> None:
     parser.add_argument(
         "--set", metavar="PATH=VALUE", action="append", default=[], help="such as options.retry=T#100ms"
     )
+
+
+def _add_race(parser: _Parser) -> None:
+    parser.set_defaults(command=_race)
+    parser.last_words = _dialect_names
+    parser.add_argument("file", metavar="FILE.toml")
+    parser.add_argument(
+        "--dialect", metavar="NAME", action="append", default=[], help="each one that takes part"
+    )
+    parser.add_argument("--format", choices=("text", "jsonl"), default="text", help="default: text")
 
 
 def _add_status(parser: _Parser) -> None:

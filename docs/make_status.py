@@ -1,4 +1,4 @@
-"""Write the STATUS atlas of each dialect, `docs/status-NAME.md`: `make atlas`."""
+"""Write the STATUS atlas of each table, `docs/status-NAME.md`: `make atlas`."""
 
 from __future__ import annotations
 
@@ -14,17 +14,25 @@ from trcvtui.rig.scenario_shelf import scenarios_of
 HERE: Final = Path(__file__).parent
 
 
-def page(dialect: Dialect) -> str:
-    """Return the atlas of a dialect."""
-    shelves = {dialect.name: scenarios_of(dialect.name)}
-    found = with_scenarios(explain([dialect], None, None), shelves)
-    return as_page(dialect.title, found, "../")
+def pages() -> dict[str, tuple[Dialect, ...]]:
+    """Return which dialects have a page together, by its name: those with one table and one shelf."""
+    found: dict[str, tuple[Dialect, ...]] = {}
+    for dialect in DIALECTS.values():
+        found[dialect.shelf] = (*found.get(dialect.shelf, ()), dialect)
+    return found
+
+
+def page(dialects: tuple[Dialect, ...]) -> str:
+    """Return the atlas of dialects that have one table."""
+    first = dialects[0]
+    found = with_scenarios(explain([first], None, None), {first.name: scenarios_of(first.shelf)})
+    return as_page("; ".join(dialect.title for dialect in dialects), found, "../")
 
 
 def main() -> None:
     """Write them all."""
-    for dialect in DIALECTS.values():
-        (HERE / f"status-{dialect.name}.md").write_text(page(dialect), encoding="utf-8")
+    for name, dialects in pages().items():
+        (HERE / f"status-{name}.md").write_text(page(dialects), encoding="utf-8")
 
 
 if __name__ == "__main__":

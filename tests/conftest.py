@@ -4,5 +4,9 @@ from __future__ import annotations
 
 from hypothesis import settings
 
+from tests.certificates import certificates, secure_bench
+
+__all__ = ["certificates", "secure_bench"]
+
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")

@@ -176,7 +176,7 @@ def test_status_of_one_block_leaves_out_the_codes_of_the_other(capsys: pytest.Ca
 
 
 def test_the_codes_of_an_inner_block_are_known_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
-    _, out, _ = run(capsys, "status", "--block", "tdiscon")
+    _, out, _ = run(capsys, "status", "--block", "tdiscon", "--dialect", "baosky")
     assert [line.split()[1] for line in out.splitlines()] == [
         *("16#0000", "16#7003", "16#7007", "16#8087", "16#80A2", "16#80AC")
     ]

@@ -162,6 +162,12 @@ def _scenario(args: argparse.Namespace) -> int:
     return run_files(files, args.kernel, args.format, out, args.set, args.netns)
 
 
+def _race(args: argparse.Namespace) -> int:
+    from trcvtui.rig.race_report import run_race
+
+    return _print(run_race(_path(args.file), args.dialect, args.format))
+
+
 def _format_names() -> str:
     from trcvtui.rig.report import FORMATS
 
@@ -188,9 +194,11 @@ def _status(args: argparse.Namespace) -> int:
         return _print(as_table(found))
     from trcvtui.rig.scenario_shelf import scenarios_of
 
+    shelf_of = {dialect.name: dialect.shelf for dialect in dialects}
     if args.format == "text":
-        return _print(as_text(with_telling(found, lambda name, wanted: scenarios_of(name, code, wanted))))
-    shelves = {dialect.name: scenarios_of(dialect.name, code) for dialect in dialects}
+        telling = with_telling(found, lambda name, wanted: scenarios_of(shelf_of[name], code, wanted))
+        return _print(as_text(telling))
+    shelves = {dialect.name: scenarios_of(dialect.shelf, code) for dialect in dialects}
     return _print(as_json(with_scenarios(found, shelves)))
 
 
@@ -339,6 +347,16 @@ def _add_scenario(parser: _Parser) -> None:
     )
 
 
+def _add_race(parser: _Parser) -> None:
+    parser.set_defaults(command=_race)
+    parser.last_words = _dialect_names
+    parser.add_argument("file", metavar="FILE.toml")
+    parser.add_argument(
+        "--dialect", metavar="NAME", action="append", default=[], help="each one that takes part"
+    )
+    parser.add_argument("--format", choices=("text", "jsonl"), default="text", help="default: text")
+
+
 def _add_status(parser: _Parser) -> None:
     parser.set_defaults(command=_status)
     parser.last_words = _dialect_names
@@ -374,6 +392,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[_Parser], None]]]] = {
     "run": ("open the screen on a project", _add_run),
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),
+    "race": ("a scenario through several dialects, scan by scan", _add_race),
     "status": ("explain a STATUS code", _add_status),
     "st": ("print instances as their calls in Structured Text", _add_st),
     "udt": ("show, decode, encode, export, compare a UDT", _add_udt),

@@ -149,3 +149,33 @@ def a_port_asked_for_by_number_is_kept_until_close_even_after_a_rst(b: Bench) ->
         b.kernel.close(one.client)
         if then is not None:
             b.socket(end=local)
+
+
+@fact
+def a_name_becomes_an_address_and_an_unknown_one_a_fault(b: Bench) -> None:
+    for name in ("localhost.", "localhost"):
+        assert answer(b, name) == LOOPBACK
+    for nobody in ("nobody.invalid.", "a\0b."):
+        assert answer(b, nobody) in (Fault("resolve", "EAI_NONAME"), Fault("resolve", "EAI_AGAIN"))
+
+
+@fact
+def a_freed_handle_asks_no_more(b: Bench) -> None:
+    handle = b.socket()
+    b.kernel.resolve(handle, "localhost.")
+    assert b.kernel.close(handle) is None
+    assert b.kernel.resolve(handle, "localhost.") == Fault("resolve", "EBADF")
+
+
+def answer(b: Bench, name: str) -> str | Fault:
+    handle = b.socket()
+    found: list[str | Fault] = []
+
+    def is_there() -> bool:
+        got = b.kernel.resolve(handle, name)
+        if isinstance(got, str | Fault):
+            found.append(got)
+        return bool(found)
+
+    b.until(is_there)
+    return found[0]

@@ -17,6 +17,8 @@ from trcvtui.rig.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BAOSKY = sorted((CONFIGS / "scenarios" / "baosky").glob("*.toml"))
+SIEMENS = sorted((CONFIGS / "scenarios" / "siemens").glob("*.toml"))
+LEGACY = sorted((CONFIGS / "scenarios" / "siemens-legacy").glob("*.toml"))
 SIM_ONLY = sorted((CONFIGS / "scenarios" / "sim").glob("*.toml"))
 
 

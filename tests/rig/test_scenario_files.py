@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.scenarios import BAOSKY, CONFIGS
+from tests.rig.scenarios import BAOSKY, CONFIGS, LEGACY, SIEMENS
 from trcvtui.rig import configs_path, scenario_files
 from trcvtui.rig.scenario_files import find_files, read_scenario_file
 
@@ -120,7 +120,7 @@ def test_steps_that_the_file_writes_otherwise_count_from_one(steps: str) -> None
     assert [(line.place, line.step) for line in said.lines] == [(1, 0), (2, 1), (3, 0), (4, 2)]
 
 
-@pytest.mark.parametrize("path", BAOSKY, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
 def test_each_step_stands_at_its_place_in_its_file(path: Path) -> None:
     said = read_scenario_file(path)
     assert said is not None and not said.problem

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.scenarios import BAOSKY, play
+from tests.rig.scenarios import BAOSKY, LEGACY, SIEMENS, play
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.status_report import as_text, explain, with_scenarios, with_telling
 from trcvtui.rig import bench_words as words
@@ -30,19 +30,18 @@ def expected(steps: Iterable[words.Step], blocks: dict[str, str]) -> set[tuple[i
     return found
 
 
-@pytest.mark.parametrize("path", BAOSKY, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
 def test_the_shelf_reads_a_scenario_as_the_bench_does(path: Path) -> None:
     scenario = load_scenario(path)
     blocks = {decl.name: decl.block for decl in scenario.project.instances}
     assert shown_by(path) == expected(scenario.steps, blocks)
 
 
-@pytest.mark.parametrize("path", BAOSKY, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
 def test_every_code_that_an_instance_shows_is_listed_for_its_block(path: Path) -> None:
+    dialect = load_scenario(path).project.dialect
     shown = {(int(record["STATUS"], 16), record["block"]) for record in play(path, "sim").records()}
-    assert [
-        f"{block} {code:04X}" for code, block in shown if DIALECTS["baosky"].row(code, block) is None
-    ] == []
+    assert [f"{block} {code:04X}" for code, block in shown if dialect.row(code, block) is None] == []
 
 
 def test_the_shelf_names_the_files_by_code_and_block_as_seen_from_the_source() -> None:

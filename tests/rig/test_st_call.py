@@ -7,30 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP
+from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, PINS, SPEAKS_UDP
 from trcvtui.cli import main
+from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.st_call import st_call, st_text, st_variables
 
-HEAD = """\
-dialect = "baosky"
-
+DATA = """
 [[data]]
 name = "tx"
 type = "ARRAY[0..7]  OF BYTE"
-
-[[connect]]
-name = "C1"
-ActiveEstablished = true
-LocalAddress = "127.0.0.1"
-LocalPort = 0
-RemoteAddress = "10.0.0.7"
-RemotePort = 2001
-SendDelayOpt = true
-KeepAliveTimeInterval = 3
-
+"""
+UDP = """
 [[udp_config]]
 name = "U1"
 LocalAddress = "10.0.0.1"
@@ -41,6 +31,19 @@ name = "A1"
 RemoteAddress = "10.0.0.7"
 RemotePort = 2006
 """
+HEAD = f"""\
+dialect = "baosky"
+{DATA}
+[[connect]]
+name = "C1"
+ActiveEstablished = true
+LocalAddress = "127.0.0.1"
+LocalPort = 0
+RemoteAddress = "10.0.0.7"
+RemotePort = 2001
+SendDelayOpt = true
+KeepAliveTimeInterval = 3
+{UDP}"""
 
 
 def project(folder: Path, *instances: str, head: str = HEAD) -> Project:
@@ -50,7 +53,7 @@ def project(folder: Path, *instances: str, head: str = HEAD) -> Project:
 
 
 def instance(name: str, block: str, *lines: str) -> str:
-    bound = ['data = "tx"'] if block in MOVES_BYTES else []
+    bound = ['data = "tx"'] if block in HAS_DATA else []
     link = ['config = "U1"', 'addr = "A1"'] if block in SPEAKS_UDP else ['connect = "C1"']
     return "\n".join([f'name = "{name}"', f'block = "{block}"', *link, *bound, *lines])
 
@@ -84,12 +87,21 @@ def test_the_present_inputs_stand_as_literals(tmp_path: Path) -> None:
     ]
 
 
+def head_of(block: str) -> str:
+    """Return the head of a project whose vendor has the block."""
+    if block in DIALECTS["baosky"].blocks:
+        return HEAD
+    return f'dialect = "s7-1500"\n{DATA}\n[[connect]]\nname = "C1"\n{UDP}'
+
+
 @pytest.mark.parametrize("block", PINS)
 def test_each_block_has_its_own_pins_and_data_only_where_it_moves_bytes(block: str, tmp_path: Path) -> None:
-    call = st_call(project(tmp_path, instance("X", block)), "X")
+    call = st_call(project(tmp_path, instance("X", block), head=head_of(block)), "X")
     bound = re.findall(r"^    (\w+)(:=|=>)", call, re.MULTILINE)
     link = {"CONFIG", "ADDR"} if block in SPEAKS_UDP else {"CONNECT"}
-    names = {pin.name for pin in PINS[block]} | link | ({"DATA"} if block in MOVES_BYTES else set())
+    names = (
+        {pin.name for pin in PINS[block]} | link | {DATA_PIN.get(block, "DATA") for _ in HAS_DATA & {block}}
+    )
     assert {name for name, _ in bound} == names and len(bound) == len(names)
     assert [mark for _, mark in bound] == sorted(mark for _, mark in bound)
     assert call.count(",\n") == len(bound) - 1
@@ -138,8 +150,9 @@ def test_the_variables_stand_above_the_calls_and_a_shared_one_once(tmp_path: Pat
 
 
 def test_every_variable_of_a_call_is_declared(tmp_path: Path) -> None:
-    names = [f"I{n}" for n in range(len(PINS))]
-    bench = project(tmp_path, *map(instance, names, PINS))
+    blocks = DIALECTS["baosky"].blocks
+    names = [f"I{n}" for n in range(len(blocks))]
+    bench = project(tmp_path, *map(instance, names, blocks))
     declared = set(re.findall(r"^    (\w+) : ", st_variables(bench, names), re.MULTILINE))
     used = {
         word

@@ -31,6 +31,8 @@ NO_KERNEL_CALLS: Final = {
     "queue": (Why.RESOURCE, "the job queue is full"),
     "buffer": (Why.RESOURCE, "no buffer is left"),
     "budget": (Why.RESOURCE, "no connection is left"),
+    "description": (Why.PARAMETER, "the connection description is wrong"),
+    "session": (Why.PARTNER, "the handshake failed"),
     "address": (Why.PARAMETER, "the address cannot be used"),
     "resolve": (Why.WAITING, "nobody has listened there yet"),
     "attempt_limit": (Why.WAITING, "no answer within the attempt's limit"),

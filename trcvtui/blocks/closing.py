@@ -5,6 +5,8 @@ Each answers what it shows, one outcome a scan; a call that failed is the only o
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from trcvtui.blocks.cause import Cause, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
@@ -21,14 +23,13 @@ def disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
     return [Outcome(Condition.CLOSING, cause), Outcome(Condition.CLOSED, cause)]
 
 
-def reset(connection: Connection, cause: Cause) -> list[Outcome]:
-    """Abort the connection with RST: resetting, closing, closed by us; the listener stays."""
+def reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
+    """Abort the connection with RST and show these; the listener stays."""
     peer = str(connection.peer or "")
     fault = connection.reset()
     if fault is not None:
         return [Outcome(_unless_poll_del(fault, Condition.RESET_FAILED), cause_of(fault, peer))]
-    conditions = (Condition.RESETTING, Condition.CLOSING, Condition.CLOSED)
-    return [Outcome(condition, cause) for condition in conditions]
+    return [Outcome(condition, cause) for condition in shown]
 
 
 def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:

@@ -16,8 +16,16 @@ class Condition(StrEnum):
     ESTABLISHING = "connecting"
     CLOSING = "closing"
     CONNECTED = "connected"
+    JOB_BEGINS = "connected, job begins"
+    ESTABLISHED = "connection established"
+    LINK_DONE = "connection established, DONE"
+    STARTED = "job started"
+    RUNNING = "job running"
+    FINISHED = "job finished"
+    NOTHING_TO_RESET = "nothing to reset"
     SENDING = "sending"
     RECEIVING = "receiving"
+    RECEIVING_PART = "receiving, bytes are here"
     CLOSED = "closed by us"
     RECEIVED = "received"
     SENT = "sent"
@@ -44,9 +52,72 @@ class Condition(StrEnum):
     QUEUE_FULL = "queue full"
     CONNECT_IN_USE = "CONNECT in use"
     PARTNER_CLOSED = "partner closed"
+    REFUSED = "partner refused"
+    UNREACHABLE = "partner unreachable"
+    NOT_NOW = "not possible now"
+    FOUND_CLOSED = "found closed"
+    STILL_ASKED = "link gone, still asked"
+    ENDPOINT_THERE = "already connected"
+    ENDPOINT_GONE = "no such connection"
+    LET_GO = "let go by another block"
+    RESET_IN_JOB = "reset in a job"
+    PORT_IN_USE = "port in use"
+    PORT_RESERVED = "port reserved"
+    REMOTE_WRONG = "wrong remote address"
+    LEN_OVER_DATA = "LEN larger than DATA"
+    AREA_CHANGED = "DATA or LEN changed"
+    MESSAGE_TOO_LONG = "message too long"
+    DATA_MISSING = "no DATA"
+    DATA_REFUSED = "DATA of a type that is refused"
+    DATA_SYMBOLIC = "LEN with a symbolic DATA"
+    RESULT_WRONG = "RESULT cannot hold it"
+    NO_DESCRIPTION = "no connection description"
+    DESCRIPTION_LENGTH = "wrong length of CONNECT"
+    ID_WRONG = "ID out of range"
+    INTERFACE_WRONG = "wrong InterfaceId"
+    INTERFACE_BARE = "interface without address"
+    TYPE_WRONG = "wrong ConnectionType"
+    NEEDS_ADDR = "UDP without ADDR"
+    UDP_ACTIVE = "UDP cannot be active"
+    TSAP_WRONG = "wrong TSAP"
+    PARAMETER_WRONG = "wrong connection parameter"
+    NAME_EMPTY = "name of partner empty"
+    NAME_NOT_FULL = "name of partner not fully qualified"
+    NO_RESOLVER = "no DNS server"
+    NAME_UNKNOWN = "name of partner unknown"
+    TLS_MESSAGE = "TLS: no message that makes sense"
+    TLS_HANDSHAKE = "TLS: handshake failed"
+    TLS_UNSUPPORTED = "TLS: certificate not supported, or none"
+    TLS_DISCARDED = "TLS: certificate discarded"
+    TLS_NO_CA = "TLS: no authority for the certificate"
+    TLS_EXPIRED = "TLS: certificate expired"
+    TLS_INTEGRITY = "TLS: integrity check failed"
+    TLS_EXTENSION = "TLS: extension not supported"
+    TLS_SERVER_BARE = "TLS: server without certificate"
+    TLS_DATAGRAMS = "TLS: not for datagrams"
+    TLS_CLIENT_ASKS = "TLS: client asks for a client certificate"
+    TLS_SERVER_CHECKS = "TLS: server checks a name"
+    TLS_REFERENCE = "TLS: wrong number of a certificate"
 
 
-BUSY: Final = frozenset({Condition.SENDING, Condition.RECEIVING})
-DONE: Final = frozenset({Condition.SENT, Condition.RECEIVED})
+BUSY: Final = frozenset(
+    {
+        Condition.JOB_BEGINS,
+        Condition.STARTED,
+        Condition.RUNNING,
+        Condition.SENDING,
+        Condition.RECEIVING,
+        Condition.RECEIVING_PART,
+    }
+)
+DONE: Final = frozenset(
+    {
+        Condition.LINK_DONE,
+        Condition.FINISHED,
+        Condition.NOTHING_TO_RESET,
+        Condition.SENT,
+        Condition.RECEIVED,
+    }
+)
 # RESETTING stands above the manual's "exception" heading: it is no error (baosky.md section 4).
 ERROR: Final = frozenset(list(Condition)[list(Condition).index(Condition.NO_SOCKET) :])

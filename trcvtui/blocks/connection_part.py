@@ -10,25 +10,15 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
 from enum import Enum, auto
-from typing import Final
 
 from trcvtui.blocks import closing
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.course import Course
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.set_up import Stage, StepFault
-
-STAGE_CONDITIONS: Final = {
-    Stage.SOCKET: Condition.NO_SOCKET,
-    Stage.ADDRESS: Condition.WRONG_LOCAL_ADDRESS,
-    Stage.REUSE: Condition.REUSE_FAILED,
-    Stage.BIND: Condition.BIND_FAILED,
-    Stage.POLL_ADD: Condition.POLL_ADD_FAILED,
-    Stage.ACCEPT: Condition.ACCEPT_FAILED,
-    Stage.CONNECT: Condition.CONNECT_FAILED,
-}
 
 
 class Phase(Enum):
@@ -48,7 +38,10 @@ class ConnectionPart:
         self.incarnation = 0
         self.waits = 0  # how many scans of 7002 have been shown since connecting began
         self._env = env
+        self._course = env.rules.course
         self._connection = connection
+        self._asks = False
+        self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
         self.cont = False
         self._com_rst = False
@@ -68,8 +61,14 @@ class ConnectionPart:
             and not self._script
         )
 
-    def call(self, cont: bool, com_rst: bool) -> Outcome | None:
-        """Answer for this scan, or None while connected and undisturbed."""
+    def call(
+        self, cont: bool, com_rst: bool, asks: bool = False, job_error: Condition | None = None
+    ) -> Outcome | None:
+        """Answer for this scan, or None while connected and undisturbed.
+
+        `asks`: a job waits for the connection; `job_error`: what a reset shows first, for a job that runs.
+        """
+        self._asks, self._job_error = asks, job_error
         rose, fell = cont and not self.cont, self.cont and not cont
         self._reset_wanted |= com_rst and not self._com_rst and self.phase is Phase.CONNECTED
         self.cont, self._com_rst = cont, com_rst
@@ -85,6 +84,8 @@ class ConnectionPart:
         reset = self._reset() if self._reset_wanted else None
         if reset is not None:
             return reset
+        if self._script and not self._asks and self._script[0].condition is self._course.still_asked:
+            self._script.popleft()
         if self._script:
             return self._script.popleft()
         if self.phase is Phase.STARTING:
@@ -119,11 +120,21 @@ class ConnectionPart:
     def _set_up_failed(self, failed: StepFault) -> Outcome:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
-        return set_up_failed(self._connection, failed)
+        shown = set_up_failed(self._connection, failed, self._course)
+        if self._course.silent_connect and failed.stage is Stage.CONNECT:
+            self.waits += 1
+            return replace(shown, condition=Condition.ESTABLISHING)
+        self._script.extend(self._rebuilding(shown.cause))
+        return shown
+
+    def _rebuilding(self, cause: Cause) -> list[Outcome]:
+        return [Outcome(condition, cause) for condition in self._course.rebuilding]
 
     def _go_on_connecting(self) -> Outcome:
+        is_joining = self._course.joiner_lags and self._connection.is_up
         failed = self._connection.step(self._env.scan, self._env.now)
-        if self._connection.is_up and self.waits:
+        lags = is_joining and self._connection.since_scan == self._env.scan
+        if self._connection.is_up and self.waits and not lags:
             return self._connected()
         if failed is not None:
             return self._set_up_failed(failed)
@@ -133,8 +144,9 @@ class ConnectionPart:
     def _connected(self) -> Outcome:
         self.phase = Phase.CONNECTED
         self.incarnation = self._connection.incarnation
-        peer = str(self._connection.peer or "")
-        return Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the partner is connected", peer=peer))
+        cause = Cause(Why.PARTNER, "the partner is connected", peer=str(self._connection.peer or ""))
+        begins = self._course.job_begins if self._asks else self._course.established
+        return Outcome(begins or Condition.CONNECTED, cause)
 
     def hold_back(self, outcome: Outcome) -> None:
         """Show the first "connected" one scan later: another code takes this scan."""
@@ -174,6 +186,8 @@ class ConnectionPart:
         self._script = deque(shown)
         if not self._script:
             return self.wait(reason)
+        if self._script[-1].error and self._script[-1].condition is not self._course.still_asked:
+            self._script.extend(self._rebuilding(self._script[-1].cause))
         self.phase, self.waits = Phase.CONNECTING, 0
         return self._script.popleft()
 
@@ -206,15 +220,27 @@ class ConnectionPart:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         self.phase, self.waits = Phase.CONNECTING, 0
         cause = Cause(Why.INPUT, "COM_RST rose", pin="COM_RST", value=1)
-        shown, *more = closing.reset(self._connection, cause)
+        shown, *more = self._drop(cause)
         self._script = deque(more)
         return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
 
+    def _drop(self, cause: Cause) -> list[Outcome]:
+        """Reset or close the connection; return what that shows, behind the error of a job."""
+        first = (self._job_error,) if self._job_error else ()
+        if not self._course.reset_closes:
+            return closing.reset(self._connection, cause, (*first, *self._course.reset))
+        self.phase, self._queued = Phase.STARTING, False
+        closed = closing.disconnect(self._connection, cause)[0]
+        return [*(Outcome(condition, cause) for condition in first), closed]
 
-def set_up_failed(connection: Connection, failed: StepFault) -> Outcome:
+
+def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:
     """Return what a failed step of the set-up shows."""
     peer = connection.set_up.remote if failed.stage is Stage.CONNECT else None
-    return Outcome(STAGE_CONDITIONS[failed.stage], cause_of(failed.fault, str(peer or "")))
+    cause = cause_of(failed.fault, str(peer or ""))
+    if failed.detail:
+        cause = replace(cause, detail=failed.detail)
+    return Outcome(course.of_set_up(failed.stage, failed.fault.error), cause)
 
 
 _NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)

@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
+from enum import Enum, auto
+
+
+class Elements(Enum):
+    """What a variable is made of, as far as a block asks."""
+
+    BITS = auto()  # BOOL, ARRAY OF BOOL
+    BYTES = auto()  # elements of 8 bits
+    OTHER = auto()
+
 
 class DataArea:
-    """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes."""
+    """One global variable: its IEC type as text, its size and its bytes. `generation` counts the writes.
 
-    def __init__(self, name: str, type_name: str, size: int) -> None:
+    `symbolic`: it stands in an optimized block, so that its bytes have no order of their own.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        type_name: str,
+        size: int,
+        elements: Elements = Elements.OTHER,
+        symbolic: bool = False,
+    ) -> None:
         self.name = name
         self.type_name = type_name
         self.size = size
+        self.elements = elements
+        self.symbolic = symbolic
         self.content = bytearray(size)
         self.generation = 0
 
@@ -25,8 +47,13 @@ class DataArea:
         self.generation += 1
         return old
 
-    def resize(self, type_name: str, size: int) -> None:
+    @property
+    def shape(self) -> tuple[str, int]:
+        """Return what a job that runs may rely on: type and size."""
+        return self.type_name, self.size
+
+    def resize(self, type_name: str, size: int, elements: Elements = Elements.OTHER) -> None:
         """Take another type; bytes that both sizes have stay, new ones are 0."""
-        self.type_name, self.size = type_name, size
+        self.type_name, self.size, self.elements = type_name, size, elements
         self.content = self.content[:size] + bytes(max(0, size - len(self.content)))
         self.generation += 1

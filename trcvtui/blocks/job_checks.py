@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.data_area import DataArea, Elements
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.rules import AreaRules
 from trcvtui.net.ownership import Claim, Direction
 
 
@@ -18,16 +21,22 @@ def refuse(
     claim: Claim,
     connect: str,
     most: int | None = None,
+    adhoc: bool = False,
 ) -> Outcome | None:
-    """Return why no job can start: 80A4, 80A5, 80C3, then a buffer; None: claim and buffer are taken.
+    """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken.
 
     `most` bytes fit into one job, None: as many as the rules say for a connection.
     """
     limit = env.rules.max_len if most is None else most
-    if data is None or data.size == 0:
+    if data is None:
+        return replace(_EMPTY, condition=env.rules.area.missing)
+    if data.size == 0:
         return _EMPTY
+    unfit = _unfit(env.rules.area, data, length, adhoc)
+    if unfit is not None:
+        return unfit
     if length > data.size or (length or data.size) > limit:
-        return _wrong_length(limit, data, length)
+        return _wrong_length(env, limit, data, length)
     other = direction.take(claim)
     if other is not None:
         return Outcome(Condition.CONNECT_IN_USE, _in_use(other))
@@ -35,11 +44,36 @@ def refuse(
     return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
 
 
-def _wrong_length(most: int, data: DataArea, length: int) -> Outcome:
+def _unfit(area: AreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
+    """Return what is wrong with the kind of DATA."""
+    if area.refuses_bits and data.elements is Elements.BITS:
+        return _refused(Condition.DATA_REFUSED, f"DATA is {data.type_name}: bits alone are refused")
+    if not data.symbolic:
+        return None
+    if area.symbolic_alone and length:
+        return _refused(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN has to be 0", "LEN", length)
+    if area.symbolic_bytes and adhoc and data.elements is not Elements.BYTES:
+        return _refused(Condition.DATA_SYMBOLIC, "ad-hoc into a symbolic DATA takes elements of 8 bits")
+    return None
+
+
+def _refused(condition: Condition, name: str, pin: str = "DATA", value: int | None = None) -> Outcome:
+    return Outcome(condition, Cause(Why.PARAMETER, name, pin=pin, value=value))
+
+
+def changed(what: str) -> Outcome:
+    """Return the end of a job whose DATA or LEN did not stay."""
+    return _refused(Condition.AREA_CHANGED, f"{what} changed while the job ran", pin=what)
+
+
+def _wrong_length(env: Environment, most: int, data: DataArea, length: int) -> Outcome:
     limit = min(data.size, most)
-    name = "LEN is larger than DATA" if length > data.size else "longer than one job can be"
+    if (length or data.size) > most:
+        condition, name = Condition.LENGTH_WRONG, "longer than one job can be"
+    else:
+        condition, name = env.rules.area.longer, "LEN is larger than DATA"
     cause = Cause(Why.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
-    return Outcome(Condition.LENGTH_WRONG, cause)
+    return Outcome(condition, cause)
 
 
 def _in_use(other: Claim) -> Cause:

@@ -23,29 +23,31 @@ _LOSS_NAMES = {
 def shown(
     loss: ConnectionLoss, rules: Rules, job: Job, failed: Condition | None, short_frame: bool = False
 ) -> list[Outcome]:
-    """Return the outcomes of a loss; nothing without a job, but for a dead link and a failed release.
+    """Return the outcomes of a loss, one a scan.
 
     `failed` is the condition of a job that the connection's failure ends, None: there is no job.
     """
     cause = loss_cause(loss, job)
-    outcomes = []
-    if loss.kind is LossKind.LINK_DEAD:
-        outcomes.append(Outcome(Condition.LINK_DEAD, cause))
-    elif failed is not None and loss.kind is not LossKind.OURS:
-        if _counts_as_failure(loss, rules):
-            outcomes.append(Outcome(failed, cause))
-        else:
-            outcomes += [Outcome(Condition.SHORT_FRAME, cause)] * (short_frame and rules.short_frame_shown)
-            outcomes.append(Outcome(Condition.PARTNER_CLOSED, cause))
+    conditions = _conditions(loss.kind, rules, failed)
+    if short_frame and rules.short_frame_shown and conditions == [Condition.PARTNER_CLOSED]:
+        conditions.insert(0, Condition.SHORT_FRAME)
+    outcomes = [Outcome(condition, cause) for condition in conditions]
     if loss.release_fault is not None:
         outcomes[-1:] = [Outcome(Condition.POLL_DEL_FAILED, cause_of(loss.release_fault, loss.peer))]
     return outcomes
 
 
-def _counts_as_failure(loss: ConnectionLoss, rules: Rules) -> bool:
-    if loss.kind is LossKind.RESET_BY_PARTNER:
-        return not rules.reset_counts_as_close
-    return loss.kind is LossKind.FAILED
+def _conditions(kind: LossKind, rules: Rules, failed: Condition | None) -> list[Condition]:
+    course = rules.course
+    if kind is LossKind.OURS:
+        return list(course.let_go)
+    if failed is None:
+        idle = Condition.LINK_DEAD if kind is LossKind.LINK_DEAD else None
+        return [found for found in (course.idle_loss or idle,) if found]
+    if kind is LossKind.RESET_BY_PARTNER and rules.reset_counts_as_close:
+        kind = LossKind.CLOSED_BY_PARTNER
+    ends = course.job_loss.get(kind, failed)
+    return [Condition.CLOSING, ends] if course.teardown else [ends]
 
 
 def loss_cause(loss: ConnectionLoss, job: Job) -> Cause:

@@ -66,12 +66,19 @@ PINS: Final[dict[str, tuple[Pin, ...]]] = {
     "T_RESET": _req("rising edge resets an established connection"),
     "TSEND": (_REQ, _SEND_LEN, *_LAMPS),
     "TRCV": (_EN_R, _RCV_LEN, _ADHOC, *_LAMPS, _RCVD_LEN),
+    "T_DIAG": _req("rising edge reads how the connection stands into RESULT (key data)"),
+    "TUSEND": (_REQ, _SEND_LEN, *_LAMPS),
+    "TURCV": (_EN_R, _UDP_LEN, *_LAMPS, _RCVD_LEN),
     "USEND_C": (_REQ, _UDP_CONT, _SEND_LEN, *_LAMPS),
     "URECV_C": (_EN_R, _UDP_CONT, _UDP_LEN, *_LAMPS, _RCVD_LEN),
 }
-SPEAKS_UDP: Final = frozenset({"USEND_C", "URECV_C"})  # CONFIG and ADDR in the place of CONNECT
+SPEAKS_UDP: Final = frozenset(
+    {"USEND_C", "URECV_C", "TUSEND", "TURCV"}
+)  # CONFIG and ADDR in the place of CONNECT
 SENDS: Final = frozenset({"TSEND_C", "TSEND"})
-MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP  # these have a DATA pin
+MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP
+HAS_DATA: Final = MOVES_BYTES | {"T_DIAG"}
+DATA_PIN: Final = {"T_DIAG": "RESULT"}  # what the manual calls it, where that is not DATA
 
 
 def inputs_of(block: str) -> tuple[Pin, ...]:

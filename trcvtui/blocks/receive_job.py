@@ -15,11 +15,12 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.job_checks import changed as area_changed
 from trcvtui.blocks.job_checks import refuse
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import WOULD_BLOCK
-from trcvtui.net.connection_loss import ConnectionLoss
+from trcvtui.net.answers import WOULD_BLOCK, Datagram
+from trcvtui.net.connection_loss import ConnectionLoss, LossKind
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
 
@@ -41,13 +42,17 @@ class ReceiveJob:
         self.have = 0
         self.need = 0
         self.adhoc = False
+        self.whole = 0  # bytes of the message that has come, also of those that DATA has no room for
         self.last_bytes: int | None = None
         self.claim = bound.claim()
         self._env = bound.env
+        self._area = bound.env.rules.area
+        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
         self._data = bound.data
         self._buffers = bound.env.resources.buffers
         self._connection = bound.connection
         self._connect = bound.connection.config.name
+        self._is_message_oriented = bound.connection.config.is_message_oriented
         self._instance = bound.instance
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
@@ -61,6 +66,8 @@ class ReceiveJob:
         """Start, go on or end: one frame a scan at most."""
         if not self.running:
             return self._begin(inputs.len, inputs.adhoc)
+        if self._area.must_stay and (changed := self._changed(inputs.len)) is not None:
+            return changed
         if not self.complete:
             loss = self._collect()
             if loss is not None:
@@ -70,13 +77,25 @@ class ReceiveJob:
         return self._deliver()
 
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
-        receiving = self._connection.receiving
-        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect)
+        receiving, asked = self._connection.receiving, length
+        if length in self._area.adhoc_lens:
+            length, adhoc = 0, True
+        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect, adhoc=adhoc)
         if refused is not None:
             return self.check_loss() or refused
         assert self._data is not None
+        self._asked = asked, self._data.shape
         self._start(length or self._data.size, adhoc)
         return self._collect() or self.receiving()
+
+    def _changed(self, length: int) -> Outcome | None:
+        """End the job when LEN or DATA is another than at its start."""
+        assert self._asked is not None and self._data is not None
+        if self._asked == (length, self._data.shape):
+            return None
+        outcome = area_changed("DATA" if self._asked[0] == length else "LEN")
+        self.abandon(outcome.cause.name)
+        return outcome
 
     def _start(self, need: int, adhoc: bool) -> None:
         self.number += 1
@@ -93,6 +112,8 @@ class ReceiveJob:
 
     def _collect(self) -> ConnectionLoss | None:
         """Read what is there into the job's own buffer; return the loss that stands behind the last byte."""
+        if self._is_message_oriented:
+            return self._collect_message()
         have = self.have
         got = self._connection.receive(self._view[have:] if have else self._view, self._instance)
         if isinstance(got, int):
@@ -105,6 +126,18 @@ class ReceiveJob:
             self.last_bytes = self._env.now
             return None
         return None if got is WOULD_BLOCK else got
+
+    def _collect_message(self) -> ConnectionLoss | None:
+        """Take one message, whole (siemens.md 4.2): it ends the job, whatever its length."""
+        got = self._connection.receive_message(self._view, self._instance)
+        if not isinstance(got, Datagram):
+            return None if got is WOULD_BLOCK else got
+        self._first_offset = self._span_offset = self._connection.bytes_received - got.size
+        self._next_offset = self._connection.bytes_received
+        self.have, self.whole = got.size, got.whole
+        self.complete = True
+        self.last_bytes = self._env.now
+        return None
 
     def _begin_span(self, offset: int) -> None:
         """Go on behind bytes that a job of another priority has read in between."""
@@ -122,17 +155,23 @@ class ReceiveJob:
         """Return what a loss shows, one scan each, and end the job."""
         failed = Condition.RECEIVE_FAILED if self.running else None
         outcomes = shown(loss, self._env.rules, self, failed, short_frame=bool(self.have and not self.adhoc))
+        still_asked = self._env.rules.course.still_asked
+        if self.running and still_asked and loss.kind is not LossKind.OURS:
+            outcomes.append(Outcome(still_asked, outcomes[-1].cause))
         self.abandon("connection lost")
         return outcomes
 
     def receiving(self) -> Outcome:
         """Return the outcome of a job that waits; the same object while nothing changes."""
-        return _receiving(self.have, self.need, self.complete)
+        part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
+        return _receiving(self.have, self.need, self.complete, part)
 
     def _deliver(self) -> Outcome:
         """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
         size, data = self.have, self._data
         assert data is not None
+        if self.whole > size:
+            return self._too_long()
         self._view.release()
         if size == data.size == len(self._buffer):
             self._buffer = data.swap(self._buffer)
@@ -143,6 +182,12 @@ class ReceiveJob:
             self._drop(kept, "DATA resized")
         self._end(done=True, reason="complete", size=kept)
         return _received(size, self.need)
+
+    def _too_long(self) -> Outcome:
+        """End the job without DONE: the message is gone, the next one is clean (siemens.md A11)."""
+        cause = Cause(Why.BYTES, "the message is longer than LEN or DATA", have=self.whole, need=self.need)
+        self.abandon("the message is too long")
+        return Outcome(Condition.MESSAGE_TOO_LONG, cause)
 
     def abandon(self, reason: str) -> None:
         """End a running job without DONE; what it had collected is dropped and noted."""
@@ -175,7 +220,7 @@ class ReceiveJob:
     def _end(self, done: bool, reason: str, size: int) -> None:
         self._buffers.release()
         self.running = self.complete = False
-        self.have = 0
+        self.have = self.whole = 0
         incarnation, offset = self._incarnation, self._first_offset
         self._env.write(
             JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)
@@ -183,9 +228,9 @@ class ReceiveJob:
 
 
 @lru_cache(OUTCOMES_KEPT)
-def _receiving(have: int, need: int, complete: bool) -> Outcome:
+def _receiving(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
     cause = Cause(Why.BYTES, _RECEIVING[have > 0, complete], have=have, need=need)
-    return Outcome(Condition.RECEIVING, cause, lasts=not complete)
+    return Outcome(condition, cause, lasts=not complete)
 
 
 @lru_cache(OUTCOMES_KEPT)

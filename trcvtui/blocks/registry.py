@@ -6,6 +6,14 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from trcvtui.blocks.block import Binding, Block
+from trcvtui.blocks.single.t_diag import TDiag
+from trcvtui.blocks.single.t_reset import TReset as SingleTReset
+from trcvtui.blocks.single.tcon import Tcon as SingleTcon
+from trcvtui.blocks.single.tdiscon import Tdiscon as SingleTdiscon
+from trcvtui.blocks.single.trcv import Trcv as SingleTrcv
+from trcvtui.blocks.single.tsend import Tsend as SingleTsend
+from trcvtui.blocks.single.turcv import Turcv
+from trcvtui.blocks.single.tusend import Tusend
 from trcvtui.blocks.t_reset import TReset
 from trcvtui.blocks.tcon import Tcon
 from trcvtui.blocks.tdiscon import Tdiscon
@@ -26,12 +34,26 @@ BLOCKS: Final[Mapping[str, Callable[[Binding], Block]]] = {
     "TSEND": Tsend,
     "TRCV": Trcv,
 }
+SINGLE_INSTRUCTIONS: Final[Mapping[str, Callable[[Binding], Block]]] = {
+    "TCON": SingleTcon,
+    "TDISCON": SingleTdiscon,
+    "T_RESET": SingleTReset,
+    "TSEND": SingleTsend,
+    "TRCV": SingleTrcv,
+    "T_DIAG": TDiag,
+}
 UDP_BLOCKS: Final[Mapping[str, Callable[[UdpBinding], Block]]] = {
     "USEND_C": UsendC,
     "URECV_C": UrecvC,
+    "TUSEND": Tusend,
+    "TURCV": Turcv,
 }
 
 
 def new_block(name: str, bound: Binding | UdpBinding) -> Block:
     """Return the inside of a new instance."""
-    return UDP_BLOCKS[name](bound) if isinstance(bound, UdpBinding) else BLOCKS[name](bound)
+    if isinstance(bound, UdpBinding):
+        return UDP_BLOCKS[name](bound)
+    if bound.env.rules.single_instructions and name in SINGLE_INSTRUCTIONS:
+        return SINGLE_INSTRUCTIONS[name](bound)
+    return BLOCKS[name](bound)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.course import Course
 from trcvtui.net.policy import Policy
 
 
@@ -19,10 +20,39 @@ class NotConnected(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class AreaRules:
+    """What a vendor asks of DATA and LEN.
+
+    `missing`: an open DATA pin. `longer`: LEN against the size of DATA. `refuses_bits`: no BOOL, no ARRAY OF
+    BOOL. `symbolic_alone`: a symbolic DATA goes with LEN = 0 only, `symbolic_bytes`: and ad-hoc with elements
+    of 8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
+    LEN mean ad-hoc.
+    """
+
+    missing: Condition = Condition.DATA_EMPTY
+    longer: Condition = Condition.LENGTH_WRONG
+    refuses_bits: bool = False
+    symbolic_alone: bool = False
+    symbolic_bytes: bool = False
+    must_stay: bool = False
+    adhoc_lens: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
 class Rules:
     """One vendor's answers. Lengths in bytes."""
 
     status: Mapping[Condition, int]
+    status_of: Mapping[str, Mapping[Condition, int]] = field(
+        default_factory=dict
+    )  # where a block has its own
+    single_instructions: bool = False  # TCON, TSEND, ...: one job for each edge (blocks/single)
+    course: Course = field(default_factory=Course)
+    area: AreaRules = field(default_factory=AreaRules)
+    lacks: frozenset[str] = frozenset()  # pins that this vendor's blocks do not have
+    also_busy: frozenset[Condition] = frozenset()  # BUSY shows here, too
+    receiving_part: Condition = Condition.RECEIVING  # the job has some bytes
+    datagram_too_long: Condition = Condition.RECEIVE_FAILED
     not_connected: NotConnected = NotConnected.PULSE
     short_frame_shown: bool = True
     reset_counts_as_close: bool = False
@@ -34,3 +64,8 @@ class Rules:
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64
     queue: int = 64
+
+    def word(self, block: str, condition: Condition) -> int:
+        """Return the STATUS that a condition has on a block."""
+        own = self.status_of.get(block)
+        return self.status[condition] if own is None or condition not in own else own[condition]

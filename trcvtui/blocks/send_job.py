@@ -15,7 +15,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import refuse
+from trcvtui.blocks.job_checks import changed, refuse
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import OUTCOMES_KEPT
@@ -36,6 +36,8 @@ class SendJob:
         self.last_bytes: int | None = None
         self.claim = bound.claim()
         self._env = bound.env
+        self._must_stay = bound.env.rules.area.must_stay
+        self._shape: tuple[str, int] | None = None  # of DATA when the job began
         self._data = bound.data
         self._buffers = bound.env.resources.buffers
         self._connection = bound.connection
@@ -58,6 +60,7 @@ class SendJob:
             sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused
         assert self._data is not None
+        self._shape = self._data.shape
         self._start(bytes(self._data.content[: inputs.len or self._data.size]))
         loss = self._push()
         if loss is not None:
@@ -70,6 +73,10 @@ class SendJob:
 
     def go_on(self) -> Outcome | ConnectionLoss:
         """Send what is left; end the job when the stack has it all."""
+        if self._must_stay and self._data is not None and self._data.shape != self._shape:
+            outcome = changed("DATA")
+            self.abandon(outcome.cause.name)
+            return outcome
         loss = self._connection.look_before_sending()
         if loss is None and self._unsent:
             loss = self._push()

@@ -15,14 +15,19 @@ class Reach(StrEnum):
     LOGIC = "logic"
     NAMESPACE = "namespace"
     INJECTED = "injected only"
+    NEVER = "not on this bench"
 
 
 @dataclass(frozen=True, slots=True)
 class StatusRow:
-    """One code. `manual` names the section it comes from; `blocks` are the blocks that list it."""
+    """One code. `manual` names the section it comes from; `blocks` are the blocks that list it.
+
+    `unreached`: why nothing on this bench shows it (Reach.NEVER); such a row may have no condition.
+    `unsure`: what of it no manual says, so that a real PLC may overrule it.
+    """
 
     code: int
-    condition: Condition
+    condition: Condition | None
     blocks: tuple[str, ...]
     error: bool
     title: str
@@ -30,6 +35,14 @@ class StatusRow:
     checks: tuple[str, ...]
     reach: Reach
     manual: str
+    also: tuple[Condition, ...] = ()  # further conditions that show this code
+    unreached: str = ""
+    unsure: str = ""
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Return every condition that shows this code on its blocks."""
+        return self.also if self.condition is None else (self.condition, *self.also)
 
     @property
     def word(self) -> str:

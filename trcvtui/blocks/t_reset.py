@@ -38,7 +38,7 @@ class TReset:
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         cause = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
-        shown = lit(closing.reset(self._connection, cause), self._script)
+        shown = lit(closing.reset(self._connection, cause, self._env.rules.course.reset), self._script)
         self._script.append(_REBUILDING)
         self._rebuilds = True
         return shown
@@ -49,7 +49,7 @@ class TReset:
             return IDLE
         failed = self._connection.step(self._env.scan, self._env.now) if self._rebuilds else None
         if failed is not None:
-            return set_up_failed(self._connection, failed)
+            return set_up_failed(self._connection, failed, self._env.rules.course)
         if not self._connection.is_up:
             return _REBUILDING if self._rebuilds else _DOWN
         self._rebuilds = False

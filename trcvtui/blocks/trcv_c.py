@@ -6,6 +6,7 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.connection_part import ConnectionPart
+from trcvtui.blocks.cont_level import ContLevel
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.not_connected import StandingRequest, not_connected
 from trcvtui.blocks.outcome import Outcome
@@ -21,18 +22,26 @@ class TrcvC:
         self._connection = bound.connection
         self._part = ConnectionPart(bound.env, bound.connection)
         self._inputs: Inputs | None = None
+        self._course = bound.env.rules.course
+        self._cont = ContLevel(self._course.one_shot)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
-        if inputs is self._inputs and self._part.stands():  # the usual scan, in short
-            return self._receive(inputs) if inputs.en_r else self._idle(None)
+        # The usual scan, in short.
+        if inputs is self._inputs and self._part.stands() and not self._course.one_shot:
+            return self._receive(inputs) if self._goes_on(inputs) else self._idle(None)
         self._inputs = inputs
         self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
-        outcome = self._part.call(inputs.cont, inputs.com_rst)
+        cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running)
+        outcome = self._part.call(cont, inputs.com_rst, asks=inputs.en_r)
         if outcome is not None:
             return self._while_not_receiving(outcome)
         return self._connected(inputs)
+
+    def _goes_on(self, inputs: Inputs) -> bool:
+        """Return whether the job has this scan: EN_R is 1, or a job that runs outlives it."""
+        return inputs.en_r or (self.job.running and self._course.en_r_keeps_job)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""
@@ -54,7 +63,7 @@ class TrcvC:
 
     def _connected(self, inputs: Inputs) -> Outcome:
         loss = self._connection.lost(self._part.incarnation, self.job.claim)
-        if not inputs.en_r:
+        if not self._goes_on(inputs):
             self.job.abandon("EN_R fell")
             self.job.let_go()
             return self._idle(loss)

@@ -6,6 +6,7 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.connection_part import ConnectionPart
+from trcvtui.blocks.cont_level import ContLevel
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.not_connected import not_connected
 from trcvtui.blocks.outcome import Outcome
@@ -22,20 +23,31 @@ class TsendC:
         self._part = ConnectionPart(bound.env, bound.connection)
         self._inputs: Inputs | None = None
         self._req = False
-        self._asked = False  # an edge that came without a connection, not yet told
+        self._course = bound.env.rules.course
+        self._cont = ContLevel(self._course.one_shot)
+        self._asked = False  # an edge that came without a connection, not yet told or served
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
-        if inputs is self._inputs and self._part.stands():  # the usual scan, in short
+        # The usual scan, in short.
+        if inputs is self._inputs and self._part.stands() and not self._asked and not self._course.one_shot:
             return self._send(inputs, req_rose=False)
         self._inputs = inputs
         req_rose = inputs.req and not self._req
         self._req = inputs.req
-        outcome = self._part.call(inputs.cont, inputs.com_rst)
+        asks = self._asked or req_rose
+        waits = self._course.waiting_req_sends and (inputs.req or self._course.one_shot) and asks
+        cont = self._cont.level(inputs.cont, asks, self.job.running)
+        outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=self._reset_error())
         if outcome is not None:
             return self._while_not_sending(inputs, outcome, req_rose)
         loss = self._connection.lost(self._part.incarnation)
+        if self._course.waiting_req_sends:
+            req_rose, self._asked = req_rose or self._asked, False
         return self._send(inputs, req_rose) if loss is None else self._lost(loss, req_rose)
+
+    def _reset_error(self) -> Condition | None:
+        return self._course.reset_ends_send if self.job.running else None
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""
@@ -49,12 +61,20 @@ class TsendC:
 
     def _while_not_sending(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         self.job.abandon(outcome.cause.name)
+        if self._course.waiting_req_sends:
+            return self._keep_asking(inputs, outcome, req_rose)
         self._asked = (self._asked or req_rose) and inputs.cont
         if not self._asked or not self._may_complain(outcome):
             return outcome
         self._asked = False
         self._part.hold_back(outcome)
         return not_connected("REQ", "REQ rose without a connection", self._connection)
+
+    def _keep_asking(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
+        """Remember a REQ that stays 1: it sends when the connection is up; one that falls before is lost."""
+        asks = self._asked or req_rose
+        self._asked = asks and (not outcome.error if self._course.one_shot else inputs.req)
+        return outcome
 
     def _may_complain(self, outcome: Outcome) -> bool:
         """Return whether 80A1 may take this scan: the second 7002 and later, or the first 7004.
@@ -78,7 +98,9 @@ class TsendC:
 
     def _lost(self, loss: ConnectionLoss, req_rose: bool) -> Outcome:
         shown = self.job.shown(loss, asked=req_rose)
-        self._asked = req_rose and not shown  # closed on our side shows no error that would tell the edge
+        self._asked = (
+            req_rose and not shown and not self._course.waiting_req_sends
+        )  # closed on our side shows no error that would tell the edge
         return self._part.lost(shown, "the connection is gone")
 
 

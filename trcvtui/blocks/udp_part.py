@@ -10,7 +10,7 @@ from collections import deque
 
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import STAGE_CONDITIONS
+from trcvtui.blocks.course import PLAIN_SET_UP
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.set_up import StepFault
@@ -90,7 +90,7 @@ class UdpPart:
 
 
 def _failed(failed: StepFault) -> Outcome:
-    return Outcome(STAGE_CONDITIONS[failed.stage], cause_of(failed.fault))
+    return Outcome(PLAIN_SET_UP[failed.stage, ""], cause_of(failed.fault))
 
 
 NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)

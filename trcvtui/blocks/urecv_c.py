@@ -8,7 +8,7 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import refuse
+from trcvtui.blocks.job_checks import changed, refuse
 from trcvtui.blocks.not_connected import StandingRequest
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.udp_binding import UdpBinding
@@ -69,6 +69,7 @@ class DatagramIn:
         self.last_bytes: int | None = None
         self.claim = bound.claim()
         self._env = bound.env
+        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
         self._data = bound.data
         self._address = bound.address
         self._port = bound.port
@@ -82,6 +83,8 @@ class DatagramIn:
         """Start, go on or end: one datagram a scan at most, and one scan of "receiving" before each DONE."""
         if not self.running:
             return self._begin(length)
+        if self._env.rules.area.must_stay and (ended := self._changed(length)) is not None:
+            return ended
         if self._source is None:
             failed = self._collect()
             if failed is not None or self._source is None:
@@ -94,8 +97,18 @@ class DatagramIn:
         if refused is not None:
             return refused
         assert self._data is not None
+        self._asked = length, self._data.shape
         self._start(length or self._data.size)
         return self._collect() or self._receiving()
+
+    def _changed(self, length: int) -> Outcome | None:
+        """End the job when LEN or DATA is another than at its start."""
+        assert self._asked is not None and self._data is not None
+        if self._asked == (length, self._data.shape):
+            return None
+        outcome = changed("DATA" if self._asked[0] == length else "LEN")
+        self.abandon(outcome.cause.name)
+        return outcome
 
     def _start(self, need: int) -> None:
         self.number += 1
@@ -131,7 +144,7 @@ class DatagramIn:
             Why.BYTES, "the datagram is larger than LEN or DATA", have=got.whole, need=self.need,
             peer=str(got.source),
         )  # fmt: skip
-        return Outcome(Condition.RECEIVE_FAILED, cause)
+        return Outcome(self._env.rules.datagram_too_long, cause)
 
     def _receiving(self) -> Outcome:
         return _receiving(self.have, self.need, self._source is not None)

@@ -8,7 +8,7 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import refuse
+from trcvtui.blocks.job_checks import changed, refuse
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.udp_part import UdpPart
@@ -71,6 +71,7 @@ class DatagramOut:
         self.last_bytes: int | None = None
         self.claim = bound.claim()
         self._env = bound.env
+        self._shape: tuple[str, int] | None = None  # of DATA when the job began
         self._data = bound.data
         self._address = bound.address
         self._port = bound.port
@@ -87,6 +88,7 @@ class DatagramOut:
             self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR
             return refused
         assert self._data is not None
+        self._shape = self._data.shape
         payload = bytes(self._data.content[: length or self._data.size])
         self._start(len(payload))
         got = self._port.send(memoryview(payload), self._address, self._instance)
@@ -101,6 +103,11 @@ class DatagramOut:
 
     def go_on(self) -> Outcome:
         """Show in the next scan that the datagram went."""
+        data = self._data
+        if self._env.rules.area.must_stay and data is not None and data.shape != self._shape:
+            outcome = changed("DATA")
+            self.abandon(outcome.cause.name)
+            return outcome
         self._end(done=True, reason="complete")
         return _sent(self.need, self._peer)
 

@@ -9,5 +9,9 @@ from typing import Final
 
 from trcvtui.dialects.baosky import BAOSKY
 from trcvtui.dialects.dialect import Dialect
+from trcvtui.dialects.siemens import S7_1200, S7_1500
+from trcvtui.dialects.siemens_legacy import S7_1200_LEGACY
 
-DIALECTS: Final[dict[str, Dialect]] = {dialect.name: dialect for dialect in (BAOSKY,)}
+DIALECTS: Final[dict[str, Dialect]] = {
+    dialect.name: dialect for dialect in (BAOSKY, S7_1500, S7_1200, S7_1200_LEGACY)
+}

@@ -85,7 +85,7 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
     """Return the rules for these switch values; a switch that is not given has its default."""
     chosen = {switch.name: switch.default for switch in SWITCHES} | dict(values)
     return Rules(
-        status={row.condition: row.code for row in STATUS},
+        status={condition: row.code for row in STATUS for condition in row.conditions},
         not_connected=NotConnected(chosen["not_connected"]),
         short_frame_shown=chosen["short_frame"] == "both",
         reset_counts_as_close=chosen["reset_is"] == "80C5",

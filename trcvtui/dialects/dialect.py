@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from trcvtui.blocks.conditions import Condition
@@ -28,9 +28,22 @@ class Switch:
     most: int = 1_000_000
 
 
+def codes_of(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:
+    """Return what each block shows for each condition, as the rows say."""
+    codes: dict[str, dict[Condition, int]] = {}
+    for row in rows:
+        for block in row.blocks:
+            codes.setdefault(block, {}).update(dict.fromkeys(row.conditions, row.code))
+    return codes
+
+
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default."""
+    """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default.
+
+    `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
+    `folder`: where its scenarios lie, when that has another name.
+    """
 
     name: str
     title: str
@@ -41,6 +54,13 @@ class Dialect:
     default_model: str
     layout: str
     answer: Callable[[Mapping[str, SwitchValue]], Rules]
+    describes_connects: bool = False
+    folder: str = ""
+
+    @property
+    def shelf(self) -> str:
+        """Return the folder of its scenarios."""
+        return self.folder or self.name
 
     def row(self, code: int, block: str | None = None) -> StatusRow | None:
         """Return the row of a code, for one block or for any."""
@@ -48,4 +68,4 @@ class Dialect:
 
     def row_of(self, condition: Condition) -> StatusRow | None:
         """Return the row that shows a condition."""
-        return next((r for r in self.status if r.condition is condition), None)
+        return next((r for r in self.status if condition in r.conditions), None)

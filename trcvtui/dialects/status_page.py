@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from trcvtui.dialects.status_report import REACH_TEXT, Explained
+from trcvtui.dialects.status_report import Explained, reach_text
 
 
 def as_page(title: str, found: Sequence[Explained], up: str) -> str:
@@ -56,9 +56,10 @@ def _card(one: Explained, up: str) -> str:
             "",
             *(f"- {_plain(check)}" for check in row.checks),
             "",
+            *(["Not certain", "", f"- {_plain(row.unsure)}", ""] if row.unsure else []),
             "How to see it",
             "",
-            f"- can be brought about {REACH_TEXT[row.reach]} ({row.reach})",
+            f"- {_plain(reach_text(row))} ({row.reach})",
             *(f"- [{_name(file)}]({up}{file})" for file in one.telling()),
             f"- manual {row.manual}",
         ]

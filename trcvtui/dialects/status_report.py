@@ -17,6 +17,7 @@ REACH_TEXT: Final = {
     Reach.LOGIC: "by the pins alone: no network has a part in it",
     Reach.NAMESPACE: "by a dead link: `link C1 down`, simulated or live on Linux",
     Reach.INJECTED: "by a fault put in front of the named call: `fault CALL ERRNO`",
+    Reach.NEVER: "by nothing on this bench",
 }
 MOST_TELLING: Final = 3
 NOTE: Final = "note-"  # so begins the name of a scenario for a note of the manual
@@ -129,8 +130,15 @@ def as_json(found: Iterable[Explained]) -> str:
     return json.dumps([_as_object(one) for one in found], indent=2)
 
 
+def reach_text(row: StatusRow) -> str:
+    """Return how a code can be brought about here, or why it cannot."""
+    told = f"can be brought about {REACH_TEXT[row.reach]}"
+    return f"{told}: {row.unreached}" if row.unreached else told
+
+
 def _as_object(one: Explained) -> dict[str, object]:
     row = one.row
+    said = {"unreached": row.unreached, "unsure": row.unsure}
     return {
         "code": row.word,
         "dialect": one.dialect,
@@ -142,6 +150,7 @@ def _as_object(one: Explained) -> dict[str, object]:
         "manual": row.manual,
         "reach": str(row.reach),
         "scenarios": list(one.scenarios),
+        **{key: text for key, text in said.items() if text},
     }
 
 
@@ -160,7 +169,8 @@ def _card(one: Explained) -> str:
         *(f"    - {cause}" for cause in row.causes),
         "  look at",
         *(f"    - {check}" for check in row.checks),
-        f"  can be brought about {REACH_TEXT[row.reach]}",
+        *([f"  not certain: {row.unsure}"] if row.unsure else []),
+        f"  {reach_text(row)}",
         *(f"  to see it: trcvtui scenario {file}" for file in one.telling()),
     ]
     return "\n".join(lines)

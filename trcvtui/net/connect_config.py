@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.net.answers import Endpoint
+from trcvtui.net.description import Description
+from trcvtui.net.description_check import Finding
 from trcvtui.net.ipv4 import octets
+from trcvtui.net.session import Settings
 
 ANY_ADDRESS: Final = "0.0.0.0"
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
@@ -15,7 +18,12 @@ SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system se
 
 @dataclass(frozen=True, slots=True)
 class ConnectConfig:
-    """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort."""
+    """One CONNECT. Addresses are dotted IPv4 text; ports 0..65535, or `@NAME` for RemotePort.
+
+    `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
+    `remote_name`: the partner's name, asked for at each attempt; "": `remote_address` says where he is.
+    `any_local`: the system's own routing gives an active end its local address.
+    """
 
     name: str
     active: bool = False
@@ -24,6 +32,16 @@ class ConnectConfig:
     remote_port: int | str = 0
     send_delay_opt: bool = False
     keep_alive_interval_s: int = 0
+    session: Settings | None = None
+    description: Description | None = None
+    flaw: Finding | None = None
+    any_local: bool = False
+    remote_name: str = ""
+
+    @property
+    def is_message_oriented(self) -> bool:
+        """Return whether the partner's messages arrive whole, one a job."""
+        return self.session is not None and self.session.is_message_oriented
 
     @property
     def keep_alive_s(self) -> int:

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from enum import StrEnum
 from typing import Final
 
+from trcvtui.net.answers import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind, loss_of
+from trcvtui.net.connection_state import State as State
 from trcvtui.net.dead_link import DeadLinkWatch, Sent
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, Kernel, WouldBlock
+from trcvtui.net.kernel import Accepted, Handle, Kernel, Loss
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.ownership import Claim, Direction
 from trcvtui.net.policy import Policy
@@ -25,16 +26,6 @@ from trcvtui.net.set_up import ACCEPTS_A_SCAN, SetUp, Stage, StepFault
 
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 LOSSES_KEPT: Final = 8
-
-
-class State(StrEnum):
-    """Where the connection stands."""
-
-    CLOSED = "closed"
-    QUEUED = "queued"
-    CREATED = "created"
-    ESTABLISHING = "establishing"
-    CONNECTED = "connected"
 
 
 class Connection:
@@ -124,7 +115,8 @@ class Connection:
         self.attempts += 1
         self.state = State.CREATED
         short = self._resources.budget.acquire(self.config.name)
-        failed = StepFault(Stage.SOCKET, short) if short else self.set_up.create()
+        full = StepFault(Stage.SOCKET, short) if short else None
+        failed = self.set_up.judge() or full or self.set_up.create()
         return self._failed(failed, now) if failed else None
 
     def _prepare(self, now: int) -> StepFault | None:
@@ -209,14 +201,28 @@ class Connection:
         if isinstance(got, int):
             if got == 0:
                 return self._lose(self.doom or self._loss_of(None))
-            self.recvs += 1
-            offset = self.bytes_received
-            self.bytes_received = offset + got
-            self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, got, instance))
+            self._took(got, instance)
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
             return self._lose(self.doom or self._loss_of(got))
         return WOULD_BLOCK
+
+    def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
+        """Take one message; what there is no room for is gone. A loss is answered behind the last message."""
+        assert self.handle is not None
+        got = self._kernel.recv_from(self.handle, into)
+        if isinstance(got, Datagram):
+            self._took(got.size, instance)
+            return got
+        seen = Loss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
+        loss = self.doom or (self._loss_of(seen.fault) if seen else None)
+        return WOULD_BLOCK if loss is None else self._lose(loss)
+
+    def _took(self, size: int, instance: str) -> None:
+        self.recvs += 1
+        offset = self.bytes_received
+        self.bytes_received = offset + size
+        self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size, instance))
 
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.
@@ -391,4 +397,4 @@ class Connection:
 
     def _note_failure(self, failed: StepFault) -> None:
         what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED
-        self._note(what, self.set_up.remote, failed.fault)
+        self._note(what, self.set_up.remote, failed.fault, failed.detail)

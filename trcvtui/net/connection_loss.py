@@ -7,6 +7,7 @@ from enum import Enum, auto
 from typing import Final
 
 from trcvtui.net.kernel import Fault
+from trcvtui.net.tls_words import TlsError
 
 
 class LossKind(Enum):
@@ -21,6 +22,8 @@ class LossKind(Enum):
 
 # 3.2: this whole family, on an established connection, means that the link is dead.
 LINK_DEAD_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"})
+# The partner has ended a session, with a word of its own or without the one that belongs there.
+ENDED_ERRORS: Final = frozenset({TlsError.REFUSED, TlsError.TRUNCATED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class ConnectionLoss:
 
 def loss_of(fault: Fault | None, peer: str) -> ConnectionLoss:
     """Return the loss that a call's answer means; None is the partner's FIN."""
-    if fault is None:
+    if fault is None or fault.error in ENDED_ERRORS:
         kind = LossKind.CLOSED_BY_PARTNER
     elif fault.error == "ECONNRESET":
         kind = LossKind.RESET_BY_PARTNER

@@ -199,6 +199,10 @@ class FaultyKernel:
         """Return the local end, or None while there is none."""
         return self.inner.local_end(handle)
 
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name, or WOULD_BLOCK while nobody knows it yet."""
+        return self.inner.resolve(handle, name)
+
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return the verdict of a connect that was not made to fail."""
         return self.inner.connect_result(handle)

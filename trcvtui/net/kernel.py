@@ -16,6 +16,7 @@ from trcvtui.net.answers import Datagram as Datagram
 from trcvtui.net.answers import Endpoint as Endpoint
 from trcvtui.net.answers import Fault as Fault
 from trcvtui.net.answers import WouldBlock as WouldBlock
+from trcvtui.net.session import Settings
 
 Handle = NewType("Handle", int)
 
@@ -79,6 +80,7 @@ class SocketOptions:
     keep_alive_s: int = 10
     user_timeout_ms: int = 0
     small_buffers: bool = False
+    session: Settings | None = None  # what runs on the stream, where it is no plain TCP
 
 
 class Kernel(Protocol):
@@ -141,6 +143,13 @@ class Kernel(Protocol):
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
         """Take one finished handshake from a listener; the new handle has the listener's owner."""
+        ...
+
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name; WOULD_BLOCK: ask again. Freeing the handle ends the question.
+
+        EAI_AGAIN: nobody who could know answers; EAI_NONAME: the name is unknown.
+        """
         ...
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:

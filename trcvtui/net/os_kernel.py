@@ -30,6 +30,7 @@ from trcvtui.net.os_addresses import interface_addresses
 from trcvtui.net.os_datagrams import DatagramCalls
 from trcvtui.net.os_errors import error_name
 from trcvtui.net.os_link import CutLinks
+from trcvtui.net.os_names import Questions
 from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, apply_options, limit_unacknowledged
 from trcvtui.net.os_poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
 from trcvtui.net.os_queues import path_of, read_away, unread_bytes
@@ -49,6 +50,7 @@ class OsKernel(DatagramCalls):
     def __init__(self) -> None:
         self._sockets: dict[int, Socket] = {}
         self._links = CutLinks(self._sockets)
+        self._questions = Questions()
         self._polls: PollSet | None = None
         self._polled: set[int] = set()
         self._ready: dict[int, int] = {}
@@ -187,6 +189,10 @@ class OsKernel(DatagramCalls):
             return Fault("accept", error_name(problem))
         return Accepted(self._keep(made, self._links.owner(handle)), Endpoint(address, port))
 
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name, or WOULD_BLOCK while the system's resolver is at work."""
+        return self._questions.ask(handle, name) if handle in self._sockets else Fault("resolve", "EBADF")
+
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending, also where the stack has decided already."""
         fault = self._do("connect", handle, lambda sock: sock.connect(pair(end)))
@@ -318,6 +324,7 @@ class OsKernel(DatagramCalls):
                 self._polls.unregister(handle)
         self._held.pop(handle, None)
         self._told.discard(handle)
+        self._questions.forget(handle)
         self._links.freed(handle)
         fault = self._do(call, handle, Socket.close)
         self._sockets.pop(handle, None)

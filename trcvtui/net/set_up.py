@@ -33,6 +33,7 @@ PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
 class Stage(Enum):
     """Which part of the set-up failed."""
 
+    DESCRIPTION = auto()
     SOCKET = auto()
     ADDRESS = auto()
     REUSE = auto()
@@ -44,10 +45,11 @@ class Stage(Enum):
 
 @dataclass(frozen=True, slots=True)
 class StepFault:
-    """A set-up step that failed."""
+    """A set-up step that failed; `detail` is what a person should read."""
 
     stage: Stage
     fault: Fault
+    detail: str = ""
 
 
 class SetUp:
@@ -71,9 +73,17 @@ class SetUp:
         self._resolve = resolve
         self._note = note
         self._verdict: Fault | None = None
+        self._is_asking = False  # for the address of the partner's name
         self._deadline = 0
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
+
+    def judge(self) -> StepFault | None:
+        """Look at the connection description, before there is any socket."""
+        flaw = self.config.flaw
+        if flaw is None:
+            return None
+        return StepFault(Stage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
 
     def create(self) -> StepFault | None:
         """Make the socket of a new attempt."""
@@ -95,7 +105,7 @@ class SetUp:
         local = Endpoint(self.config.local.address, self._kept_port)
         own = self._kernel.local_addresses()
         wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
-        if wrong:
+        if wrong and not self.config.any_local:
             return StepFault(Stage.ADDRESS, Fault("address", wrong))
         fault = self._kernel.set_reuse(handle)
         if fault is not None:
@@ -103,7 +113,14 @@ class SetUp:
         fault = self._kernel.bind(handle, local)
         if fault is None:
             return None
-        return StepFault(Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND, fault)
+        stage = Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND
+        return StepFault(stage, fault, self._hint(fault, local))
+
+    def _hint(self, fault: Fault, local: Endpoint) -> str:
+        """Return what a person can do about a port of which only some users are let in."""
+        if fault.error != "EACCES" or self.config.session is None or not self.config.session.shares_port:
+            return ""
+        return f"{local} is not for every user: IsoPort sets another"
 
     def _listen(self, handle: Handle) -> StepFault | None:
         fault = self._kernel.listen(handle, BACKLOG)
@@ -134,11 +151,19 @@ class SetUp:
         port = self._remote_port()
         if port is None:
             return Fault("resolve", f"{self.config.remote_port} does not listen")
-        self.remote = Endpoint(self.config.remote_address, port)
+        address = self._remote_address(handle)
+        self._is_asking = isinstance(address, WouldBlock)
+        if not isinstance(address, str):
+            return address if isinstance(address, Fault) else None
+        self.remote = Endpoint(address, port)
         # 3.1 traps: 0.0.0.0 would silently mean loopback; a socket can connect to itself.
-        if self.config.remote_address == ANY_ADDRESS or self.remote == self.local:
+        if address == ANY_ADDRESS or self.remote == self.local:
             return Fault("address", f"{self.remote} is no end to connect to")
         return self._kernel.connect(handle, self.remote)
+
+    def _remote_address(self, handle: Handle) -> str | WouldBlock | Fault:
+        name = self.config.remote_name
+        return self._kernel.resolve(handle, name) if name else self.config.remote_address
 
     def _remote_port(self) -> int | None:
         """Return RemotePort; for `@NAME` where that listens now, else where it listened last."""
@@ -151,7 +176,9 @@ class SetUp:
     def look(self, now: int) -> Accepted | StepFault | None:
         """Ask how the running attempt of an active CONNECT stands."""
         assert self.attempt is not None
-        verdict: Fault | WouldBlock | None = self._verdict
+        if self._is_asking:
+            self._verdict = self._start_connect(self.attempt)
+        verdict: Fault | WouldBlock | None = WOULD_BLOCK if self._is_asking else self._verdict
         if verdict is None:
             verdict = self._kernel.connect_result(self.attempt)
         if verdict is WOULD_BLOCK:
@@ -213,6 +240,7 @@ class SetUp:
             nodelay=self.config.send_delay_opt,
             keep_alive_s=self.config.keep_alive_s,
             small_buffers=self._policy.small_buffers,
+            session=self.config.session,
         )
 
     def free(self) -> Fault | None:
@@ -228,7 +256,7 @@ class SetUp:
         if self.attempt is None:
             return None
         fault = self._kernel.abort(self.attempt)
-        self.attempt, self._verdict = None, None
+        self.attempt, self._verdict, self._is_asking = None, None, False
         return fault
 
     def forget(self) -> None:

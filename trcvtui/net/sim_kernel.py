@@ -7,6 +7,7 @@ As in the real kernel, what `poll` saw is one picture for the whole scan, for ha
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping
 from functools import partial
 from typing import Final
 
@@ -42,9 +43,11 @@ class SimKernel:
         not_ethernet: tuple[str, ...] = (),
         latency_ns: int = 0,
         fragment: bool = False,
+        names: Mapping[str, str] | None = None,
     ) -> None:
         self._wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
         self._datagrams = DatagramWire(self._wire, latency_ns)
+        self._names = None if names is None else {n.rstrip(".").lower(): a for n, a in names.items()}
         self._random = random.Random(seed)
         self._not_ethernet = not_ethernet
         self._fragment = fragment
@@ -185,6 +188,16 @@ class SimKernel:
         stream = socket.listener.queue.popleft()
         socket.changed()
         return Accepted(self._keep(SimSocket(self._wire, socket.owner, stream)), stream.remote)
+
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name; without a table of names there is no server to ask."""
+        if handle not in self._sockets:
+            return Fault("resolve", "EBADF")
+        if name in ("localhost", "localhost."):
+            return LOOPBACK
+        if self._names is None:
+            return Fault("resolve", "EAI_AGAIN")
+        return self._names.get(name.rstrip(".").lower()) or Fault("resolve", "EAI_NONAME")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending."""

@@ -52,7 +52,9 @@ class Instance:
         self.decl = decl
         self.data = bound.data
         self.inputs: dict[str, PinValue] = {
-            pin.name: False if pin.is_bool else 0 for pin in parameters.inputs_of(decl.block)
+            pin.name: False if pin.is_bool else 0
+            for pin in parameters.inputs_of(decl.block)
+            if pin.name not in bound.env.rules.lacks
         }
         self.inputs.update(decl.inputs)
         self._has_rcvd_len = any(pin.name == "RCVD_LEN" for pin in parameters.PINS[decl.block])
@@ -172,8 +174,9 @@ class Instance:
         """Return what an outcome looks like, made once for outcomes that come again."""
         if len(self._known) >= KNOWN_OUTCOMES:
             self._known.clear()
-        status = self._env.rules.status[outcome.condition]
-        lamps = outcome.busy, outcome.done, outcome.error
+        status = self._env.rules.word(self.block_name, outcome.condition)
+        busy = outcome.busy or outcome.condition in self._env.rules.also_busy
+        lamps = busy, outcome.done, outcome.error
         named = self.name, self.block_name, status, *lamps, outcome.rcvd_len if self._has_rcvd_len else None
         shown = Shown(Outputs(*named), StatusEdge(*named, str(outcome.condition), outcome.cause))
         self._known[outcome] = shown

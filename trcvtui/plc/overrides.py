@@ -14,7 +14,9 @@ from trcvtui.plc.tables import Given, shown
 
 TOP_KEYS: Final = ("dialect", "model", "start")
 SECTIONS: Final = ("options", "sim")
-ENTRIES: Final = ("task", "data", "connect", "udp_config", "addr", "instance", "peer", "message", "sequence")
+ENTRIES: Final = (
+    "task", "data", "connect", "udp_config", "addr", "instance", "peer", "message", "sequence", "certificate",
+)  # fmt: skip
 FORMS: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
 
 

@@ -15,7 +15,9 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
+from trcvtui.plc.tls_words import Certificates
 from trcvtui.udt.layout import Layout
 from trcvtui.udt.rules import LayoutRules, rules_for
 from trcvtui.udt.type_set import TypeSet
@@ -36,13 +38,17 @@ class Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DataDecl:
-    """One global variable: its type as written and as laid out; size in bytes."""
+    """One global variable: its type as written and as laid out; size in bytes.
+
+    `optimized`: it stands in a block that a PLC orders by itself, so that blocks take it as a whole.
+    """
 
     name: str
     type_name: str
     type: Type
     layout: Layout
     size: int
+    optimized: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +76,7 @@ class PeerDecl:
     every `every_ns`; a message is written as behind `peer P1 send`. `replies` are rules, written as behind
     `peer P1 reply on`. With `udp` it receives datagrams at `end`
     and sends to `remote`, None: to whoever was heard last. `layout` and `byte_order` are those of the device
-    that it stands for, None: as the PLC.
+    that it stands for, None: as the PLC. With a `session` it speaks that on its connection.
     """
 
     name: str
@@ -85,6 +91,7 @@ class PeerDecl:
     replies: tuple[str, ...] = ()
     layout: str | None = None
     byte_order: str | None = None
+    session: Settings | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,13 +113,17 @@ class SequenceDecl:
 
 @dataclass(frozen=True, slots=True)
 class SimDecl:
-    """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports."""
+    """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports.
+
+    `names` and their addresses are what its DNS server knows; None: there is no such server.
+    """
 
     addresses: tuple[str, ...] = ()
     not_ethernet: tuple[str, ...] = ()
     seed: int = 0
     latency_ns: int = 0
     fragment: bool = False
+    names: tuple[tuple[str, str], ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,10 +153,11 @@ class Project:
     sequences: tuple[SequenceDecl, ...] = ()
     constants: Mapping[str, int] = field(default_factory=dict)  # of the UDTs; the user's own
     udt_files: tuple[Path, ...] = ()
+    certificates: Certificates = field(default_factory=dict)
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""
-        return PINS[block]
+        return tuple([pin for pin in PINS[block] if pin.name not in self.rules.lacks])
 
     def instance(self, name: str) -> InstanceDecl | None:
         """Return the instance of that name."""

@@ -15,7 +15,7 @@ from trcvtui.plc import project_parts as parts
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_keys import KIND_OF, Declaration
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
-from trcvtui.plc.project_reader import Reader
+from trcvtui.plc.project_reader import Head, Reader
 from trcvtui.plc.tables import Given, Table
 
 # Where the entries of a kind stand in a Project, and which kinds share their names with it.
@@ -70,25 +70,32 @@ def _names(project: Project) -> Names:
 
 
 def _read(kind: str, table: Table, project: Project) -> Declaration | None:
+    reader = Reader({}, table.where, project.base, table.problems)
     match kind:
         case "data":
-            reader = Reader({}, table.where, project.base, table.problems)
-            return reader.data(table, project.types, project.layout)
+            return reader.data(table, project.types, _head(project))
         case "instance":
             blocks = tuple(block for block in project.dialect.blocks if block in PINS)
+            reader.check_pins(table, _head(project))
             return parts.read_instance(table, blocks, project.tasks[0].name)
+        case "connect":
+            return reader.connect(table, len(project.connects) + 1, _head(project), project.certificates)
+        case "peer":
+            return parts.read_peer(table, project.certificates)
         case _:
             return _READERS[kind](table)
 
 
 _READERS: Final[dict[str, Callable[[Table], Declaration | None]]] = {
-    "connect": parts.read_connect,
     "udp_config": parts.read_udp_config,
     "addr": parts.read_addr,
-    "peer": parts.read_peer,
     "message": parts.read_message,
     "sequence": parts.read_sequence,
 }
+
+
+def _head(project: Project) -> Head:
+    return Head(project.dialect, project.model, dict(project.options), project.layout)
 
 
 def _placed(problem: Problem, where: str) -> Problem:

@@ -15,7 +15,7 @@ from trcvtui.plc.toml_file import read_toml
 
 KEYS: Final = (
     "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
-    "message", "sequence",
+    "message", "sequence", "certificate",
     "start", "program", "sim", "constants",
 )  # fmt: skip
 
@@ -121,4 +121,5 @@ def _checked(reader: Reader, top: Table) -> Project:
         sequences=body.sequences,
         constants=body.constants,
         udt_files=body.udt_files,
+        certificates=body.certificates,
     )

@@ -43,10 +43,11 @@ class Names:
     addrs: tuple[str, ...] = ()
 
     def check_connect(self, table: Table) -> None:
-        """Record a RemotePort that names nothing."""
-        name = parse_reference(table.text("RemotePort"))
-        if name is not None:
-            _check(table, "RemotePort", name, (*self.peers, *self.connects), "peer or CONNECT")
+        """Record a RemotePort, or an IsoPort, that names nothing."""
+        for key in ("RemotePort", "IsoPort"):
+            name = parse_reference(table.text(key))
+            if name is not None:
+                _check(table, key, name, (*self.peers, *self.connects), "peer or CONNECT")
 
     def check_addr(self, table: Table) -> None:
         """Record a RemotePort that names nothing that speaks UDP."""

@@ -9,11 +9,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP, Direction, Pin
+from trcvtui.blocks.parameters import HAS_DATA, PINS, SPEAKS_UDP, Direction, Pin
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
-from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
+from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
+from trcvtui.plc.iso_words import read_iso
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, parse_reference
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
@@ -44,6 +46,7 @@ from trcvtui.plc.tables import (
     shown,
     whole,
 )
+from trcvtui.plc.tls_words import Certificates, read_peer_tls
 from trcvtui.udt.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS
 from trcvtui.udt.types import ELEMENTARY
 
@@ -54,6 +57,20 @@ SEED: Final = whole(0, (1 << 63) - 1)
 LINT: Final = whole(*ELEMENTARY["LINT"].limits)
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 FREE_PORT: Final = Endpoint("127.0.0.1", 0)
+
+
+def names_of(value: Any) -> tuple[tuple[str, str], ...] | None:
+    """Return the names of a table with their addresses, None where one is no address."""
+    if not isinstance(value, Mapping):
+        return None
+    found = [(name, parse_address(address)) for name, address in value.items() if isinstance(address, str)]
+    known = tuple((name, address) for name, address in found if address is not None)
+    return known if len(known) == len(value) else None
+
+
+NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
+    'names and addresses such as { "plc2.line.local." = "10.0.0.7" }', names_of, lambda text: None
+)
 
 
 def _reference(text: str) -> str | None:
@@ -152,7 +169,7 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     addr = table.must("addr", TEXT) if speaks_udp else None
     data = table.read("data", TEXT)
     task = table.get("task", TEXT, first_task)
-    if data is not None and block in blocks and block not in MOVES_BYTES:
+    if data is not None and block in blocks and block not in HAS_DATA:
         table.wrong("data", shown(data), f"nothing: {block} has no DATA")
     if block is not None and block not in blocks:
         table.wrong("block", shown(block), expected_name(block, blocks, "block"))
@@ -180,7 +197,7 @@ def kind_of(pin: Pin) -> Kind[Any]:
     return TRUTH if pin.is_bool else whole(*ELEMENTARY[pin.iec_type].limits)
 
 
-def read_peer(table: Table) -> PeerDecl | None:
+def read_peer(table: Table, certificates: Certificates) -> PeerDecl | None:
     """Return one peer; without `active` it is active when it has a `remote`."""
     name = table.must("name", NAME)
     if table.get("udp", TRUTH, False):
@@ -201,11 +218,19 @@ def read_peer(table: Table) -> PeerDecl | None:
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
     layout, byte_order = table.read("layout", LAYOUT), table.read("byte_order", BYTE_ORDER)
+    session = _read_session(table, certificates)
     table.finish()
     if name is None or end is None:
         return None
-    decl = PeerDecl(name, active, end, source, reconnect, says, every, replies=replies)
+    decl = PeerDecl(name, active, end, source, reconnect, says, every, replies=replies, session=session)
     return replace(decl, layout=layout, byte_order=byte_order)
+
+
+def _read_session(table: Table, certificates: Certificates) -> Settings | None:
+    iso, secure = read_iso(table), read_peer_tls(table, certificates)
+    if iso is not None and secure is not None:
+        table.wrong("tls", "true beside iso = true", "one of them")
+    return iso or secure
 
 
 def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
@@ -265,6 +290,7 @@ def read_sim(table: Table) -> SimDecl:
         seed=table.get("seed", SEED, 0),
         latency_ns=table.get("latency", DELAY, 0),
         fragment=table.get("fragment", TRUTH, False),
+        names=table.read("names", NAMES),
     )
     table.finish()
     return sim

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from trcvtui.blocks.parameters import PINS
+from trcvtui.blocks.rules import Rules
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.dialects.switches import read_switches
@@ -18,11 +19,13 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
+from trcvtui.plc.connect_descriptions import read_described
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
 from trcvtui.plc.project import DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl, SimDecl, Task
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
-from trcvtui.plc.tables import TEXT, Given, Table, shown
+from trcvtui.plc.tables import TEXT, TRUTH, Given, Table, shown
+from trcvtui.plc.tls_words import Certificates, read_certificates
 from trcvtui.udt.formats import read_files
 from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout import Layout, lay_out
@@ -42,6 +45,10 @@ class Head:
     options: dict[str, SwitchValue]
     layout: LayoutRules
 
+    def rules(self) -> Rules:
+        """Return the dialect's answers to these options."""
+        return self.dialect.answer(self.options)
+
 
 @dataclass(frozen=True, slots=True)
 class Body:
@@ -59,6 +66,7 @@ class Body:
     sequences: tuple[SequenceDecl, ...]
     constants: dict[str, int]
     udt_files: tuple[Path, ...]
+    certificates: Certificates
 
 
 class Reader:
@@ -105,20 +113,22 @@ class Reader:
         constants = parts.read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         files = [self.file_of(table) for table in self.entries("udt")]
         types = self.types(files, constants)
+        certificates = read_certificates(tables["certificate"], self.base)
         tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
         return Body(
             types=types or NO_TYPES,
             tasks=tasks,
-            data=_present([self.data(table, types, head.layout) for table in tables["data"]]),
-            connects=_present([parts.read_connect(table) for table in tables["connect"]]),
+            data=_present([self.data(table, types, head) for table in tables["data"]]),
+            connects=self.connects(tables["connect"], head, certificates),
             udp_configs=_present([parts.read_udp_config(table) for table in tables["udp_config"]]),
             addrs=_present([parts.read_addr(table) for table in tables["addr"]]),
-            instances=self.instances(tables["instance"], head.dialect, tasks[0].name),
-            peers=_present([parts.read_peer(table) for table in tables["peer"]]),
+            instances=self.instances(tables["instance"], head, tasks[0].name),
+            peers=_present([parts.read_peer(table, certificates) for table in tables["peer"]]),
             messages=_present([parts.read_message(table) for table in tables["message"]]),
             sequences=_present([parts.read_sequence(table) for table in tables["sequence"]]),
             constants=constants,
             udt_files=tuple([file for file in files if file is not None]),
+            certificates=certificates,
         )
 
     def check_names(self, tables: Mapping[str, list[Table]]) -> None:
@@ -159,24 +169,44 @@ class Reader:
         table.finish()
         return self.base / file if file is not None else None
 
-    def data(self, table: Table, types: TypeSet | None, layout: LayoutRules) -> DataDecl | None:
+    def data(self, table: Table, types: TypeSet | None, head: Head) -> DataDecl | None:
         name = table.must("name", parts.NAME)
         text = table.must("type", TEXT)
+        optimized = head.rules().area.symbolic_alone and table.get("optimized", TRUTH, False)
         table.finish()
         if text is None:
             return None
         try:
             type_ = parse_type(text, types or NO_TYPES, table.place("type"))
-            laid_out = _placed(type_, layout, name or "?", table.place("type"))
+            laid_out = _placed(type_, head.layout, name or "?", table.place("type"))
         except UserError as refused:
             if types is not None:  # else the type may stand in the file that cannot be read
                 self.problems += refused.problems
             return None
-        return DataDecl(name or "", text, type_, laid_out, laid_out.size)
+        return DataDecl(name or "", text, type_, laid_out, laid_out.size, optimized)
 
-    def instances(self, tables: list[Table], dialect: Dialect, first_task: str) -> tuple[InstanceDecl, ...]:
-        blocks = tuple(block for block in dialect.blocks if block in PINS)
+    def connects(
+        self, tables: list[Table], head: Head, certificates: Certificates
+    ) -> tuple[ConnectConfig, ...]:
+        return _present([self.connect(table, n, head, certificates) for n, table in enumerate(tables, 1)])
+
+    def connect(
+        self, table: Table, number: int, head: Head, certificates: Certificates
+    ) -> ConnectConfig | None:
+        if not head.dialect.describes_connects:
+            return parts.read_connect(table)
+        return read_described(table, number, head.dialect.answer(head.options).max_len, certificates)
+
+    def instances(self, tables: list[Table], head: Head, first_task: str) -> tuple[InstanceDecl, ...]:
+        blocks = tuple(block for block in head.dialect.blocks if block in PINS)
+        for table in tables:
+            self.check_pins(table, head)
         return _present([parts.read_instance(table, blocks, first_task) for table in tables])
+
+    def check_pins(self, table: Table, head: Head) -> None:
+        for pin in head.rules().lacks:
+            if table.has(pin):
+                table.wrong(pin, "a pin", f"another: blocks of {head.dialect.name} have none of that name")
 
     # -- the document ----------------------------------------------------------------------------------
 

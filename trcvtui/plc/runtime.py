@@ -17,9 +17,9 @@ from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
-from trcvtui.net.faults import FaultyKernel
 from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
+from trcvtui.net.session_kernel import Stirring
 from trcvtui.net.udp_config import AddrParam, RemoteAddress, UdpConfig
 from trcvtui.net.udp_port import UdpPort
 from trcvtui.plc.commands import (
@@ -36,6 +36,7 @@ from trcvtui.plc.commands import (
     SetInput,
     WriteData,
 )
+from trcvtui.plc.elements import elements_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
@@ -50,7 +51,7 @@ class Runtime:
     def __init__(
         self,
         project: Project,
-        kernel: FaultyKernel,
+        kernel: Stirring,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
     ) -> None:
@@ -69,7 +70,7 @@ class Runtime:
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
         self._resolve = self._resolver(resolve_peer)
-        self._data = {d.name: DataArea(d.name, d.type_name, d.size) for d in project.data}
+        self._data = {d.name: _area(d) for d in project.data}
         self._connections = {config.name: self._connection(config) for config in project.connects}
         self._ports = {config.name: self._port(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
@@ -252,7 +253,7 @@ class Runtime:
             case DownloadInstance(name):
                 self._download(name)
             case ResizeData(data):
-                self._data[data.name].resize(data.type_name, data.size)
+                self._data[data.name].resize(data.type_name, data.size, elements_of(data.type))
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
     def _create(self, decl: InstanceDecl) -> None:
@@ -263,8 +264,8 @@ class Runtime:
 
     def _declare(self, decl: DataDecl | ConnectConfig | UdpConfig | AddrParam) -> None:
         match decl:
-            case DataDecl(name, type_name):
-                data = self._data[name] = DataArea(name, type_name, decl.size)
+            case DataDecl(name):
+                data = self._data[name] = _area(decl)
                 self._data_snapshots[name] = _data_snapshot(data)
             case ConnectConfig(name):
                 self._connections[name] = self._connection(decl)
@@ -378,6 +379,10 @@ class Runtime:
             senders=connection.sending.owners(),
             keep_alive_s=connection.config.keep_alive_s,
         )
+
+
+def _area(decl: DataDecl) -> DataArea:
+    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized)
 
 
 def _data_snapshot(data: DataArea) -> DataSnapshot:

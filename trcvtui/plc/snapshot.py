@@ -9,7 +9,7 @@ from typing import Any, Final
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.parameters import MOVES_BYTES, SENDS
 
-SENDERS: Final = SENDS | {"USEND_C"}
+SENDERS: Final = SENDS | {"USEND_C", "TUSEND"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,7 @@ FAILED: Final = {
     "connect EADDRINUSE": "LocalPort is fixed and in use towards {peer}: LocalPort 0 takes a free one",
     "bind EADDRINUSE": "another program or CONNECT has {local}: `ss -ltnp` names it",
     "listen EADDRINUSE": "another program or CONNECT has {local}: `ss -ltnp` names it",
-    "bind EACCES": "{local}: ports below 1024 are not for every user, take a larger LocalPort",
+    "bind EACCES": "{local}: ports below 1024 are not for every user, take a larger LocalPort or IsoPort",
     "bind EADDRNOTAVAIL": "{local} belongs to no interface of this machine: `ip -br address`",
     "socket EMFILE": "the process has no descriptor left",
 }

@@ -9,8 +9,10 @@ from typing import Final
 from trcvtui.errors import mistake
 from trcvtui.net.answers import Endpoint, Fault
 from trcvtui.net.faults import FaultPlan, FaultyKernel
+from trcvtui.net.kernel import Kernel
 from trcvtui.net.os_kernel import OsKernel
 from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
+from trcvtui.net.session_kernel import SessionKernel
 from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
@@ -40,12 +42,7 @@ class Bench:
         self.now = 0
         self._sim = _simulated(project) if kernel == "sim" else None
         self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
-        self.runtime = Runtime(
-            project,
-            FaultyKernel(self._kernel, self.plan),
-            self._resources(project),
-            self._peer_port,
-        )
+        self.runtime = Runtime(project, self._plc_kernel(project), self._resources(project), self._peer_port)
         self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
@@ -63,7 +60,22 @@ class Bench:
 
     def _new_peer(self, decl: PeerDecl) -> AnyPeer:
         small = self.project.rules.policy.small_buffers
-        return new_peer(decl, self._kernel, self._listening_end, self.runtime.ledger.write, small)
+        return new_peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
+
+    def _plc_kernel(self, project: Project) -> SessionKernel | FaultyKernel:
+        """Return the PLC's kernel; sessions cost nothing where no CONNECT has one."""
+        faulty = FaultyKernel(self._kernel, self.plan)
+        if all(config.session is None for config in project.connects):
+            return faulty
+        return SessionKernel(faulty, lambda: self.now, self._client_dropped)
+
+    def _peer_kernel(self, decl: PeerDecl) -> Kernel:
+        if decl.session is None:
+            return self._kernel
+        return SessionKernel(self._kernel, lambda: self.now, self._client_dropped, polls=False)
+
+    def _client_dropped(self, owner: str, client: str, why: str) -> None:
+        self.note(owner, "client dropped", f"{client}: {why}")
 
     def _must_listen(self, peer: AnyPeer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""
@@ -266,4 +278,5 @@ class Bench:
 
 def _simulated(project: Project) -> SimKernel:
     sim = project.sim
-    return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment)
+    names = None if sim.names is None else dict(sim.names)
+    return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment, names)

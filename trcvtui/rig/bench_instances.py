@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from trcvtui.blocks.parameters import MOVES_BYTES, PINS, SPEAKS_UDP, Direction
+from trcvtui.blocks.parameters import HAS_DATA, PINS, SPEAKS_UDP, Direction
 from trcvtui.errors import UserError
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
@@ -33,10 +33,10 @@ def read_create(words: Words, project: Project) -> Create:
     given = _read_pairs(words)
     connect, addr = _link(given, block, words, project)
     data = None
-    if block in MOVES_BYTES:
+    if block in HAS_DATA:
         data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
     task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
-    inputs = _inputs(given, block, words)
+    inputs = _inputs(given, block, words, project)
     return Create(InstanceDecl(name, block, connect, data, task or project.tasks[0].name, inputs, addr))
 
 
@@ -81,14 +81,16 @@ def _reference(given: dict[str, str], key: str, names: list[str], what: str, wor
     return name
 
 
-def _inputs(given: dict[str, str], block: str, words: Words) -> tuple[tuple[str, bool | int], ...]:
-    pins = {pin.name: pin for pin in PINS[block] if pin.direction is not Direction.OUT}
+def _inputs(
+    given: dict[str, str], block: str, words: Words, project: Project
+) -> tuple[tuple[str, bool | int], ...]:
+    pins = {pin.name: pin for pin in project.pins(block) if pin.direction is not Direction.OUT}
     keys = (*(("config", "addr") if block in SPEAKS_UDP else ("connect",)), "task", *pins)
     for key in given:
         if key == "data":
             raise words.wrong("'data'", f"nothing: {block} has no DATA")
         if key not in pins:
-            with_data = ("data", *keys) if block in MOVES_BYTES else keys
+            with_data = ("data", *keys) if block in HAS_DATA else keys
             raise words.wrong(shown(key), expected_name(key, with_data, "key or input"))
     return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
 
@@ -123,7 +125,8 @@ def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl
     """Return a global variable of this type, laid out as the project says; raise UserError."""
     type_ = parse_type(type_name, project.types, where)
     layout = lay_out(type_, project.layout, name)
-    return DataDecl(name, type_name, type_, layout, layout.size)
+    known = project.data_decl(name)
+    return DataDecl(name, type_name, type_, layout, layout.size, known is not None and known.optimized)
 
 
 def after(command: BenchCommand, project: Project) -> Project:

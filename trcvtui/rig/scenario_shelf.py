@@ -22,15 +22,15 @@ Shown = tuple[int, str]  # a code, the block that shows it
 
 
 def scenarios_of(
-    dialect: str, code: int | None = None, wanted: Callable[[str], bool] | None = None
+    shelf: str, code: int | None = None, wanted: Callable[[str], bool] | None = None
 ) -> Mapping[Shown, tuple[str, ...]]:
-    """Return the scenario files that show a code at a block; paths start at the source's root.
+    """Return the files of a folder that show a code at a block; paths start at the source's root.
 
     With a code only the files that write its digits somewhere are read: all of them take 60 ms. `wanted`
     chooses by the file's name.
     """
     showing: dict[Shown, list[str]] = {}
-    for path in sorted((ROOT / "configs" / "scenarios" / dialect).glob("*.toml")):
+    for path in sorted((ROOT / "configs" / "scenarios" / shelf).glob("*.toml")):
         if wanted is not None and not wanted(path.name):
             continue
         for shown in shown_by(path) if code is None or _mentions(path, code) else ():

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from trcvtui.blocks.parameters import MOVES_BYTES, Direction, Pin
+from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, Direction, Pin
 from trcvtui.errors import mistake
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam
+from trcvtui.plc.connect_view import initial_values
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import InstanceDecl, Project
 
@@ -38,7 +39,7 @@ def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS) -> str:
     decl = _instance(project, name)
     values = {**dict(decl.inputs), **inputs}
     bound = ",\n".join(f"{INDENT}{line}" for line in _bound(project, decl, values))
-    remark = "" if decl.data or decl.block not in MOVES_BYTES else " (* DATA is not bound *)"
+    remark = "" if decl.data or decl.block not in HAS_DATA else " (* DATA is not bound *)"
     return f"{decl.name}({remark}\n{bound}\n);"
 
 
@@ -68,8 +69,8 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
     for pin in _of(pins, Direction.IN):
         yield f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}"
     yield f"{'CONNECT' if decl.addr is None else 'CONFIG'}:={decl.connect}"
-    if decl.data is not None and decl.block in MOVES_BYTES:
-        yield f"DATA:={decl.data}"
+    if decl.data is not None and decl.block in HAS_DATA:
+        yield f"{DATA_PIN.get(decl.block, 'DATA')}:={decl.data}"
     if decl.addr is not None:
         yield f"ADDR:={decl.addr}"
     for pin in _of(pins, Direction.IN_OUT):
@@ -99,7 +100,7 @@ def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
         fields = ",\n".join(f"{INDENT * 2}{field}" for field in written)
         yield f"{name} : {record} := (\n{fields}\n{INDENT});"
     data = project.data_decl(decl.data) if decl.data else None
-    if data is not None and decl.block in MOVES_BYTES:
+    if data is not None and decl.block in HAS_DATA:
         yield f"{data.name} : {' '.join(data.type_name.split())};"
     for pin in project.pins(decl.block):
         if pin.direction is not Direction.IN:
@@ -109,7 +110,9 @@ def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
 def _records(project: Project, decl: InstanceDecl) -> Iterator[tuple[str, str, Iterator[str]]]:
     """Return name, type and fields of each record that the call is given."""
     config, port = project.connect(decl.connect), project.udp_config(decl.connect)
-    if config is not None:
+    if config is not None and config.description is not None:
+        yield config.name, config.description.structure.name, iter(initial_values(config))
+    elif config is not None:
         yield config.name, "TCP_CONNECTCONFIG", _fields(config)
     if port is not None:
         fields = (f"LocalAddress := {_array(port.local.address)}", f"LocalPort := {port.local.port}")

@@ -265,4 +265,5 @@ def new_peer(
     """Return the peer of a declaration; `small_buffers`: as small as those of the PLC's CONNECTs."""
     if decl.udp:
         return UdpPeer(decl, kernel, resolve, journal)
-    return Peer(decl, kernel, resolve, journal, replace(PEER_OPTIONS, small_buffers=small_buffers))
+    options = replace(PEER_OPTIONS, small_buffers=small_buffers, session=decl.session)
+    return Peer(decl, kernel, resolve, journal, options)

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from itertools import islice
 from typing import Final
 
-from trcvtui.blocks import parameters
+from trcvtui.blocks.parameters import Direction
 from trcvtui.plc.ledger import BenchNote, InputEdge, Ledger, StatusEdge
 from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.rig.wave_news import LAMPS, NO_PINS, Change, PinsAre, PinValues, WaveNews, pins_of
@@ -65,7 +65,9 @@ class Waves:
         self._ledger = ledger
         self._seen = 0
         self._keep = _kept(len(project.instances))
-        self._records = {decl.name: _Record(_first_pins(decl), self._keep) for decl in project.instances}
+        self._records = {
+            decl.name: _Record(_first_pins(decl, project), self._keep) for decl in project.instances
+        }
 
     def read(self, project: Project) -> None:
         """Take what the ledger has got since the last time; `project` knows the instances of now."""
@@ -102,7 +104,7 @@ class Waves:
         """An instance begins, ends, or is new: no edge tells its pins, unless it is called at once."""
         name, decl = note.subject, project.instance(note.subject)
         if note.what == CREATED and decl is not None:
-            first = _first_pins(decl)
+            first = _first_pins(decl, project)
             record = self._records.setdefault(name, _Record(_unknown(dict(first)), self._keep))
             record.add(Change(number, scan, t_ns, PinsAre(first)))
         elif name in self._records:
@@ -145,11 +147,12 @@ def _kept(instances: int) -> int:
     return max(LEAST_KEPT, min(KEPT_CHANGES, KEPT_IN_ALL // max(1, instances)))
 
 
-def _first_pins(decl: InstanceDecl) -> PinValues:
+def _first_pins(decl: InstanceDecl, project: Project) -> PinValues:
     """Return every pin of an instance before its first call: the inputs as declared, no outputs yet."""
     given = dict(decl.inputs)
-    inputs = [(pin.name, int(given.get(pin.name, 0))) for pin in parameters.inputs_of(decl.block)]
-    return (*inputs, *((pin.name, None) for pin in parameters.outputs_of(decl.block)))
+    pins = project.pins(decl.block)
+    inputs = [(pin.name, int(given.get(pin.name, 0))) for pin in pins if pin.direction is not Direction.OUT]
+    return (*inputs, *((pin.name, None) for pin in pins if pin.direction is Direction.OUT))
 
 
 def _unknown(pins: Iterable[str]) -> PinValues:

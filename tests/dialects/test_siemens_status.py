@@ -1,0 +1,266 @@
+"""The Siemens STATUS tables against the code lists of siemens.md section 2, and what a block can show."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from trcvtui.blocks.conditions import ERROR, Condition
+from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.dialects import DIALECTS
+from trcvtui.dialects.siemens_blocks import ALL
+from trcvtui.dialects.siemens_status import STATUS
+
+ROOT = Path(__file__).parents[2]
+
+# fmt: off
+# siemens.md 2.1 to 2.7; what a _C block passes through from TCON, TSEND, TRCV stands behind the first break.
+LISTED = {
+    "TSEND_C": [
+        0x0000, 0x0001, 0x0003, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7005,
+        0x8085, 0x8086, 0x8087, 0x8088, 0x8089, 0x8091, 0x809A, 0x809B, 0x80A1, 0x80A3, 0x80A4, 0x80A7,
+        0x80AA,
+        0x80B3, 0x80B4, 0x80B5, 0x80B6, 0x80B7, 0x80C3, 0x80C4, 0x80C5, 0x80C6,
+        0x8722, 0x873A, 0x877F, 0x8822, 0x8824, 0x8832, 0x883A, 0x887F, 0x893A,
+        0x80A2, 0x80B1, 0x80CE, 0x80D0, 0x80D1, 0x80D2, 0x80D3,
+    ],
+    "TRCV_C": [
+        0x0000, 0x0001, 0x0003, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7006,
+        0x8085, 0x8086, 0x8087, 0x8088, 0x8089, 0x8091, 0x809A, 0x809B, 0x80A1, 0x80A3, 0x80A4, 0x80AA,
+        0x80B3, 0x80B4, 0x80B5, 0x80B6, 0x80B7, 0x80C3, 0x80C4, 0x80C5, 0x80C6,
+        0x8722, 0x873A, 0x877F, 0x8922, 0x8924, 0x8932, 0x893A, 0x897F, 0x8A3A,
+        0x80A2, 0x80C9, 0x80CE, 0x80D0, 0x80D1, 0x80D2, 0x80D3,
+    ],
+    "TCON": [
+        0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8087, 0x8089, 0x8090, 0x809A, 0x809B, 0x809C,
+        0x80A1, 0x80A2, 0x80A3, 0x80A4, 0x80A7, 0x80B4, 0x80B5, 0x80B6, 0x80B7, 0x80B8,
+        0x80C3, 0x80C4, 0x80C5, 0x80C6, 0x80C7, 0x80C8, 0x80C9, 0x80CE, 0x80D0, 0x80D1, 0x80D2, 0x80D3,
+        0x80E0, 0x80E1, 0x80E2, 0x80E3, 0x80E4, 0x80E5, 0x80E6, 0x80E7, 0x80E9, 0x80EA, 0x80EB, 0x80EC,
+        0x80ED,
+    ],
+    "TSEND": [
+        0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8088,
+        0x80A1, 0x80B1, 0x80B3, 0x80C3, 0x80C4, 0x80C5, 0x80C6, 0x80C7, 0x80EE,
+    ],
+    "TRCV": [
+        0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8088,
+        0x80A1, 0x80B1, 0x80B3, 0x80C3, 0x80C4, 0x80C5, 0x80C6, 0x80C7, 0x80C9, 0x80EE,
+    ],
+    "TDISCON": [0x0000, 0x7000, 0x7001, 0x7002, 0x8086, 0x80A3, 0x80C4],
+    "T_RESET": [0x0000, 0x0001, 0x7000, 0x7001, 0x7002, 0x8081],
+    "T_DIAG": [0x0000, 0x7000, 0x7001, 0x7002, 0x8086, 0x8089, 0x80A3, 0x80B1, 0x80C4],
+    "TUSEND": [
+        0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8088, 0x8089, 0x80A1, 0x80A4, 0x80B1, 0x80B3,
+        0x80B7,
+        0x80C3, 0x80C4, 0x80C5, 0x80C6, 0x80C7, 0x80D3, 0x80EA,
+    ],
+    "TURCV": [
+        0x0000, 0x7000, 0x7001, 0x7002, 0x8085, 0x8086, 0x8088, 0x8089, 0x80A1, 0x80B1, 0x80B3, 0x80B7,
+        0x80C3, 0x80C4, 0x80C5, 0x80C7, 0x80C9, 0x80EA,
+    ],
+}
+# fmt: on
+
+_SET_UP = {
+    Condition.NO_SOCKET,
+    Condition.QUEUE_FULL,
+    Condition.WRONG_LOCAL_ADDRESS,
+    Condition.NOT_NOW,
+    Condition.PORT_IN_USE,
+    Condition.PORT_RESERVED,
+    Condition.REFUSED,
+    Condition.UNREACHABLE,
+    Condition.REMOTE_WRONG,
+    Condition.NO_DESCRIPTION,
+    Condition.DESCRIPTION_LENGTH,
+    Condition.ID_WRONG,
+    Condition.INTERFACE_WRONG,
+    Condition.INTERFACE_BARE,
+    Condition.TYPE_WRONG,
+    Condition.NEEDS_ADDR,
+    Condition.UDP_ACTIVE,
+    Condition.TSAP_WRONG,
+    Condition.PARAMETER_WRONG,
+    Condition.NAME_EMPTY,
+    Condition.NAME_NOT_FULL,
+    Condition.NO_RESOLVER,
+    Condition.NAME_UNKNOWN,
+    Condition.TLS_MESSAGE,
+    Condition.TLS_HANDSHAKE,
+    Condition.TLS_UNSUPPORTED,
+    Condition.TLS_DISCARDED,
+    Condition.TLS_NO_CA,
+    Condition.TLS_EXPIRED,
+    Condition.TLS_INTEGRITY,
+    Condition.TLS_EXTENSION,
+    Condition.TLS_SERVER_BARE,
+    Condition.TLS_DATAGRAMS,
+    Condition.TLS_CLIENT_ASKS,
+    Condition.TLS_SERVER_CHECKS,
+    Condition.TLS_REFERENCE,
+}
+_COURSE = {
+    Condition.NOT_CALLED,
+    Condition.NO_JOB,
+    Condition.CREATING,
+    Condition.CREATED,
+    Condition.ESTABLISHING,
+    Condition.CLOSING,
+    Condition.CONNECTED,
+    Condition.JOB_BEGINS,
+    Condition.ESTABLISHED,
+    Condition.CLOSED,
+    Condition.POLL_DEL_FAILED,
+    Condition.DISCONNECT_FAILED,
+    Condition.RESET_FAILED,
+    Condition.FOUND_CLOSED,
+    Condition.LET_GO,
+}
+_AREA = {
+    Condition.DATA_MISSING,
+    Condition.DATA_EMPTY,
+    Condition.DATA_REFUSED,
+    Condition.DATA_SYMBOLIC,
+    Condition.LENGTH_WRONG,
+    Condition.LEN_OVER_DATA,
+    Condition.AREA_CHANGED,
+    Condition.NO_BUFFER,
+    Condition.CONNECT_IN_USE,
+}
+_LOSS = {Condition.PARTNER_CLOSED, Condition.LINK_DEAD}
+_SENDS = {Condition.SENT, Condition.SEND_BUFFER_FULL, Condition.SEND_FAILED}
+_RECEIVES = {Condition.RECEIVED, Condition.RECEIVE_FAILED, Condition.MESSAGE_TOO_LONG}
+_SINGLE = {Condition.NOT_CALLED, Condition.NO_JOB, Condition.STARTED, Condition.RUNNING}
+_ENDS = _SINGLE | {Condition.FINISHED}
+
+NOT_BEFORE_3 = {Condition.JOB_BEGINS, Condition.ESTABLISHED}
+
+# What each block can show: the conditions that its code makes.
+CAN_SHOW = {
+    "TSEND_C": _SET_UP | _COURSE | _AREA | _LOSS | _SENDS | {Condition.SENDING, Condition.RESET_IN_JOB},
+    "TRCV_C": _SET_UP
+    | _COURSE
+    | _AREA
+    | _LOSS
+    | _RECEIVES
+    | {Condition.RECEIVING, Condition.RECEIVING_PART, Condition.STILL_ASKED},
+    "TCON": _SET_UP | _ENDS | {Condition.ENDPOINT_THERE, Condition.RESET_IN_JOB},
+    "TDISCON": _ENDS
+    | {
+        Condition.ENDPOINT_GONE,
+        Condition.QUEUE_FULL,
+        Condition.POLL_DEL_FAILED,
+        Condition.DISCONNECT_FAILED,
+    },
+    "T_RESET": _ENDS
+    | {
+        Condition.NOTHING_TO_RESET,
+        Condition.ENDPOINT_GONE,
+        Condition.QUEUE_FULL,
+        Condition.POLL_DEL_FAILED,
+        Condition.RESET_FAILED,
+    },
+    "T_DIAG": _ENDS | {Condition.ENDPOINT_GONE, Condition.RESULT_WRONG, Condition.AREA_CHANGED},
+    "TSEND": _SINGLE | _AREA | _LOSS | _SENDS | {Condition.NOT_CONNECTED},
+    "TRCV": _SINGLE | _AREA | _LOSS | _RECEIVES | {Condition.NOT_CONNECTED, Condition.STILL_ASKED},
+    "TUSEND": _SINGLE
+    | _AREA
+    | _SENDS
+    | {Condition.NOT_CONNECTED, Condition.REMOTE_WRONG, Condition.NEEDS_ADDR},
+    "TURCV": _SINGLE | _AREA | _RECEIVES | {Condition.NOT_CONNECTED},
+}
+
+
+@pytest.mark.parametrize("block", LISTED)
+def test_every_code_of_a_block_in_section_2_has_a_row(block: str) -> None:
+    codes = {row.code for row in STATUS if block in row.blocks}
+    assert [f"{code:04X}" for code in LISTED[block] if code not in codes] == []
+
+
+@pytest.mark.parametrize("block", CAN_SHOW)
+def test_each_condition_that_a_block_can_show_has_exactly_one_row(block: str) -> None:
+    rows = Counter(condition for row in STATUS if block in row.blocks for condition in row.conditions)
+    assert {str(c): rows[c] for c in CAN_SHOW[block] if rows[c] != 1} == {}
+
+
+@pytest.mark.parametrize("block", ALL)
+def test_no_block_has_two_rows_for_one_code(block: str) -> None:
+    codes = Counter(row.word for row in STATUS if block in row.blocks)
+    assert [code for code, rows in codes.items() if rows > 1] == []
+
+
+def test_all_blocks_of_the_dialect_have_rows_and_no_others() -> None:
+    listed = {block for row in STATUS for block in row.blocks}
+    assert listed == set(ALL) == set(DIALECTS["s7-1500"].blocks) == set(DIALECTS["s7-1200"].blocks)
+
+
+def test_what_a_block_shows_is_what_its_row_says() -> None:
+    rules = DIALECTS["s7-1500"].answer({})
+    assert rules.word("TSEND_C", Condition.RESET_IN_JOB) == 0x80A7
+    assert rules.word("T_RESET", Condition.ENDPOINT_GONE) == 0x8081
+    assert rules.word("TDISCON", Condition.ENDPOINT_GONE) == 0x80A3
+    assert (rules.word("TSEND_C", Condition.DATA_REFUSED), rules.word("TRCV", Condition.DATA_REFUSED)) == (
+        0x8824,
+        0x8924,
+    )
+    assert rules.word("TUSEND", Condition.SEND_FAILED) == 0x80C6
+
+
+def test_instructions_before_3_have_one_row_for_each_condition_that_they_can_show() -> None:
+    legacy = DIALECTS["s7-1200-legacy"]
+    for block in legacy.blocks:
+        rows = Counter(c for row in legacy.status if block in row.blocks for c in row.conditions)
+        assert {str(c): rows[c] for c in CAN_SHOW[block] - NOT_BEFORE_3 if rows[c] != 1} == {}
+    rules = legacy.answer({})
+    assert rules.word("TSEND_C", Condition.ESTABLISHING) == 0x7001
+    assert rules.word("TSEND_C", Condition.SENDING) == 0x7002
+    assert rules.word("TRCV_C", Condition.RECEIVING) == 0x7006
+    assert rules.word("TRCV_C", Condition.RECEIVING_PART) == 0x7002
+    assert rules.word("TRCV_C", Condition.LINK_DONE) == 0x0000
+
+
+def test_a_scenario_that_a_row_names_is_there() -> None:
+    named = {
+        word.strip("`") for row in STATUS for check in row.checks for word in check.split() if ".toml" in word
+    }
+    assert named
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def ident(row: StatusRow) -> str:
+    return f"{row.word}-{row.blocks[0]}"
+
+
+@pytest.mark.parametrize("row", STATUS, ids=ident)
+def test_the_error_flag_of_a_row_is_that_of_its_code_and_of_its_conditions(row: StatusRow) -> None:
+    assert row.error == (row.code >= 0x8000)
+    assert {condition in ERROR for condition in row.conditions} <= {row.error}
+
+
+@pytest.mark.parametrize("row", STATUS, ids=ident)
+def test_a_row_says_what_it_means_what_to_look_at_next_and_where_it_stands(row: StatusRow) -> None:
+    assert 3 < len(row.title) <= 46
+    for said in (row.causes, row.checks):
+        assert 2 <= len(said) <= 4
+        assert len(set(said)) == len(said)
+        assert all(12 < len(line) <= 130 and line.isprintable() and line == line.strip() for line in said)
+    assert row.manual.startswith("siemens.md ")
+    assert any(section[0] in "12" for section in row.manual.removeprefix("siemens.md ").split(", "))
+
+
+@pytest.mark.parametrize("row", STATUS, ids=ident)
+def test_a_row_that_nothing_here_shows_says_why_and_the_others_have_a_condition(row: StatusRow) -> None:
+    assert (row.reach is Reach.NEVER) == bool(row.unreached) == (row.condition is None)
+
+
+# siemens.md marks these [mem], [inf] or as a recommended reading.
+@pytest.mark.parametrize(
+    ("code", "block"),
+    [(0x7003, "TSEND_C"), (0x7001, "TRCV_C"), (0x8824, "TSEND"), (0x80B4, "TCON"), (0x80E4, "TCON"),
+     (0x80C4, "TRCV_C"), (0x809A, "TCON"), (0x80A3, "TSEND_C")],
+)  # fmt: skip
+def test_a_code_that_is_not_certain_says_so(code: int, block: str) -> None:
+    [row] = [row for row in STATUS if row.code == code and block in row.blocks]
+    assert len(row.unsure) > 20

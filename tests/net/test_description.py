@@ -1,0 +1,216 @@
+"""Connection descriptions: offsets and sizes of siemens.md 3, bytes both ways, and the view byte for byte."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trcvtui.net.description import (
+    ADDRESSES,
+    CONNECTIONS,
+    LONGEST_NAME,
+    LONGEST_SELECTOR,
+    Description,
+    Field,
+    FieldType,
+    Row,
+    Structure,
+    Value,
+    pack,
+    rows,
+    structure_of_size,
+)
+from trcvtui.net.description_check import Asked, Finding, Flaw, Protocol, judge, meaning
+
+STRUCTURES = CONNECTIONS | ADDRESSES
+EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
+IP_V4 = CONNECTIONS["TCON_IP_v4"]
+
+
+def test_the_sizes_are_those_of_the_manual() -> None:
+    assert {name: structure.size for name, structure in STRUCTURES.items()} == {
+        "TCON_IP_v4": 14,
+        "TCON_IP_RFC": 80,
+        "TCON_QDN": 266,
+        "TCON_IP_V4_SEC": 26,
+        "TCON_QDN_SEC": 278,
+        "TCON_Param": 64,
+        "TCON_Configured": 6,
+        "TADDR_Param": 8,
+        "TADDR_SEND_QDN": 260,
+        "TADDR_RCV_IP": 20,
+    }
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_fields_follow_each_other_and_stay_inside(name: str) -> None:
+    structure = STRUCTURES[name]
+    end = 0
+    for field in structure.fields:
+        assert field.offset >= end
+        end = field.offset + field.size
+    assert end <= structure.size
+
+
+def test_the_example_is_packed_and_read() -> None:
+    values: dict[str, Value] = {
+        "InterfaceId": 64,
+        "ID": 1,
+        "ConnectionType": 11,
+        "ActiveEstablished": True,
+        "RemoteAddress": "192.168.0.10",
+        "RemotePort": 2000,
+        "LocalPort": 0,
+    }
+    assert pack(IP_V4, values).hex(" ") == EXAMPLE
+    assert Description(IP_V4, bytes.fromhex(EXAMPLE)).values() == values
+
+
+def value_of(field: Field) -> st.SearchStrategy[Value]:
+    match field.type:
+        case FieldType.NUMBER:
+            return st.integers(0, (1 << 8 * field.size) - 1)
+        case FieldType.TRUTH:
+            return st.booleans()
+        case FieldType.ADDRESS:
+            return st.ip_addresses(v=4).map(str)
+        case FieldType.SELECTOR:
+            return st.binary(max_size=LONGEST_SELECTOR)
+        case FieldType.NAME:
+            return st.text(st.characters(max_codepoint=127), max_size=LONGEST_NAME)
+        case FieldType.BYTES:
+            return st.binary(min_size=field.size, max_size=field.size)
+
+
+@given(st.data())
+def test_what_is_packed_is_read_again(data: st.DataObject) -> None:
+    structure = data.draw(st.sampled_from(list(STRUCTURES.values())))
+    values = {field.name: data.draw(value_of(field)) for field in structure.fields}
+    packed = pack(structure, values)
+    assert len(packed) == structure.size
+    assert Description(structure, packed).values() == values
+
+
+@given(st.sampled_from(list(CONNECTIONS.values())), st.binary(max_size=300))
+def test_no_bytes_are_beyond_reading_judging_and_showing(structure: Structure, data: bytes) -> None:
+    description = Description(structure, data)
+    says = meaning(description)
+    found = judge(Asked(description, says, "127.0.0.1"))
+    if len(data) != structure.size:
+        assert found is not None
+        assert found.flaw is Flaw.LENGTH
+    shown = rows(description, {found.field: found.text} if found else {})
+    assert b"".join(row.data for row in shown) == data
+    assert not found or [row.remark for row in shown if row.remark] == [found.text]
+    assert all(row.value.isprintable() for row in shown)
+
+
+def test_a_size_names_its_structure() -> None:
+    assert structure_of_size(80) is CONNECTIONS["TCON_IP_RFC"]
+    assert structure_of_size(15) is None
+
+
+def test_the_view_shows_each_field_with_its_bytes_and_a_remark() -> None:
+    description = Description(IP_V4, bytes.fromhex(EXAMPLE))
+    shown = rows(description, {"LocalPort": "0 takes any port"})
+    assert shown[0] == Row(0, "InterfaceId", b"\x00\x40", "64 (16#40)")
+    assert shown[3] == Row(5, "ActiveEstablished", b"\x01", "TRUE")
+    assert shown[4] == Row(6, "RemoteAddress", b"\xc0\xa8\x00\x0a", "192.168.0.10")
+    assert shown[6] == Row(12, "LocalPort", b"\x00\x00", "0", "0 takes any port")
+
+
+def test_the_view_shows_what_lies_between_the_fields_and_what_is_missing() -> None:
+    rfc = CONNECTIONS["TCON_IP_RFC"]
+    shown = rows(Description(rfc, pack(rfc, {"LocalTSelector": b"TCP-1"})), {})
+    assert shown[4] == Row(6, "", b"\0\0", "")
+    assert (shown[6].value, shown[7].value) == ("", "TCP-1")
+    short = rows(Description(rfc, b"\x00\x40\x00"), {"": "3 bytes"})
+    assert short[1] == Row(2, "ID", b"\x00", "(not there)")
+    assert short[-1] == Row(3, "", b"", "", "3 bytes")
+
+
+# -- what it means -------------------------------------------------------------------------------------------
+
+
+def test_a_tcon_param_of_tcp_has_its_ports_in_the_tsaps() -> None:
+    param = CONNECTIONS["TCON_Param"]
+    data = pack(
+        param,
+        {
+            "block_length": 64,
+            "id": 7,
+            "connection_type": 17,
+            "active_est": True,
+            "local_device_id": 1,
+            "rem_staddr_len": 4,
+            "rem_tsap_id_len": 2,
+            "rem_staddr": bytes([192, 168, 0, 10]),
+            "rem_tsap_id": b"\x07\xd0",
+        },
+    )
+    description = Description(param, data)
+    says = meaning(description)
+    assert (says.protocol, says.identity, says.is_active) == (Protocol.TCP, 7, True)
+    assert (says.remote_address, says.remote_port, says.local_port) == ("192.168.0.10", 2000, 0)
+    assert judge(Asked(description, says, "127.0.0.1")) is None
+
+
+def test_a_tcon_param_of_iso_has_tsaps() -> None:
+    param = CONNECTIONS["TCON_Param"]
+    values: dict[str, Value] = {
+        "block_length": 64,
+        "id": 1,
+        "connection_type": 18,
+        "local_device_id": 1,
+        "local_tsap_id_len": 3,
+        "local_tsap_id": b"\xe0\x02A",
+    }
+    description = Description(param, pack(param, values))
+    says = meaning(description)
+    assert (says.protocol, says.local_tsap, says.remote_tsap) == (Protocol.ISO, b"\xe0\x02A", b"")
+    assert judge(Asked(description, says, "127.0.0.1")) is None
+    wrong = Description(param, pack(param, values | {"local_tsap_id": b"\x10\x02A"}))
+    found = judge(Asked(wrong, meaning(wrong), "127.0.0.1"))
+    assert found == Finding(Flaw.TSAP, "local_tsap_id", "10 02 41: two bytes or more that begin with E0")
+
+
+def asked(**values: Value) -> Asked:
+    usual: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 11, "LocalPort": 2000}
+    description = Description(IP_V4, pack(IP_V4, usual | values))
+    return Asked(description, meaning(description), "10.0.0.1")
+
+
+def flaw_of(question: Asked) -> Flaw | None:
+    found = judge(question)
+    return found.flaw if found else None
+
+
+def test_zeros_as_partner_are_anybody_for_a_passive_end() -> None:
+    assert flaw_of(asked(RemoteAddress="0.0.0.0")) is None
+
+
+@pytest.mark.parametrize("identity", [1, 4095])
+def test_an_id_from_1_to_4095_is_taken(identity: int) -> None:
+    assert flaw_of(asked(ID=identity)) is None
+
+
+@pytest.mark.parametrize("identity", [0, 4096, 65535])
+def test_any_other_id_is_not(identity: int) -> None:
+    assert flaw_of(asked(ID=identity)) is Flaw.ID
+
+
+@pytest.mark.parametrize("port", [20, 21, 80, 102, 135, 161, 162, 443, 34962, 34964, 49152, 65535])
+def test_a_port_of_the_system_is_refused(port: int) -> None:
+    assert flaw_of(asked(LocalPort=port)) is Flaw.PORT_RESERVED
+
+
+@pytest.mark.parametrize("port", [1, 19, 2000, 5000, 34961, 49151])
+def test_any_other_port_is_taken(port: int) -> None:
+    assert flaw_of(asked(LocalPort=port)) is None
+
+
+def test_udp_is_for_blocks_with_addr() -> None:
+    question = asked(ConnectionType=19)
+    assert flaw_of(question) is Flaw.NEEDS_ADDR
+    assert flaw_of(Asked(question.description, question.meaning, "10.0.0.1", has_addr=True)) is None

@@ -1,0 +1,288 @@
+"""TLS sessions against each other: handshakes in any pieces, data, ends, every way to fail."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.certificates import NEEDS_OPENSSL, Certificates
+from trcvtui.net.session import Session
+from trcvtui.net.tls import CAP, Tls, flaw_of_certificate
+from trcvtui.net.tls_settings import TlsSettings
+from trcvtui.net.tls_words import TlsError
+
+pytestmark = NEEDS_OPENSSL
+LOOPBACK = "127.0.0.1"
+FLIGHTS = 8  # more than any handshake has
+
+
+def fed(session: Session, data: bytes) -> None:
+    if data:
+        session.feed(memoryview(data))
+
+
+def read(session: Session, room: int = CAP) -> bytes:
+    got = session.read(memoryview(bytearray(room)))
+    return got.data if got else b""
+
+
+def meet(client: Session, server: Session) -> None:
+    """Let everything flow that both have to say."""
+    for _ in range(FLIGHTS):
+        fed(server, client.take_output())
+        fed(client, server.take_output())
+
+
+def met(client: TlsSettings, server: TlsSettings) -> tuple[Session, Session]:
+    ends = client.new(is_active=True), server.new(is_active=False)
+    meet(*ends)
+    return ends
+
+
+def errors(ends: tuple[Session, Session]) -> list[str]:
+    return [end.ended.error if end.ended else "" for end in ends]
+
+
+@pytest.fixture
+def up(certificates: Certificates) -> Iterator[tuple[Session, Session]]:
+    """Return client and server behind their handshake."""
+    client, server = met(certificates.settings(), certificates.settings("plc"))
+    assert client.is_up
+    assert server.is_up
+    yield client, server
+
+
+# -- in good order -----------------------------------------------------------------------------------------
+
+
+def test_both_ends_come_up_and_bytes_go_both_ways(up: tuple[Session, Session]) -> None:
+    client, server = up
+    fed(server, client.encode(b"abc"))
+    fed(client, server.encode(b"xyz"))
+    assert (server.has_data, read(server), read(client)) == (True, b"abc", b"xyz")
+    assert (server.held, client.held) == (0, 0)
+
+
+def test_bytes_are_read_in_any_portions_and_in_their_order(up: tuple[Session, Session]) -> None:
+    client, server = up
+    fed(server, client.encode(b"abc") + client.encode(b"defg"))
+    assert [read(server, 2), read(server, 2), read(server, 9), read(server, 9)] == [b"ab", b"cd", b"efg", b""]
+
+
+def test_a_close_notify_is_the_end_behind_the_data(up: tuple[Session, Session]) -> None:
+    client, server = up
+    last = client.encode(b"last")
+    client.say_goodbye()
+    fed(server, last + client.take_output())
+    server.partner_closed()
+    assert (server.partner_is_done, server.ended, read(server)) == (True, None, b"last")
+
+
+def test_a_stream_that_ends_without_close_notify_was_truncated(up: tuple[Session, Session]) -> None:
+    client, server = up
+    fed(server, client.encode(b"abc"))
+    server.partner_closed()
+    assert read(server) == b"abc"
+    assert server.ended is not None
+    assert server.ended.error == TlsError.TRUNCATED
+
+
+def test_a_record_that_was_changed_on_its_way_ends_the_session(up: tuple[Session, Session]) -> None:
+    client, server = up
+    record = bytearray(client.encode(b"abcdef"))
+    record[-1] ^= 1
+    fed(server, bytes(record))
+    assert errors((client, server)) == ["", TlsError.INTEGRITY]
+    assert read(server) == b""
+    assert server.encode(b"more") == b""
+
+
+def test_a_partner_whom_nobody_reads_is_held_to_a_cap(up: tuple[Session, Session]) -> None:
+    client, server = up
+    piece = client.encode(bytes(16384))
+    while server.wants_more:
+        fed(server, piece)
+        piece = client.encode(bytes(16384))
+    assert server.held <= CAP + 2 * len(piece)
+    assert len(read(server)) >= CAP - 16384
+
+
+# -- every split -------------------------------------------------------------------------------------------
+
+
+def flights(client: Session, server: Session) -> list[bytes]:
+    """Return what each end says in turn, the client first."""
+    said = []
+    for _ in range(FLIGHTS):
+        said.append(client.take_output())
+        fed(server, said[-1])
+        said.append(server.take_output())
+        fed(client, said[-1])
+    return [flight for flight in said if flight]
+
+
+@pytest.mark.parametrize("asks_client", [False, True])
+def test_a_handshake_may_come_cut_at_every_byte(certificates: Certificates, asks_client: bool) -> None:
+    shows = certificates.settings("partner"), certificates.settings("plc", asks_client=asks_client)
+    longest = max(map(len, flights(shows[0].new(True), shows[1].new(False))))
+    for cut in range(1, longest, 1 if not asks_client else 17):
+        client, server = shows[0].new(is_active=True), shows[1].new(is_active=False)
+        for _ in range(FLIGHTS):
+            for speaker, hearer in ((client, server), (server, client)):
+                flight = speaker.take_output()
+                fed(hearer, flight[:cut])
+                fed(hearer, flight[cut:])
+        assert (client.is_up, server.is_up) == (True, True), cut
+
+
+def test_a_handshake_may_come_byte_by_byte(certificates: Certificates) -> None:
+    client = certificates.settings().new(is_active=True)
+    server = certificates.settings("plc").new(is_active=False)
+    for _ in range(FLIGHTS):
+        for speaker, hearer in ((client, server), (server, client)):
+            for byte in speaker.take_output():
+                fed(hearer, bytes([byte]))
+    assert (client.is_up, server.is_up) == (True, True)
+
+
+def test_data_may_come_cut_at_every_byte(up: tuple[Session, Session]) -> None:
+    client, server = up
+    for cut in range(1, 64):
+        record = client.encode(b"abcdef")
+        fed(server, record[:cut])
+        assert read(server) == (b"" if cut < len(record) else b"abcdef")
+        fed(server, record[cut:])
+        assert read(server) == (b"abcdef" if cut < len(record) else b"")
+
+
+# -- every way to fail ---------------------------------------------------------------------------------------
+
+
+def test_a_stranger_s_certificate_has_no_authority(certificates: Certificates) -> None:
+    ends = met(certificates.settings(), certificates.settings("strange"))
+    assert errors(ends) == [TlsError.NO_CA, TlsError.REFUSED]
+    assert not any(end.is_up for end in ends)
+
+
+def test_with_nobody_to_trust_nobody_is_trusted(certificates: Certificates) -> None:
+    assert errors(met(certificates.settings(trusts=""), certificates.settings("plc")))[0] == TlsError.NO_CA
+
+
+@pytest.mark.parametrize(
+    ("shown", "error"),
+    [("expired", TlsError.EXPIRED), ("early", TlsError.DISCARDED), ("critical", TlsError.EXTENSION)],
+)
+def test_a_certificate_that_is_no_longer_not_yet_or_not_fully_understood(
+    certificates: Certificates, shown: str, error: TlsError
+) -> None:
+    assert errors(met(certificates.settings(), certificates.settings(shown)))[0] == error
+
+
+def test_an_expired_certificate(certificates: Certificates) -> None:
+    ends = met(certificates.settings(), certificates.settings("expired"))
+    assert errors(ends) == [TlsError.EXPIRED, TlsError.REFUSED]
+
+
+@pytest.mark.parametrize("name", [LOOPBACK, "plc.line.local", "plc.line.local."])
+def test_a_certificate_that_bears_the_name(certificates: Certificates, name: str) -> None:
+    client = certificates.settings(server_name=name, checks_name=True)
+    assert errors(met(client, certificates.settings("plc"))) == ["", ""]
+
+
+@pytest.mark.parametrize("name", [LOOPBACK, "plc.line.local."])
+def test_a_certificate_for_somebody_else(certificates: Certificates, name: str) -> None:
+    client = certificates.settings(server_name=name, checks_name=True)
+    assert errors(met(client, certificates.settings("elsewhere")))[0] == TlsError.WRONG_NAME
+
+
+def test_a_name_that_is_not_checked_may_be_another(certificates: Certificates) -> None:
+    client = certificates.settings(server_name=LOOPBACK)
+    assert errors(met(client, certificates.settings("elsewhere"))) == ["", ""]
+
+
+def test_a_client_that_shows_no_certificate(certificates: Certificates) -> None:
+    client, server = met(certificates.settings(), certificates.settings("plc", asks_client=True))
+    assert errors((client, server)) == [TlsError.REFUSED, TlsError.NO_CERTIFICATE]
+    assert not server.is_up
+
+
+def test_a_client_that_shows_a_stranger_s_certificate(certificates: Certificates) -> None:
+    ends = met(certificates.settings("strange"), certificates.settings("plc", asks_client=True))
+    assert errors(ends)[1] == TlsError.NO_CA
+
+
+def test_verification_is_off_only_where_that_was_said(certificates: Certificates) -> None:
+    for shown in ("strange", "expired", "elsewhere"):
+        client = certificates.settings(server_name=LOOPBACK, checks_name=True, is_unverified=True)
+        assert errors(met(client, certificates.settings(shown))) == ["", ""]
+
+
+def test_a_server_without_a_certificate(certificates: Certificates) -> None:
+    assert errors(met(certificates.settings(), certificates.settings())) == [
+        TlsError.REFUSED,
+        TlsError.HANDSHAKE,
+    ]
+
+
+@pytest.mark.parametrize("plain", [b"hello, PLC! this is no TLS\r\n", b"GET / HTTP/1.0\r\n\r\n", bytes(64)])
+@pytest.mark.parametrize("is_active", [False, True])
+def test_a_partner_that_speaks_plain_tcp(certificates: Certificates, plain: bytes, is_active: bool) -> None:
+    session = certificates.settings("plc").new(is_active)
+    fed(session, plain)
+    assert session.ended is not None
+    assert session.ended.error == TlsError.PLAIN
+    assert (session.is_up, session.wants_more, session.has_data) == (False, False, False)
+
+
+def test_a_partner_that_says_nothing(certificates: Certificates) -> None:
+    session = certificates.settings("plc").new(is_active=False)
+    session.give_up()
+    assert session.ended is not None
+    assert session.ended.error == TlsError.SILENT
+
+
+def test_a_partner_that_goes_in_the_middle_of_the_handshake(certificates: Certificates) -> None:
+    server = certificates.settings("plc").new(is_active=False)
+    fed(server, certificates.settings().new(is_active=True).take_output()[:40])
+    server.partner_closed()
+    assert server.ended is not None
+    assert server.ended.error == TlsError.HANDSHAKE
+
+
+def test_somebody_who_comes_and_goes_without_a_word_is_no_error(certificates: Certificates) -> None:
+    server = certificates.settings("plc").new(is_active=False)
+    server.partner_closed()
+    assert server.ended is None
+
+
+def test_files_that_have_gone_end_the_session_and_raise_nothing() -> None:
+    session = TlsSettings(certificate="/nowhere/plc.pem", key="/nowhere/plc.key").new(is_active=False)
+    fed(session, b"\x16\x03\x01")
+    assert session.ended is not None
+    assert session.ended.error == TlsError.REFERENCE
+    assert (session.take_output(), read(session), session.encode(b"x")) == (b"", b"", b"")
+
+
+def test_what_is_wrong_with_pem_files(certificates: Certificates) -> None:
+    pem, key = certificates.pem("plc"), certificates.key("plc")
+    assert flaw_of_certificate(pem, key) == ""
+    assert flaw_of_certificate(pem, "") == ""
+    assert flaw_of_certificate(key, "") == f"{key}: no certificate in PEM"
+    assert "not that of the certificate" in flaw_of_certificate(pem, certificates.key("ca"))
+    locked = certificates.locked_key("plc")
+    assert flaw_of_certificate(pem, locked).startswith(f"{locked}: no key in PEM without a password")
+    assert flaw_of_certificate("/nowhere/x.pem", "") == "/nowhere/x.pem: No such file or directory"
+
+
+@given(noise=st.binary(max_size=400), is_active=st.booleans())
+def test_no_bytes_make_it_raise(certificates: Certificates, noise: bytes, is_active: bool) -> None:
+    session = Tls(certificates.settings("plc"), is_active)
+    fed(session, noise)
+    session.partner_closed()
+    session.give_up()
+    session.say_goodbye()
+    assert not session.is_up
+    assert (read(session), session.has_data) == (b"", False)

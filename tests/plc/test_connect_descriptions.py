@@ -1,0 +1,224 @@
+"""`[[connect]]` of a dialect with connection descriptions: fields, bytes, the bench's own keys, mistakes."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.net.answers import Endpoint
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.description_check import Flaw
+from trcvtui.net.iso_on_tcp import IsoSettings
+from trcvtui.plc.iso_words import parse_selector
+from trcvtui.plc.project_file import read_project
+
+EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
+
+
+def read(*tables: str, dialect: str = "s7-1500") -> tuple[ConnectConfig, ...]:
+    text = f'dialect = "{dialect}"\n'
+    text += "".join(f'[[connect]]\nname = "C{n}"\n{table}\n' for n, table in enumerate(tables, 1))
+    text += '[[peer]]\nname = "P1"\nactive = false\n'
+    return read_project(tomllib.loads(text), "b.toml", Path()).connects
+
+
+def packed(config: ConnectConfig) -> str:
+    assert config.description is not None
+    return config.description.data.hex(" ")
+
+
+def flaw_of(config: ConnectConfig) -> Flaw | None:
+    return config.flaw.flaw if config.flaw else None
+
+
+def problems(*tables: str) -> list[str]:
+    with pytest.raises(UserError) as refused:
+        read(*tables)
+    return [str(problem) for problem in refused.value.problems]
+
+
+def test_fields_become_the_bytes_of_the_example() -> None:
+    (config,) = read(
+        'type = "TCON_IP_v4"\nActiveEstablished = true\nRemoteAddress = "192.168.0.10"\nRemotePort = 2000'
+    )
+    assert packed(config) == EXAMPLE
+    assert (config.active, config.remote_address, config.remote_port) == (True, "192.168.0.10", 2000)
+    assert config.flaw is None
+
+
+def test_bytes_become_the_same_connect_as_fields() -> None:
+    by_bytes, by_fields = read(
+        f'bytes = "{EXAMPLE}"',
+        'ID = 1\nActiveEstablished = true\nRemoteAddress = "192.168.0.10"\nRemotePort = 2000',
+    )
+    assert packed(by_bytes) == packed(by_fields)
+    assert (by_bytes.local, by_bytes.remote_address, by_bytes.remote_port) == (
+        by_fields.local,
+        by_fields.remote_address,
+        by_fields.remote_port,
+    )
+
+
+def test_without_a_type_it_is_a_tcon_ip_v4_with_an_id_of_its_own() -> None:
+    first, second = read("", "")
+    assert packed(first) == "00 40 00 01 0b 00 00 00 00 00 00 00 00 00"
+    assert packed(second).startswith("00 40 00 02")
+
+
+def test_without_a_type_local_port_0_takes_a_free_port_and_with_one_it_is_judged() -> None:
+    plain, typed, bench = read(
+        "", 'type = "TCON_IP_v4"', 'type = "TCON_IP_v4"\nLocalPort = 2000\nListenPort = 0'
+    )
+    assert (flaw_of(plain), flaw_of(typed), flaw_of(bench)) == (None, Flaw.PARAMETER, None)
+    assert bench.local == Endpoint("127.0.0.1", 0)
+
+
+def test_a_listener_is_on_loopback_unless_the_project_names_an_address() -> None:
+    plain, named = read("", 'LocalAddress = "10.0.0.1"')
+    assert plain.local.address == "127.0.0.1"
+    assert named.local.address == "10.0.0.1"
+
+
+def test_an_active_end_to_another_machine_takes_the_address_that_routing_gives_it() -> None:
+    near, far, named = read(
+        'ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = "@P1"',
+        'ActiveEstablished = true\nRemoteAddress = "192.168.0.10"\nRemotePort = 2000',
+        'ActiveEstablished = true\nLocalAddress = "10.0.0.1"\n'
+        'RemoteAddress = "192.168.0.10"\nRemotePort = 2000',
+    )
+    assert (near.any_local, near.local.address) == (False, "127.0.0.1")
+    assert (far.any_local, far.local.address) == (True, "0.0.0.0")
+    assert (named.any_local, named.local.address) == (False, "10.0.0.1")
+    assert flaw_of(far) is None
+
+
+# -- ISO-on-TCP ----------------------------------------------------------------------------------------------
+
+
+def test_iso_on_tcp_listens_on_102_or_where_the_bench_says() -> None:
+    usual, free, called = read(
+        'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"',
+        'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"\nIsoPort = 0',
+        'type = "TCON_IP_RFC"\nActiveEstablished = true\nRemoteAddress = "127.0.0.1"\n'
+        'LocalTSelector = "TCP-1"\nRemoteTSelector = "TCP-2"\nIsoPort = "@P1"',
+    )
+    assert usual.local.port == 102
+    assert free.local.port == 0
+    assert (called.local.port, called.remote_port) == (0, "@P1")
+    assert called.session == IsoSettings(b"TCP-1", b"TCP-2", cap=65536)
+
+
+def test_the_longest_message_is_that_of_the_cpu() -> None:
+    (config,) = read('type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"', dialect="s7-1200")
+    assert config.session == IsoSettings(b"\xe0\x02", b"", cap=8192)
+
+
+def test_a_tcon_param_of_iso_has_its_lengths_from_its_tsaps() -> None:
+    (config,) = read(
+        'type = "TCON_Param"\nconnection_type = 18\nactive_est = false\n'
+        'local_tsap_id = "e0 02 41"\nrem_tsap_id = "e0 01"\nrem_staddr = "127.0.0.1"'
+    )
+    assert config.flaw is None
+    assert config.session == IsoSettings(b"\xe0\x02A", b"\xe0\x01", cap=65536)
+    assert config.remote_address == "127.0.0.1"
+
+
+@pytest.mark.parametrize(
+    ("text", "tsap"),
+    [
+        ("E0 02", b"\xe0\x02"),
+        ("E0.02", b"\xe0\x02"),
+        ("hex e0 02", b"\xe0\x02"),
+        ("TCP-1", b"TCP-1"),
+        ("text E0 02", b"E0 02"),
+        ("ISO-on-TCP-1", b"ISO-on-TCP-1"),
+        ("", b""),
+        ("x" * 33, None),
+        ("hex zz", None),
+        ("ä", None),
+    ],
+)
+def test_a_tsap_is_written_in_hex_or_as_text(text: str, tsap: bytes | None) -> None:
+    assert parse_selector(text) == tsap
+
+
+# -- names ---------------------------------------------------------------------------------------------------
+
+QDN = 'type = "TCON_QDN"\nActiveEstablished = true\nRemoteQDN = "plc2.line."\nRemotePort = 2000\n'
+
+
+def test_a_name_is_where_the_dns_server_says() -> None:
+    known, unknown, unasked = read(
+        QDN + 'DnsAnswer = "10.0.0.9"', QDN + 'DnsAnswer = "0.0.0.0"', QDN + 'DnsAnswer = "none"'
+    )
+    assert (known.remote_address, known.flaw) == ("10.0.0.9", None)
+    assert flaw_of(unknown) is Flaw.NAME_UNKNOWN
+    assert flaw_of(unasked) is Flaw.NO_RESOLVER
+
+
+def test_the_ends_of_a_secure_description_are_those_of_the_plain_one() -> None:
+    (config,) = read(
+        'type = "TCON_IP_V4_SEC"\nActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = 2000'
+    )
+    assert packed(config) == "00 40 00 01 0b 01 7f 00 00 01 07 d0 00 00" + " 00" * 12
+    assert (config.remote_port, config.flaw, config.session) == (2000, None, None)
+
+
+# -- mistakes ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('type = "TCON_IP_V5"', "connect C1: type: found 'TCON_IP_V5'"),
+        ("ID = 70000", "connect C1: ID: found 70000, expected a whole number from 0 to 65535"),
+        ('RemoteAddress = "300.1.1.1"', "connect C1: RemoteAddress: found '300.1.1.1'"),
+        ('bytes = "00 zz"', "connect C1: bytes: found '00 zz'"),
+        (f'bytes = "{EXAMPLE}"\nLocalPort = 2000', "connect C1: LocalPort: found an unknown key"),
+        (f'bytes = "{EXAMPLE}"\nRemotePort = 2001', "connect C1: RemotePort: found 2001, expected @NAME"),
+        ('LocalTSelector = "E0 02"', "connect C1: LocalTSelector: found an unknown key"),
+        ("IsoPort = 0", "connect C1: IsoPort: found 0, expected nothing: only ISO-on-TCP has it"),
+        (
+            'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"\nIsoPort = "@P1"',
+            "connect C1: IsoPort: found '@P1', expected a port: a passive end listens on its own",
+        ),
+        ('type = "TCON_IP_RFC"\nIsoPort = "@P9"', "connect C1: IsoPort: found 'P9'"),
+        ("ActiveEstablished = true\nListenPort = 0", "connect C1: ListenPort: found 0"),
+        ('DnsAnswer = "10.0.0.1"', "connect C1: DnsAnswer: found '10.0.0.1'"),
+        ('type = "TCON_QDN"\nRemoteQDN = "pläc."', "connect C1: RemoteQDN: found 'pläc.'"),
+    ],
+)
+def test_a_mistake_names_its_place(table: str, words: str) -> None:
+    found = problems(table)
+    assert any(words in problem for problem in found), found
+
+
+def test_other_dialects_keep_their_tcp_connectconfig() -> None:
+    (config,) = read('LocalAddress = "127.0.0.1"\nSendDelayOpt = true', dialect="baosky")
+    assert (config.send_delay_opt, config.description) == (True, None)
+
+
+# -- peers ---------------------------------------------------------------------------------------------------
+
+
+def peer(table: str) -> object:
+    text = f'dialect = "s7-1500"\n[[connect]]\nname = "C1"\n[[peer]]\nname = "P1"\nremote = "@C1"\n{table}'
+    return read_project(tomllib.loads(text), "b.toml", Path()).peers[0].session
+
+
+def test_a_peer_speaks_iso_on_tcp_with_its_tsaps_and_its_size() -> None:
+    assert peer("") is None
+    assert peer('iso = true\nlocal_tsap = "E0 01"\nremote_tsap = "TCP-2"\ntpdu = 128') == IsoSettings(
+        b"\xe0\x01", b"TCP-2", cap=65536, size_code=7
+    )
+
+
+@pytest.mark.parametrize(
+    "table", ["tpdu = 128", "iso = true\ntpdu = 100", 'iso = true\nlocal_tsap = "hex zz"']
+)
+def test_a_peer_that_is_no_partner_of_iso_is_refused(table: str) -> None:
+    with pytest.raises(UserError):
+        peer(table)

@@ -1,0 +1,78 @@
+"""Random pins, partners and downloads under the Siemens dialects: what always holds, whatever happens."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from tests.rig.scenarios import CONFIGS
+from trcvtui.blocks.conditions import ERROR, Condition
+from trcvtui.blocks.status import Reach
+from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.bench import parse_line
+
+SCANS = 250
+PROJECTS = ("s7-pair.toml", "s7-sender.toml", "s7-receiver.toml", "s7-single-active.toml", "s7-udp.toml")
+LEGACY = ("s7-legacy-sender.toml", "s7-legacy-receiver.toml")
+OPTIONS = (
+    (),
+    ("options.cont_mode=oneshot",),
+    ("options.teardown_before_error=true", "options.status_0001_always=true", "options.rcv_lag=false"),
+    ("options.silent_connect=true", "options.en_r_falls=drops", "options.retry=T#30ms"),
+)
+CASES = [(project, options) for project in PROJECTS for options in OPTIONS] + [(one, ()) for one in LEGACY]
+
+
+def a_line(draw: random.Random, bench: Bench) -> str:
+    """Return one command at random."""
+    decl = draw.choice(bench.project.instances)
+    pins = [pin for pin in bench.project.pins(decl.block) if pin.name in bench.runtime.inputs(decl.name)]
+    pin = draw.choice(pins)
+    value = str(draw.randint(0, 1)) if pin.is_bool else str(draw.choice((0, 0, 4, 8, 9, 65535, 70000)))
+    data = draw.choice(bench.project.data).name
+    size = draw.randint(1, 9)
+    again = "connect" if bench.project.peers[0].active else "listen"
+    ends = ("close",) if bench.project.peers[0].udp else ("close", "rst")
+    peer = draw.choice(("send random 4 seed=1", "send random 8 seed=2", "send random 3 seed=3", again, *ends))
+    lines = [f"set {decl.name} {pin.name}={value}"] * 6 + [f"peer P1 {peer}"] * 4
+    lines += [f"resize {data} ARRAY[1..{size}] OF {draw.choice(('BYTE', 'BOOL', 'INT'))}"]
+    lines += [f"download {decl.name}", draw.choice(("plc stop", "plc run", "plc run"))]
+    return draw.choice(lines)
+
+
+def check(before: Outputs | None, now: Outputs, reachable: set[tuple[str, int]]) -> None:
+    assert now.busy + now.done + now.error <= 1
+    assert now.error == (now.status >= 0x8000)
+    assert not now.rcvd_len or now.done
+    assert not (before and before.done and now.done and now.block not in ("T_RESET",))
+    assert (now.block, now.status) in reachable, f"{now.block} {now.status:04X}"
+
+
+@pytest.mark.parametrize(("project", "options"), CASES)
+def test_what_shows_is_always_in_the_table_and_one_thing_at_a_time(
+    project: str, options: tuple[str, ...]
+) -> None:
+    for seed in range(6):
+        draw = random.Random(f"{project} {options} {seed}")
+        bench = Bench(load_project(CONFIGS / project, options), "sim")
+        rows = bench.project.dialect.status
+        reachable = {(b, row.code) for row in rows if row.reach is not Reach.NEVER for b in row.blocks}
+        before: dict[str, Outputs] = {}
+        for _ in range(SCANS):
+            for _ in range(draw.choice((0, 0, 1, 1, 2))):
+                command = parse_line(a_line(draw, bench), bench.project, "random")
+                assert command is not None
+                bench.do(command)  # what a peer cannot do now is an answer, no failure
+            bench.step()
+            for decl in bench.project.instances:
+                now = bench.runtime.outputs(decl.name)
+                check(before.get(decl.name), now, reachable)
+                before[decl.name] = now
+        edges = [line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+        assert all(edge.error == (Condition(edge.condition) in ERROR) for edge in edges)
+        bench.close()
+        assert bench.leaks() == ()

@@ -1,0 +1,162 @@
+"""The switches of the Siemens dialects (siemens.md section 7): what each changes, scan by scan, simulated."""
+
+from __future__ import annotations
+
+from itertools import groupby
+
+import pytest
+
+from tests.rig.scenarios import CONFIGS
+from trcvtui.dialects.siemens import S7_1200, S7_1500, SWITCHES
+from trcvtui.dialects.switches import format_value
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.bench import parse_script
+from trcvtui.rig.bench_words import RunScans
+
+SENDER, RECEIVER, PAIR = "s7-sender.toml", "s7-receiver.toml", "s7-pair.toml"
+
+
+def shown(project: str, instance: str, script: str, *overrides: str) -> str:
+    """Return what an instance showed, such as `7001 7002{2} 80C5!`; `b` marks BUSY, `d` DONE."""
+    bench = Bench(load_project(CONFIGS / project, overrides), "sim")
+    scans: list[str] = []
+    for step in parse_script(script.replace(";", "\n"), bench.project, "script"):
+        if not isinstance(step.command, RunScans):
+            assert bench.do(step.command) == ""
+            continue
+        for _ in range(step.command.scans):
+            bench.step()
+            out = bench.runtime.outputs(instance)
+            marks = "!" * out.error + "b" * out.busy + "d" * out.done
+            scans.append(f"{out.status:04X}{marks}")
+    bench.close()
+    runs = [(text, len(list(run))) for text, run in groupby(scans)]
+    return " ".join(text if count == 1 else f"{text}{{{count}}}" for text, count in runs)
+
+
+CONNECT_IDLE = "set TSEND_C_1 CONT=1; run 6"
+CONNECT_PASSIVE = "set TRCV_C_1 CONT=1 EN_R=1; run 3; peer P1 connect; run 3"
+REFUSED = "peer P1 close; set TSEND_C_1 CONT=1; run 6"
+
+CASES = {
+    "retry": (SENDER, "TSEND_C_1", REFUSED + "; run 100", "T#20ms", "7001 7002{2} 80C5! 7001 7002"),
+    "attempt_limit": (
+        SENDER,
+        "TSEND_C_1",
+        "link C1 down; set TSEND_C_1 CONT=1; run 16",
+        "T#100ms",
+        "7001 7002{11} 80C6! 7001 7002{2}",
+    ),
+    "busy_while_connecting": (
+        SENDER,
+        "TSEND_C_1",
+        CONNECT_IDLE + "; set TSEND_C_1 CONT=0; run 3",
+        "true",
+        "7001b 7002b{2} 7004{3} 7003b 0003 7000",
+    ),
+    "status_0001_always": (SENDER, "TSEND_C_1", CONNECT_IDLE, "true", "7001 7002{2} 0001 7004{2}"),
+    "teardown_before_error": (
+        RECEIVER,
+        "TRCV_C_1",
+        CONNECT_PASSIVE + "; peer P1 close; run 5",
+        "true",
+        "7001 7002{2} 0001b 7006b{2} 7003 80C5! 80C4! 7002{2}",
+    ),
+    "cont_mode": (
+        SENDER,
+        "TSEND_C_1",
+        "pulse TSEND_C_1 REQ; run 9",
+        "oneshot",
+        "7001 7002{2} 0001b 7005b 0000d 7003 0003 7000",
+    ),
+    "com_rst_autoclear": (
+        SENDER,
+        "TSEND_C_1",
+        "set TSEND_C_1 CONT=1; run 4; set TSEND_C_1 COM_RST=1; run 3; set TSEND_C_1 COM_RST=1; run 3",
+        "false",
+        "7001 7002{2} 7004 7003 7002 7004{4}",
+    ),
+    "rcv_lag": (
+        PAIR,
+        "TRCV_C_1",
+        "set TSEND_C_1 CONT=1; set TRCV_C_1 CONT=1 EN_R=1; run 3; peer P1 connect; run 3",
+        "false",
+        "7002{3} 0001b 7006b{2}",
+    ),
+    "silent_connect": (SENDER, "TSEND_C_1", REFUSED, "true", "7001 7002{5}"),
+    "en_r_falls": (
+        RECEIVER,
+        "TRCV_C_1",
+        CONNECT_PASSIVE + "; set TRCV_C_1 EN_R=0; run 2",
+        "drops",
+        "7001 7002{2} 0001b 7006b{2} 7004{2}",
+    ),
+    "buffers": (
+        SENDER,
+        "TSEND_C_1",
+        "set TSEND_C_1 CONT=1; run 4; set TSEND_C_1 REQ=1; run 2",
+        "0",
+        "7001 7002{2} 7004 80C3! 7004",
+    ),
+    "queue": (SENDER, "TSEND_C_1", "set TSEND_C_1 CONT=1; run 4", "0", "80C3!{4}"),
+    "small_buffers": (
+        SENDER,
+        "TSEND_C_1",
+        "resize tx ARRAY[1..60000] OF BYTE; set TSEND_C_1 CONT=1; run 4; peer P1 stall;"
+        "set TSEND_C_1 REQ=1; run 4",
+        "true",
+        "7001 7002{2} 7004 7005b{4}",
+    ),
+}
+
+
+def test_every_switch_has_a_case() -> None:
+    assert set(CASES) == {switch.name for switch in SWITCHES}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_switch_changes_what_shows(name: str) -> None:
+    project, instance, script, value, expected = CASES[name]
+    default = next(format_value(s, s.default) for s in SWITCHES if s.name == name)
+    changed = shown(project, instance, script, f"options.{name}={value}")
+    unchanged = shown(project, instance, script)
+    assert changed == expected if name != "retry" else changed.startswith(expected)
+    assert unchanged == shown(project, instance, script, f"options.{name}={default}")
+    assert unchanged != changed
+
+
+# -- without a switch ----------------------------------------------------------------------------------
+
+
+def test_a_failed_tcon_is_silent_too_and_goes_on_until_the_partner_listens() -> None:
+    script = "peer P1 close; pulse TCON_1 REQ; run 6"
+    project = "s7-single-active.toml"
+    assert shown(project, "TCON_1", script) == "7001b 7002b{2} 80C5! 7000{2}"
+    silent = ("options.silent_connect=true", "options.retry=T#20ms")
+    assert shown(project, "TCON_1", script, *silent) == "7001b 7002b{5}"
+    later = shown(project, "TCON_1", script + "; peer P1 listen; run 5", *silent)
+    assert "0000d" in later and "!" not in later
+
+
+def test_one_shot_receives_one_frame_without_cont_and_closes_when_en_r_is_gone() -> None:
+    script = (
+        "set TRCV_C_1 EN_R=1; run 3; peer P1 connect; run 3; set TRCV_C_1 EN_R=0; run 2;"
+        "peer P1 send hex 01 02 03 04 05 06 07 08; run 5"
+    )
+    assert shown(RECEIVER, "TRCV_C_1", script, "options.cont_mode=oneshot") == (
+        "7001 7002{2} 0001b 7006b{4} 0000d 7003 0003 7000{2}"
+    )
+
+
+def test_one_shot_ends_with_its_error_and_closes() -> None:
+    script = "peer P1 close; pulse TSEND_C_1 REQ; run 8"
+    assert shown(SENDER, "TSEND_C_1", script, "options.cont_mode=oneshot").startswith(
+        "7001 7002{2} 80C5! 7003"
+    )
+
+
+def test_the_cpus_differ_in_their_limits() -> None:
+    large, small = S7_1500.answer({}), S7_1200.answer({})
+    assert (large.max_len, large.max_datagram, large.area.symbolic_bytes) == (65536, 2048, False)
+    assert (small.max_len, small.max_datagram, small.area.symbolic_bytes) == (8192, 1472, True)

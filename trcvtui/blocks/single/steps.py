@@ -1,0 +1,31 @@
+"""What every single instruction shows around its job: idle, started, running, finished (siemens.md 1.10)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final
+
+from trcvtui.blocks.block import Job
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.course import Course
+from trcvtui.blocks.losses import loss_cause
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.net.connection_loss import ConnectionLoss, LossKind
+
+IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
+REQ_ROSE: Final = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
+
+
+@lru_cache(1024)
+def shown_as(condition: Condition, outcome: Outcome) -> Outcome:
+    """Return the same outcome under another condition; "started" is for one scan, whatever it waits for."""
+    return replace(outcome, condition=condition, lasts=outcome.lasts and condition is not Condition.STARTED)
+
+
+def end_of_job(loss: ConnectionLoss, job: Job, course: Course, failed: Condition) -> Outcome:
+    """Return what ends a job whose connection is gone; a connection that we have closed is no longer up."""
+    if loss.kind is LossKind.OURS:
+        return Outcome(Condition.NOT_CONNECTED, loss_cause(loss, job))
+    return Outcome(course.job_loss.get(loss.kind, failed), loss_cause(loss, job))

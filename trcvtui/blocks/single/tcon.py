@@ -1,0 +1,85 @@
+"""TCON as a single instruction: one attempt for each edge, then the endpoint stays (siemens.md 1.10, 2.3)."""
+
+from __future__ import annotations
+
+from trcvtui.blocks.block import Binding, NoJob
+from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.connection_part import set_up_failed
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
+from trcvtui.net.connection import State
+from trcvtui.net.set_up import Stage, StepFault
+
+
+class Tcon:
+    """One TCON instance. What it has once established it builds again after each loss (siemens.md 4.4)."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = NoJob()
+        self._env = bound.env
+        self._connection = bound.connection
+        self._req = False
+        self._is_building = False
+        self._keeps = False  # established by this instance: the endpoint is there until TDISCON or T_RESET
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; an attempt that fails ends the job."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        if self._connection.state is State.CLOSED:
+            self._keeps = False
+        if self._is_building:
+            return self._go_on()
+        if rose:
+            return self._begin()
+        if self._keeps:
+            self._look_after()
+            return _KEEPING
+        return IDLE
+
+    def stop(self, reason: str) -> None:
+        """Forget the attempt."""
+        self._is_building = self._keeps = False
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+
+    def _begin(self) -> Outcome:
+        if self._connection.state is not State.CLOSED:
+            return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
+        fault = self._connection.open()
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        self._is_building = True
+        return Outcome(Condition.STARTED, REQ_ROSE)
+
+    def _go_on(self) -> Outcome:
+        if self._connection.state is State.CLOSED:  # TDISCON came first
+            self._is_building = False
+            return Outcome(Condition.RESET_IN_JOB, Cause(Why.OTHER_BLOCK, "closed before it was established"))
+        failed = self._connection.step(self._env.scan, self._env.now)
+        if failed is not None and self._is_silent(failed):
+            return _BUILDING
+        if failed is not None:
+            self._is_building = False
+            shown = set_up_failed(self._connection, failed, self._env.rules.course)
+            self._connection.disconnect()
+            return shown
+        if not self._connection.is_up:
+            return _BUILDING
+        self._is_building, self._keeps = False, True
+        return Outcome(Condition.FINISHED, Cause(Why.PARTNER, "the partner is connected"))
+
+    def _is_silent(self, failed: StepFault) -> bool:
+        return self._env.rules.course.silent_connect and failed.stage is Stage.CONNECT
+
+    def _look_after(self) -> None:
+        if self._connection.is_up:
+            self._connection.check_loss()
+        else:
+            self._connection.step(self._env.scan, self._env.now)
+
+
+_BUILDING = Outcome(Condition.RUNNING, Cause(Why.WAITING, "no partner yet"))
+_KEEPING = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "established; REQ has not risen", pin="REQ"))

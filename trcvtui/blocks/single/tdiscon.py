@@ -1,0 +1,50 @@
+"""TDISCON as a single instruction: close a connection and its endpoint (siemens.md 1.10, 2.6)."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from trcvtui.blocks import closing
+from trcvtui.blocks.block import Binding, NoJob
+from trcvtui.blocks.cause import cause_of
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
+from trcvtui.net.connection import State
+
+
+class Tdiscon:
+    """One TDISCON instance."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = NoJob()
+        self._connection = bound.connection
+        self._req = False
+        self._script: deque[Outcome] = deque()
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing to close is 80A3."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        if self._script:
+            return self._script.popleft()
+        return self._begin() if rose else IDLE
+
+    def stop(self, reason: str) -> None:
+        """Forget what was still to be shown."""
+        self._script.clear()
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+
+    def _begin(self) -> Outcome:
+        if self._connection.state is State.CLOSED:
+            return Outcome(Condition.ENDPOINT_GONE, REQ_ROSE)
+        fault = self._connection.queue_job()
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        ended = closing.disconnect(self._connection, REQ_ROSE)
+        if ended[0].error:
+            return ended[0]
+        self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
+        return Outcome(Condition.STARTED, REQ_ROSE)

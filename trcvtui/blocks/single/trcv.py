@@ -1,0 +1,81 @@
+"""TRCV as a single instruction: job after job as long as EN_R is 1 (siemens.md 1.10, 2.5)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.link_view import LinkView
+from trcvtui.blocks.not_connected import not_connected
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.receive_job import ReceiveJob
+from trcvtui.blocks.single.steps import end_of_job, shown_as
+from trcvtui.net.connection import State
+from trcvtui.net.connection_loss import ConnectionLoss
+
+
+class Trcv:
+    """One TRCV instance."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = ReceiveJob(bound)
+        self._course = bound.env.rules.course
+        self._connection = bound.connection
+        self._link = LinkView(bound.connection)
+        self._complaint: Outcome | None = None
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a connection 80A1 or 80C4."""
+        loss = self._link.lost(self.job.claim)
+        if loss is not None and self.job.running:
+            return self._lost(loss)
+        if loss is not None:
+            self._link.end([])  # nobody was asked to receive
+        self._link.is_new()
+        if not inputs.en_r and not (self.job.running and self._course.en_r_keeps_job):
+            self.job.abandon("EN_R fell")
+            self.job.let_go()
+            return _IDLE
+        if not self._link.is_known():
+            return self._no_link()
+        return self._receive(inputs)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+        self.job.leave(reason)
+
+    def _receive(self, inputs: Inputs) -> Outcome:
+        was_running = self.job.running
+        got = self.job.call(inputs)
+        if isinstance(got, ConnectionLoss):
+            return self._lost(got)
+        if got.condition not in (Condition.RECEIVING, Condition.RECEIVING_PART):
+            return got
+        return shown_as(Condition.RUNNING if was_running else Condition.STARTED, got)
+
+    def _lost(self, loss: ConnectionLoss) -> Outcome:
+        self._link.end([])
+        shown = end_of_job(loss, self.job, self._course, Condition.RECEIVE_FAILED)
+        self.job.abandon("connection lost")
+        return shown
+
+    def _no_link(self) -> Outcome:
+        """Return 80A1, or 80C4 while somebody builds the connection again."""
+        now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
+        if self._connection.state is not State.CLOSED and self._course.still_asked:
+            now = replace(now, condition=self._course.still_asked)
+        known = self._complaint
+        if known is None or (known.cause, known.condition) != (now.cause, now.condition):
+            self._complaint = known = replace(now, lasts=True)
+        return known
+
+
+_IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)

@@ -1,0 +1,55 @@
+"""TURCV: one datagram a job, job after job as long as EN_R is 1 (siemens.md 1.10, 2.7).
+
+The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.single.steps import shown_as
+from trcvtui.blocks.udp_binding import UdpBinding
+from trcvtui.blocks.urecv_c import DatagramIn
+
+
+class Turcv:
+    """One TURCV instance."""
+
+    def __init__(self, bound: UdpBinding) -> None:
+        self.job = DatagramIn(bound)
+        self._env = bound.env
+        self._port = bound.port
+        self._keeps = bound.env.rules.course.en_r_keeps_job
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a socket 80A1."""
+        self._port.step(self._env.scan, self._env.now)
+        if not inputs.en_r and not (self.job.running and self._keeps):
+            self.job.abandon("EN_R fell")
+            self.job.let_go()
+            return _IDLE
+        if not self._port.is_open:
+            return _NO_SOCKET
+        was_running = self.job.running
+        got = self.job.call(inputs.len)
+        if got.condition is not Condition.RECEIVING:
+            return got
+        return shown_as(Condition.RUNNING if was_running else Condition.STARTED, got)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the socket stays as it is."""
+        self.job.leave(reason)
+
+
+_IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0))
+_NO_SOCKET: Final = Outcome(
+    Condition.NOT_CONNECTED, Cause(Why.INPUT, "EN_R is 1 without a socket", pin="EN_R", value=1)
+)

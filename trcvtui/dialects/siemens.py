@@ -1,0 +1,184 @@
+"""Siemens S7-1500 and S7-1200: the answered questionnaire of siemens.md sections 1, 2, 4 and 7.
+
+One course for all of them; a dialect below it is its limits and its few differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.course import Course
+from trcvtui.blocks.rules import AreaRules, NotConnected, Rules
+from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
+from trcvtui.dialects.siemens_blocks import ALL
+from trcvtui.dialects.siemens_secure import SECURE_SET_UP
+from trcvtui.dialects.siemens_status import STATUS
+from trcvtui.net.connection_loss import LossKind
+from trcvtui.net.description_check import Flaw
+from trcvtui.net.policy import Policy
+from trcvtui.net.set_up import Stage
+
+SECOND: Final = 1_000_000_000  # ns
+
+SWITCHES: Final = (
+    Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
+    Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
+    Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
+    Switch(
+        "status_0001_always", "bool", False, "0001 shows for each connection, also when no job waits (A2)"
+    ),
+    Switch(
+        "teardown_before_error", "bool", False, "7003 shows before the code of a loss that ends a job (A7)"
+    ),
+    Switch(
+        "cont_mode",
+        "choice",
+        "level",
+        "CONT builds and closes the connection, or REQ and EN_R connect and CONT only keeps it (A9)",
+        ("level", "oneshot"),
+    ),
+    Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
+    Switch("rcv_lag", "bool", True, "a block that did not build the connection sees it one scan later (A6)"),
+    Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan (A15)"),
+    Switch(
+        "en_r_falls",
+        "choice",
+        "keeps",
+        "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped (A5)",
+        ("keeps", "drops"),
+    ),
+    Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80C3"),
+    Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80C3"),
+    Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
+)
+
+# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1.
+SET_UP: Final = {
+    (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
+    (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
+    (Stage.DESCRIPTION, Flaw.ID): Condition.ID_WRONG,
+    (Stage.DESCRIPTION, Flaw.INTERFACE): Condition.INTERFACE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NO_LOCAL_ADDRESS): Condition.INTERFACE_BARE,
+    (Stage.DESCRIPTION, Flaw.TYPE): Condition.TYPE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NEEDS_ADDR): Condition.NEEDS_ADDR,
+    (Stage.DESCRIPTION, Flaw.UDP_ACTIVE): Condition.UDP_ACTIVE,
+    (Stage.DESCRIPTION, Flaw.TSAP): Condition.TSAP_WRONG,
+    (Stage.DESCRIPTION, Flaw.PARAMETER): Condition.PARAMETER_WRONG,
+    (Stage.DESCRIPTION, Flaw.PORT_RESERVED): Condition.PORT_RESERVED,
+    (Stage.DESCRIPTION, Flaw.REMOTE): Condition.REMOTE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NAME_EMPTY): Condition.NAME_EMPTY,
+    (Stage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
+    (Stage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
+    (Stage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
+    (Stage.SOCKET, ""): Condition.NO_SOCKET,
+    (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
+    (Stage.REUSE, ""): Condition.NOT_NOW,
+    (Stage.BIND, ""): Condition.NOT_NOW,
+    (Stage.BIND, "EADDRINUSE"): Condition.PORT_IN_USE,
+    (Stage.BIND, "EACCES"): Condition.PORT_RESERVED,
+    (Stage.POLL_ADD, ""): Condition.NOT_NOW,
+    (Stage.ACCEPT, ""): Condition.NOT_NOW,
+    (Stage.CONNECT, ""): Condition.NOT_NOW,
+    (Stage.CONNECT, "ECONNREFUSED"): Condition.REFUSED,
+    (Stage.CONNECT, "ECONNRESET"): Condition.REFUSED,
+    (Stage.CONNECT, "ETIMEDOUT"): Condition.UNREACHABLE,
+    (Stage.CONNECT, "ENETUNREACH"): Condition.UNREACHABLE,
+    (Stage.CONNECT, "EHOSTUNREACH"): Condition.UNREACHABLE,
+    **SECURE_SET_UP,
+}
+JOB_LOSS: Final = {
+    LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.RESET_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.LINK_DEAD: Condition.LINK_DEAD,
+}
+
+
+class Cpu(NamedTuple):
+    """One CPU: limits in bytes, connections for programs, and which symbolic DATA takes ad-hoc data."""
+
+    max_len: int
+    max_datagram: int
+    connections: int
+    symbolic_bytes: bool = False  # only elements of 8 bits (siemens.md 4.2)
+
+
+BUILDING: Final = frozenset(
+    {Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING, Condition.CLOSING}
+)
+
+
+def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
+    """Return the rules for these switch values on a CPU."""
+    return Rules(
+        status={},
+        status_of=codes_of(STATUS),
+        course=course(chosen),
+        single_instructions=True,
+        not_connected=NotConnected.NEVER,
+        short_frame_shown=False,
+        area=AreaRules(
+            missing=Condition.DATA_MISSING,
+            longer=Condition.LEN_OVER_DATA,
+            refuses_bits=True,
+            symbolic_alone=True,
+            symbolic_bytes=cpu.symbolic_bytes,
+            must_stay=True,
+        ),
+        also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
+        com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        max_len=cpu.max_len,
+        max_datagram=cpu.max_datagram,
+        datagram_too_long=Condition.MESSAGE_TOO_LONG,
+        policy=Policy(
+            retry_ns=int(chosen["retry"]),
+            attempt_limit_ns=int(chosen["attempt_limit"]),
+            small_buffers=bool(chosen["small_buffers"]),
+        ),
+        buffers=int(chosen["buffers"]),
+        queue=int(chosen["queue"]),
+    )
+
+
+def course(chosen: Mapping[str, SwitchValue]) -> Course:
+    """Return what shows when (siemens.md 1), with these switch values."""
+    return Course(
+        job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
+        established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
+        waiting_req_sends=True,  # 1.3, A4
+        en_r_keeps_job=chosen["en_r_falls"] == "keeps",  # 1.7
+        joiner_lags=bool(chosen["rcv_lag"]),  # 1.8
+        reset=(Condition.CLOSING,),  # 1.9, A16
+        reset_ends_send=Condition.RESET_IN_JOB,
+        rebuilding=(Condition.CREATING,),  # 1.8, 1.9
+        let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
+        idle_loss=Condition.FOUND_CLOSED,  # 1.9
+        job_loss=JOB_LOSS,
+        still_asked=Condition.STILL_ASKED,  # 1.9
+        teardown=bool(chosen["teardown_before_error"]),  # A7
+        silent_connect=bool(chosen["silent_connect"]),  # A15
+        one_shot=chosen["cont_mode"] == "oneshot",  # A9
+        set_up=SET_UP,
+    )
+
+
+def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
+    defaults = {switch.name: switch.default for switch in SWITCHES}
+    return Dialect(
+        name=name,
+        title=title,
+        blocks=ALL,
+        status=STATUS,
+        switches=SWITCHES,
+        models={"CPU": cpu.connections},
+        default_model="CPU",
+        layout="baosky",
+        describes_connects=True,
+        folder="siemens",
+        answer=lambda values: answer(defaults | dict(values), cpu),
+    )
+
+
+S7_1500: Final = _dialect("s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128))
+S7_1200: Final = _dialect("s7-1200", "Siemens S7-1200, Open User Communication", Cpu(8192, 1472, 8, True))

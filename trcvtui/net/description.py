@@ -1,0 +1,287 @@
+"""Connection descriptions as bytes: TCON_IP_v4, TCON_IP_RFC, ... and TADDR_Param (siemens.md 3).
+
+Rule: the bytes are the description; a value is read from them, and whatever they hold can be read.
+All numbers are big-endian. The offsets of TCON_IP_RFC, TCON_QDN and the SEC structures are unverified (A25).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+LONGEST_SELECTOR: Final = 32
+LONGEST_NAME: Final = 254
+SELECTOR_SIZE: Final = 2 + LONGEST_SELECTOR
+NAME_SIZE: Final = 2 + LONGEST_NAME
+
+Value = int | bool | str | bytes
+
+
+class FieldType(StrEnum):
+    """What a field holds."""
+
+    NUMBER = "UINT"
+    TRUTH = "BOOL"
+    ADDRESS = "IP_V4"
+    SELECTOR = "TSelector"  # UINT length and 32 bytes
+    NAME = "STRING[254]"
+    BYTES = "ARRAY OF BYTE"
+
+
+class Field(NamedTuple):
+    """One field of a structure; offset and size in bytes."""
+
+    name: str
+    offset: int
+    type: FieldType
+    size: int
+
+
+class Structure(NamedTuple):
+    """One kind of description; `size` in bytes."""
+
+    name: str
+    size: int
+    fields: tuple[Field, ...]
+
+    def field(self, name: str) -> Field | None:
+        """Return the field of that name."""
+        return next((field for field in self.fields if field.name == name), None)
+
+
+NUMBER, TRUTH, BYTES = FieldType.NUMBER, FieldType.TRUTH, FieldType.BYTES
+ADDRESS, SELECTOR, NAME = FieldType.ADDRESS, FieldType.SELECTOR, FieldType.NAME
+
+_HEAD: Final = (
+    Field("InterfaceId", 0, NUMBER, 2),
+    Field("ID", 2, NUMBER, 2),
+    Field("ConnectionType", 4, NUMBER, 1),
+)
+_OPEN: Final = (*_HEAD, Field("ActiveEstablished", 5, TRUTH, 1))
+_IP_V4: Final = (
+    *_OPEN,
+    Field("RemoteAddress", 6, ADDRESS, 4),
+    Field("RemotePort", 10, NUMBER, 2),
+    Field("LocalPort", 12, NUMBER, 2),
+)
+_QDN: Final = (
+    *_OPEN,
+    Field("RemoteQDN", 6, NAME, NAME_SIZE),
+    Field("RemotePort", 262, NUMBER, 2),
+    Field("LocalPort", 264, NUMBER, 2),
+)
+
+
+def _secure(at: int) -> tuple[Field, ...]:
+    return (
+        Field("ActivateSecureConn", at, TRUTH, 1),
+        Field("TLSServerReqClientCert", at + 1, TRUTH, 1),
+        Field("ExtTLSCapabilities", at + 2, NUMBER, 2),
+        Field("TLSServerCertRef", at + 4, NUMBER, 4),
+        Field("TLSClientCertRef", at + 8, NUMBER, 4),
+    )
+
+
+_PARAM: Final = (
+    Field("block_length", 0, NUMBER, 2),
+    Field("id", 2, NUMBER, 2),
+    Field("connection_type", 4, NUMBER, 1),
+    Field("active_est", 5, TRUTH, 1),
+    Field("local_device_id", 6, NUMBER, 1),
+    Field("local_tsap_id_len", 7, NUMBER, 1),
+    Field("rem_subnet_id_len", 8, NUMBER, 1),
+    Field("rem_staddr_len", 9, NUMBER, 1),
+    Field("rem_tsap_id_len", 10, NUMBER, 1),
+    Field("next_staddr_len", 11, NUMBER, 1),
+    Field("local_tsap_id", 12, BYTES, 16),
+    Field("rem_subnet_id", 28, BYTES, 6),
+    Field("rem_staddr", 34, BYTES, 6),
+    Field("rem_tsap_id", 40, BYTES, 16),
+    Field("next_staddr", 56, BYTES, 6),
+    Field("spare", 62, NUMBER, 2),
+)
+_RFC: Final = (
+    *_OPEN,
+    Field("RemoteAddress", 8, ADDRESS, 4),
+    Field("RemoteTSelector", 12, SELECTOR, SELECTOR_SIZE),
+    Field("LocalTSelector", 46, SELECTOR, SELECTOR_SIZE),
+)
+
+CONNECTIONS: Final = {
+    structure.name: structure
+    for structure in (
+        Structure("TCON_IP_v4", 14, _IP_V4),
+        Structure("TCON_IP_RFC", 80, _RFC),
+        Structure("TCON_QDN", 266, _QDN),
+        Structure("TCON_IP_V4_SEC", 26, (*_IP_V4, *_secure(14))),
+        Structure("TCON_QDN_SEC", 278, (*_QDN, *_secure(266))),
+        Structure("TCON_Param", 64, _PARAM),
+        Structure("TCON_Configured", 6, _HEAD),
+    )
+}
+ADDRESSES: Final = {
+    structure.name: structure
+    for structure in (
+        Structure(
+            "TADDR_Param",
+            8,
+            (
+                Field("rem_ip_addr", 0, ADDRESS, 4),
+                Field("rem_port_nr", 4, NUMBER, 2),
+                Field("reserved", 6, NUMBER, 2),
+            ),
+        ),
+        Structure(
+            "TADDR_SEND_QDN",
+            260,
+            (
+                Field("RemoteQDN", 0, NAME, NAME_SIZE),
+                Field("RemotePort", 256, NUMBER, 2),
+                Field("reserved", 258, NUMBER, 2),
+            ),
+        ),
+        Structure(
+            "TADDR_RCV_IP",
+            20,
+            (
+                Field("RemoteAddress", 0, BYTES, 16),
+                Field("RemotePort", 16, NUMBER, 2),
+                Field("type", 18, NUMBER, 1),
+                Field("reserved", 19, NUMBER, 1),
+            ),
+        ),
+    )
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """A structure and the bytes that stand for it, which may be more or fewer than it has."""
+
+    structure: Structure
+    data: bytes
+
+    def value(self, name: str) -> Value:
+        """Return the value of a field; bytes that are not there count as 0."""
+        field = self.structure.field(name)
+        assert field is not None, name
+        raw = self.data[field.offset : field.offset + field.size]
+        return _read(field, raw + bytes(field.size - len(raw)))
+
+    def number(self, name: str) -> int:
+        """Return a number; 0 where the structure has no such field."""
+        return int(self.value(name)) if self.structure.field(name) is not None else 0
+
+    def text(self, name: str) -> str:
+        """Return an address or a name; "" where the structure has no such field."""
+        return str(self.value(name)) if self.structure.field(name) is not None else ""
+
+    def part(self, name: str) -> bytes:
+        """Return bytes or a selector; b"" where the structure has no such field."""
+        found = self.value(name) if self.structure.field(name) is not None else b""
+        assert isinstance(found, bytes)
+        return found
+
+    def values(self) -> dict[str, Value]:
+        """Return all values by field name."""
+        return {field.name: self.value(field.name) for field in self.structure.fields}
+
+
+def _read(field: Field, raw: bytes) -> Value:
+    match field.type:
+        case FieldType.NUMBER:
+            return int.from_bytes(raw, "big")
+        case FieldType.TRUTH:
+            return bool(raw[0] & 1)
+        case FieldType.ADDRESS:
+            return ".".join(map(str, raw))
+        case FieldType.SELECTOR:
+            return raw[2 : 2 + int.from_bytes(raw[:2], "big")]
+        case FieldType.NAME:
+            return raw[2 : 2 + raw[1]].decode("latin-1")
+        case FieldType.BYTES:
+            return raw
+
+
+def pack(structure: Structure, values: Mapping[str, Value]) -> bytes:
+    """Return the bytes of a structure; a field without a value is 0. Each value must fit its field."""
+    data = bytearray(structure.size)
+    for field in structure.fields:
+        raw = _write(field, values[field.name]) if field.name in values else b""
+        data[field.offset : field.offset + len(raw)] = raw
+        if field.type is FieldType.NAME:
+            data[field.offset] = LONGEST_NAME  # the first byte of a STRING is its longest length
+    return bytes(data)
+
+
+def _write(field: Field, value: Value) -> bytes:
+    match field.type, value:
+        case FieldType.ADDRESS, str():
+            return bytes(map(int, value.split(".")))
+        case FieldType.SELECTOR, bytes():
+            return len(value).to_bytes(2, "big") + value
+        case FieldType.NAME, str():
+            return bytes([LONGEST_NAME, len(value)]) + value.encode("latin-1")
+        case FieldType.BYTES, bytes():
+            return value
+        case FieldType.NUMBER | FieldType.TRUTH, int():
+            return int(value).to_bytes(field.size, "big")
+    raise TypeError(f"{field.name} holds no {type(value).__name__}")
+
+
+def structure_of_size(size: int) -> Structure | None:
+    """Return the connection description that has so many bytes."""
+    return next((one for one in CONNECTIONS.values() if one.size == size), None)
+
+
+# -- shown byte for byte -----------------------------------------------------------------------------------
+
+
+class Row(NamedTuple):
+    """One line of the view: where, which field, which bytes, what they say, what is wrong with them."""
+
+    offset: int
+    field: str
+    data: bytes
+    value: str
+    remark: str = ""
+
+
+def rows(description: Description, remarks: Mapping[str, str]) -> tuple[Row, ...]:
+    """Return the description field by field, and what lies between and behind the fields.
+
+    `remarks` are by field name, "" for the whole.
+    """
+    found: list[Row] = []
+    at = 0
+    for field in description.structure.fields:
+        found += _gap(description.data, at, field.offset)
+        raw = description.data[field.offset : field.offset + field.size]
+        value = _shown(field, description.value(field.name)) if len(raw) == field.size else "(not there)"
+        found.append(Row(field.offset, field.name, raw, value, remarks.get(field.name, "")))
+        at = field.offset + field.size
+    found += _gap(description.data, at, max(len(description.data), at))
+    if remarks.get(""):
+        found.append(Row(len(description.data), "", b"", "", remarks[""]))
+    return tuple(found)
+
+
+def _gap(data: bytes, begin: int, end: int) -> list[Row]:
+    return [Row(begin, "", data[begin:end], "")] if data[begin:end] else []
+
+
+def _shown(field: Field, value: Value) -> str:
+    match value:
+        case bool():
+            return "TRUE" if value else "FALSE"
+        case bytes():
+            text = value.decode("latin-1")
+            return text if text.isascii() and text.isprintable() and text else value.hex(" ").upper()
+        case int() if field.size == 1 or field.name in ("InterfaceId", "ID", "id"):
+            return f"{value} (16#{value:X})"
+        case str():
+            return "".join(one if one.isprintable() else "·" for one in value)
+        case _:
+            return str(value)

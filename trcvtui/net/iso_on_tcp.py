@@ -1,0 +1,260 @@
+"""One ISO-on-TCP connection over a stream of bytes: handshake, size, messages; no sockets (siemens.md 5.2).
+
+Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
+Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MESSAGES_WAITING or
+`cap` bytes of them: who does not take them must not feed more (`wants_more`).
+Rule 3: whatever cannot be right ends the connection with its reason; nothing raises.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Final
+
+from trcvtui.net.cotp import (
+    DATA_HEADER,
+    Code,
+    Connect,
+    Data,
+    Disconnect,
+    Malformed,
+    Refusal,
+    Rejected,
+    Tpdu,
+    TpktReader,
+    encode,
+    segments,
+)
+from trcvtui.net.session import Ended, Message, Settings
+
+REFERENCE: Final = 1
+OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
+SIZE_CODES: Final = range(7, 17)  # 128 bytes .. 65536
+NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size (A19)
+MESSAGES_WAITING: Final = 4
+
+
+class Phase(Enum):
+    """How far the connection is."""
+
+    WAITS_FOR_CR = auto()
+    WAITS_FOR_CC = auto()
+    UP = auto()
+    ENDED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class IsoSettings:
+    """What a CONNECT says: both TSAPs and the longest message in bytes; an empty `remote` is anyone.
+
+    `size_code` n: TPDUs of at most 2**n bytes are proposed, and taken.
+    """
+
+    local: bytes
+    remote: bytes
+    cap: int
+    size_code: int = OWN_SIZE_CODE
+    is_message_oriented: bool = True
+    shares_port: bool = True
+
+    def new(self, is_active: bool) -> IsoOnTcp:
+        """Return a fresh session."""
+        return IsoOnTcp(self, is_active)
+
+
+class IsoOnTcp:
+    """One end. The passive one waits for a CR, and then for somebody who takes it (`give_to`) or says no."""
+
+    def __init__(self, settings: IsoSettings, is_active: bool) -> None:
+        self.phase = Phase.WAITS_FOR_CC if is_active else Phase.WAITS_FOR_CR
+        self.ended: Ended | None = None
+        self.request: Connect | None = None  # the partner's CR, until it is answered
+        self._settings = settings
+        self._most = NOT_TOLD - DATA_HEADER
+        self._agreed: int | None = None  # bytes of a DT, where both ends have told
+        self._reader = TpktReader()
+        self._output = bytearray()
+        self._collected = bytearray()
+        self._whole = 0
+        self._messages: deque[Message] = deque()
+        if is_active:
+            request = Connect(Code.CR, 0, REFERENCE, settings.local, settings.remote, settings.size_code)
+            self._output += encode(request)
+
+    # -- as every session -----------------------------------------------------------------------------------
+
+    @property
+    def is_up(self) -> bool:
+        """Return whether messages may flow."""
+        return self.phase is Phase.UP
+
+    @property
+    def has_data(self) -> bool:
+        """Return whether a message is complete."""
+        return bool(self._messages)
+
+    @property
+    def wants_more(self) -> bool:
+        """Return whether bytes may be fed: nobody has to take a message, or answer a CR, first."""
+        if self.phase is Phase.ENDED or self.request is not None:
+            return False
+        return len(self._messages) < MESSAGES_WAITING and self._waiting() < self._settings.cap
+
+    def _waiting(self) -> int:
+        return sum(len(one.data) for one in self._messages)
+
+    @property
+    def held(self) -> int:
+        """Return how many bytes are kept: complete messages, and what is not complete yet."""
+        return self._reader.held + len(self._collected) + self._waiting()
+
+    def feed(self, data: bytes | memoryview) -> None:
+        """Take bytes of the stream."""
+        for tpdu in self._reader.feed(data):
+            if self.phase is not Phase.ENDED:
+                self._take(tpdu)
+
+    @property
+    def partner_is_done(self) -> bool:
+        """Return False: class 0 ends with its stream."""
+        return False
+
+    def give_up(self) -> None:
+        """Say nothing: whoever waits has his own limit, and his own word for it."""
+
+    def say_goodbye(self) -> None:
+        """Say nothing: class 0 ends with its stream."""
+
+    def partner_closed(self) -> None:
+        """Note that the stream has ended, which is how class 0 releases; before the CC it is a refusal."""
+        if self.phase is Phase.WAITS_FOR_CC:
+            self._end("ECONNREFUSED", "closed instead of a CC")
+
+    def take_output(self) -> bytes:
+        """Return what must be sent, once."""
+        output = bytes(self._output)
+        self._output.clear()
+        return output
+
+    def read(self, into: memoryview) -> Message | None:
+        """Take the next message: as much of it as there is room for goes into `into`."""
+        if not self._messages:
+            return None
+        data, whole = self._messages.popleft()
+        size = min(len(data), len(into))
+        into[:size] = data[:size]
+        return Message(data[:size], whole)
+
+    def encode(self, data: bytes) -> bytes:
+        """Return the DTs that carry one message."""
+        return segments(data, self._most)
+
+    def drop_data(self) -> int:
+        """Drop what could be read and return how many bytes it was."""
+        dropped = self._waiting()
+        self._messages.clear()
+        return dropped
+
+    # -- the passive end is asked for one of several ---------------------------------------------------
+
+    @property
+    def has_asked(self) -> bool:
+        """Return whether a CR waits for its answer."""
+        return self.request is not None
+
+    def names(self, settings: Settings) -> bool:
+        """Return whether the CR names this CONNECT's TSAP."""
+        assert self.request is not None
+        return isinstance(settings, IsoSettings) and self.request.called == settings.local
+
+    def is_for(self, settings: Settings) -> str:
+        """Return "" when the CR asks for this CONNECT, else why not."""
+        assert self.request is not None
+        if not isinstance(settings, IsoSettings) or not self.names(settings):
+            return f"no CONNECT has the TSAP {self.request.called.hex(' ')}"
+        if settings.remote and self.request.calling != settings.remote:
+            return f"the TSAP {self.request.calling.hex(' ')} is not the partner's"
+        return ""
+
+    def give_to(self, settings: Settings) -> None:
+        """Answer the CR with a CC: the connection is up."""
+        request = self.request
+        assert request is not None
+        assert isinstance(settings, IsoSettings)
+        self.request, self._settings = None, settings
+        size = _agreed(request.size_code, settings.size_code)
+        self._begin(size)
+        refs = request.source_ref, REFERENCE
+        self._output += encode(Connect(Code.CC, *refs, request.calling, request.called, size))
+
+    def refuse(self, is_known: bool) -> None:
+        """Answer the CR with a DR; the stream is closed behind it."""
+        if self.request is not None:
+            reason = Refusal.NOBODY_WAITS if is_known else Refusal.UNKNOWN_TSAP
+            self._output += encode(Disconnect(self.request.source_ref, 0, reason))
+        self.request = None
+        self._end("ECONNREFUSED", "refused by us")
+
+    # -- what comes ----------------------------------------------------------------------------------------
+
+    def _take(self, tpdu: Tpdu) -> None:
+        match tpdu:
+            case Malformed(what):
+                self._end("EPROTO", what)
+            case Connect(code=Code.CR) if self.phase is Phase.WAITS_FOR_CR and self.request is None:
+                self.request = tpdu
+            case Connect(code=Code.CC) if self.phase is Phase.WAITS_FOR_CC:
+                told = tpdu.size_code
+                self._begin(None if told is None else min(told, self._settings.size_code))
+            case Data() if self.phase is Phase.UP:
+                self._take_data(tpdu)
+            case Disconnect(reason=reason):
+                was_asking = self.phase is Phase.WAITS_FOR_CC
+                self._end("ECONNREFUSED" if was_asking else "ECONNRESET", f"DR, reason {reason:02X}")
+            case Rejected(cause=cause):
+                self._end("EPROTO", f"ER, cause {cause:02X}")
+            case Connect():
+                self._end("EPROTO", f"a {tpdu.code.name} out of turn")
+            case Data():
+                self._end("EPROTO", "a DT out of turn")
+            case _:  # what class 0 does not know is no reason to end
+                pass
+
+    def _begin(self, size_code: int | None) -> None:
+        self.phase = Phase.UP
+        is_told = size_code is not None and size_code in SIZE_CODES
+        self._agreed = 1 << size_code if size_code is not None and is_told else None
+        self._most = (self._agreed or NOT_TOLD) - DATA_HEADER
+
+    def _take_data(self, piece: Data) -> None:
+        size = len(piece.payload) + DATA_HEADER
+        if self._agreed is not None and size > self._agreed:  # a CPU ends the connection (siemens.md 5.2)
+            self._end("EPROTO", f"a DT of {size} bytes, {self._agreed} are agreed")
+        else:
+            self._collect(piece)
+
+    def _collect(self, piece: Data) -> None:
+        room = self._settings.cap - len(self._collected)
+        self._collected += piece.payload[: max(room, 0)]
+        self._whole += len(piece.payload)
+        if not piece.is_last:
+            return
+        if self._whole:  # an empty message is none (siemens.md 5.2)
+            self._messages.append(Message(bytes(self._collected), self._whole))
+        self._collected.clear()
+        self._whole = 0
+
+    def _end(self, error: str, detail: str) -> None:
+        if self.ended is None:
+            self.ended = Ended(error, detail)
+        self.phase = Phase.ENDED
+        self._collected.clear()
+
+
+def _agreed(proposed: int | None, own: int) -> int | None:
+    """Return the size code of our CC: never above the caller's; None: he told none, so neither do we."""
+    if proposed is None:
+        return None
+    return min(max(proposed, SIZE_CODES.start), own)

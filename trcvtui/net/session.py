@@ -1,0 +1,103 @@
+"""What may run on a TCP stream between the blocks and the kernel: ISO-on-TCP, TLS. Bytes in, bytes out.
+
+Rule: a session never touches a socket and never raises, whatever comes; it holds bounded memory.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+
+class Message(NamedTuple):
+    """One message: its first bytes up to the session's cap, and how many it had."""
+
+    data: bytes
+    whole: int
+
+
+class Ended(NamedTuple):
+    """Why a session is over: the word that a dialect maps to a code, and what a person should read."""
+
+    error: str
+    detail: str
+
+
+class Session(Protocol):
+    """One end of a session."""
+
+    ended: Ended | None
+
+    @property
+    def is_up(self) -> bool:
+        """Return whether the handshake is over and data may flow."""
+        ...
+
+    @property
+    def has_data(self) -> bool:
+        """Return whether something can be read."""
+        ...
+
+    @property
+    def wants_more(self) -> bool:
+        """Return whether bytes may be fed."""
+        ...
+
+    @property
+    def held(self) -> int:
+        """Return how many bytes are kept, read and unread."""
+        ...
+
+    def feed(self, data: memoryview) -> None:
+        """Take bytes that the partner has sent."""
+        ...
+
+    @property
+    def partner_is_done(self) -> bool:
+        """Return whether the partner has said, inside the session, that nothing more comes."""
+        ...
+
+    def partner_closed(self) -> None:
+        """Note the end of the partner's bytes."""
+        ...
+
+    def give_up(self) -> None:
+        """End a handshake that takes too long, where the session has a word for that."""
+        ...
+
+    def say_goodbye(self) -> None:
+        """Tell the partner that nothing more comes, where the session has a word for it."""
+        ...
+
+    def take_output(self) -> bytes:
+        """Return what must be sent to the partner, once."""
+        ...
+
+    def read(self, into: memoryview) -> Message | None:
+        """Put the next message, or the next bytes, into `into` and return it; None: nothing is there."""
+        ...
+
+    def encode(self, data: bytes) -> bytes:
+        """Return the bytes that carry this data."""
+        ...
+
+    def drop_data(self) -> int:
+        """Drop what could be read and return how many bytes it was."""
+        ...
+
+
+class Settings(Protocol):
+    """How to make a session: what a CONNECT says about it."""
+
+    @property
+    def is_message_oriented(self) -> bool:
+        """Return whether a read gives one message."""
+        ...
+
+    @property
+    def shares_port(self) -> bool:
+        """Return whether several passive CONNECTs listen on one port: the partner says which it wants."""
+        ...
+
+    def new(self, is_active: bool) -> Session:
+        """Return a fresh session."""
+        ...

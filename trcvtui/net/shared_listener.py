@@ -1,0 +1,142 @@
+"""Listeners whose clients speak before they are accepted: the handshake comes first, then somebody gets them.
+
+Several CONNECTs may share one port: the client's first message says which of them it wants (siemens.md 5.2).
+Rule: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most; as many wait
+for each CONNECT.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Protocol, runtime_checkable
+
+from trcvtui.net.kernel import Accepted, Fault, Handle, Kernel
+from trcvtui.net.session import Session, Settings
+from trcvtui.net.stream import Stream
+
+CLIENTS_WAITING: Final = 16
+HANDSHAKE_LIMIT: Final = 5_000_000_000  # ns
+FULL: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
+
+
+@runtime_checkable
+class Choosing(Protocol):
+    """A session whose partner asks for one of several: it waits until it is given to somebody, or refused."""
+
+    has_asked: bool
+
+    def names(self, settings: Settings) -> bool:
+        """Return whether it asks for the name of this CONNECT, whoever may have it."""
+        ...
+
+    def is_for(self, settings: Settings) -> str:
+        """Return "" when this CONNECT is the one that is asked for, else why not."""
+        ...
+
+    def give_to(self, settings: Settings) -> None:
+        """Go on as a session of this CONNECT."""
+        ...
+
+    def refuse(self, is_known: bool) -> None:
+        """Say no; `is_known`: somebody has that name, but not for this partner, or not now."""
+        ...
+
+
+class Member:
+    """One CONNECT that listens: its settings, and who has come for it."""
+
+    def __init__(self, owner: str, settings: Settings) -> None:
+        self.owner = owner
+        self.settings = settings
+        self.ready: deque[Stream | Fault] = deque()
+
+
+class Listener:
+    """One real listener with its members, and the clients that have not finished their handshake."""
+
+    def __init__(
+        self, kernel: Kernel, handle: Handle, told: Callable[[str, str, str], None], polls: bool
+    ) -> None:
+        self.handle = handle
+        self.members: dict[Handle, Member] = {}
+        self.clients: list[Stream] = []
+        self._kernel = kernel
+        self._told = told
+        self._polls = polls
+
+    def poll(self, now: int) -> None:
+        """Take new clients and go on with the handshakes."""
+        while len(self.clients) < CLIENTS_WAITING and self._kernel.readable(self.handle):
+            got = self._kernel.accept(self.handle)
+            if not isinstance(got, Accepted):
+                if isinstance(got, Fault):
+                    self._any_member().ready.append(got)
+                break
+            self._welcome(got, now)
+        for client in tuple(self.clients):
+            self._go_on(client, now)
+
+    def _welcome(self, got: Accepted, now: int) -> None:
+        fault = self._kernel.poll_add(got.handle) if self._polls else None
+        if fault is not None:
+            self._kernel.abort(got.handle)
+            self._any_member().ready.append(fault)
+            return
+        session = self._any_member().settings.new(is_active=False)
+        self.clients.append(Stream(self._kernel, got.handle, got.peer, session, now))
+
+    def _go_on(self, client: Stream, now: int) -> None:
+        client.pump()
+        session = client.session
+        if isinstance(session, Choosing) and session.has_asked:
+            self._give(client, session)
+        elif session.is_up:
+            self._hand_over(client, self._any_member())
+        elif client.is_over or session.ended is not None:
+            self._fail(client, str(session.ended.detail if session.ended else "closed before the handshake"))
+        elif now - client.since >= HANDSHAKE_LIMIT:
+            client.too_slow()
+            self._fail(client, "no handshake in 5 s")
+
+    def _give(self, client: Stream, session: Choosing) -> None:
+        members = list(self.members.values())
+        named = [member for member in members if session.names(member.settings)]
+        meant = [member for member in named if not session.is_for(member.settings)]
+        if meant and len(meant[0].ready) < CLIENTS_WAITING:
+            self._hand_over(client, meant[0])
+            return
+        why = FULL if meant else session.is_for((named or members)[0].settings)
+        session.refuse(is_known=bool(named))
+        client.flush()
+        self._drop(client, why)
+
+    def _hand_over(self, client: Stream, member: Member) -> None:
+        if len(member.ready) >= CLIENTS_WAITING:
+            self._drop(client, FULL)
+            return
+        self.clients.remove(client)
+        member.ready.append(client)
+
+    def _fail(self, client: Stream, why: str) -> None:
+        session: Session = client.session
+        member = self._any_member()
+        told = session.ended is not None and not isinstance(session, Choosing)
+        if session.ended is not None and told and len(member.ready) < CLIENTS_WAITING:
+            member.ready.append(Fault("session", session.ended.error))
+        self._drop(client, why)
+
+    def _drop(self, client: Stream, why: str) -> None:
+        self.clients.remove(client)
+        self._told(self._any_member().owner, str(client.peer), why)
+        self._kernel.close(client.handle)
+
+    def _any_member(self) -> Member:
+        return next(iter(self.members.values()))
+
+    def close(self) -> None:
+        """Free the listener and everybody who waits at it."""
+        for client in self.clients:
+            self._kernel.abort(client.handle)
+        self.clients.clear()
+        self._kernel.close(self.handle)

@@ -1,0 +1,126 @@
+"""One TCP stream with a session on it: reads the kernel into the session, writes the session's bytes out.
+
+Rule: one call moves a bounded number of bytes; what the stack does not take waits here, one message at most.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Handle, Kernel, WouldBlock
+from trcvtui.net.session import Message, Session
+
+PIECE: Final = 64 * 1024  # bytes of one read
+PIECES_A_CALL: Final = 4
+
+
+class Stream:
+    """A session at work. `fault` is what the kernel said last; None with `is_over`: the partner's FIN."""
+
+    def __init__(self, kernel: Kernel, handle: Handle, peer: Endpoint, session: Session, since: int) -> None:
+        self.handle = handle
+        self.peer = peer
+        self.session = session
+        self.since = since  # ns
+        self.fault: Fault | None = None
+        self.is_over = False
+        self._kernel = kernel
+        self._output = bytearray()  # handshake and answers
+        self._carried: memoryview = memoryview(b"")  # of the data that is being sent
+        self._carried_size = self._data_size = self._told = 0
+        self.flush()
+
+    # -- in -----------------------------------------------------------------------------------------------
+
+    def pump(self) -> None:
+        """Read what has come, as far as the session takes it, and answer."""
+        scratch = memoryview(_SCRATCH)
+        for _ in range(PIECES_A_CALL):
+            if self.is_over or not self.session.wants_more or len(self._output) > PIECE:
+                break
+            got = self._kernel.recv(self.handle, scratch)
+            if isinstance(got, WouldBlock):
+                break
+            if isinstance(got, Fault):
+                self.fault, self.is_over = got, True
+            elif got == 0:
+                self.session.partner_closed()
+                self.is_over = True
+            else:
+                self.session.feed(scratch[:got])
+                self.is_over = self.session.partner_is_done
+        self.flush()
+
+    def read(self, into: memoryview) -> Message | None:
+        """Take what the session has, after a look at the stream when it has nothing."""
+        if not self.session.has_data:
+            self.pump()
+        return self.session.read(into)
+
+    @property
+    def end(self) -> Fault | None:
+        """Return what ended the session: the kernel's Fault, or one that names the session's own reason."""
+        if self.fault is not None:
+            return self.fault
+        ended = self.session.ended
+        return None if ended is None else Fault("session", ended.error)
+
+    def too_slow(self) -> None:
+        """End a handshake that takes too long."""
+        self.session.give_up()
+        self.flush()
+
+    # -- out ----------------------------------------------------------------------------------------------
+
+    def goodbye(self) -> None:
+        """Say the session's last word, as far as the stack takes it; not in the middle of data."""
+        if not self._carried:
+            self.session.say_goodbye()
+            self.flush()
+
+    def flush(self) -> None:
+        """Send what the session has to say."""
+        self._output += self.session.take_output()
+        while self._output and not self.is_over:
+            sent = self._kernel.send(self.handle, memoryview(bytes(self._output)))
+            if not isinstance(sent, int):
+                return  # not now; a Fault shows at the next read
+            del self._output[:sent]
+
+    def send(self, data: memoryview) -> int | WouldBlock | Fault:
+        """Send data and return how many bytes of it are with the stack now.
+
+        The caller comes again with the rest of the same data until the stack has all of it. What has been
+        encoded must go: the first byte counts as taken even when the stack had no room for any.
+        """
+        self.flush()
+        if self.session.ended is not None:
+            return self.end or WOULD_BLOCK
+        if self._output:
+            return WOULD_BLOCK
+        if not self._carried:
+            carried = self.session.encode(bytes(data))
+            self._carried, self._carried_size = memoryview(carried), len(carried)
+            self._data_size, self._told = len(data), 0
+        sent = self._kernel.send(self.handle, self._carried)
+        if isinstance(sent, Fault):
+            return sent
+        if isinstance(sent, int):
+            self._carried = self._carried[sent:]
+        taken = self._taken()
+        new, self._told = taken - self._told, taken
+        return new or WOULD_BLOCK
+
+    def _taken(self) -> int:
+        """Return how many bytes of the data count as gone: all of them only when all that carries them is."""
+        if not self._carried:
+            return self._data_size
+        if self._data_size == 1:  # it cannot be gone in part: what is left of it waits here
+            self._output += self._carried
+            self._carried = memoryview(b"")
+            return 1
+        gone = self._carried_size - len(self._carried)
+        return min(max(1, self._data_size * gone // self._carried_size), self._data_size - 1)
+
+
+_SCRATCH = bytearray(PIECE)

@@ -1,0 +1,102 @@
+"""A CONNECT's description byte for byte, as a person reads it: what the screen shows beside the DB."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.description import Field, FieldType, Value, rows
+from trcvtui.net.description import Row as Row
+from trcvtui.net.description_check import Protocol, meaning
+
+TYPE_FIELDS: Final = ("ConnectionType", "connection_type")
+INTERFACE_FIELDS: Final = ("InterfaceId", "local_device_id")
+
+
+class DescriptionView(NamedTuple):
+    """One description: its structure, what it says in one line, its rows, and what a CPU finds wrong."""
+
+    structure: str
+    says: str
+    rows: tuple[Row, ...]
+    flaw: str
+
+
+def description_view(config: ConnectConfig) -> DescriptionView | None:
+    """Return the view of a CONNECT, None where the dialect has no descriptions."""
+    description = config.description
+    if description is None:
+        return None
+    flaw = config.flaw
+    remarks = _remarks(config)
+    if flaw is not None:
+        remarks[flaw.field] = f"! {flaw.text}"
+    return DescriptionView(
+        structure=description.structure.name,
+        says=_says(config),
+        rows=rows(description, remarks),
+        flaw=flaw.text if flaw is not None else "",
+    )
+
+
+def initial_values(config: ConnectConfig) -> tuple[str, ...]:
+    """Return the fields as the initial values of a DB, in SCL; () where the dialect has no descriptions."""
+    description = config.description
+    if description is None:
+        return ()
+    fields = description.structure.fields
+    return tuple([f"{field.name} := {_literal(field, description.value(field.name))}" for field in fields])
+
+
+def _literal(field: Field, value: Value) -> str:
+    match field.type, value:
+        case FieldType.TRUTH, _:
+            return str(value).upper()
+        case FieldType.ADDRESS, str():
+            return f"(ADDR := [{', '.join(value.split('.'))}])"
+        case FieldType.SELECTOR, bytes():
+            return f"(TSelLength := {len(value)}, TSel := {_array(value)})"
+        case FieldType.NAME, str():
+            return "'" + "".join(_character(one) for one in value) + "'"
+        case FieldType.BYTES, bytes():
+            return _array(value)
+        case _:
+            return str(value)
+
+
+def _array(data: bytes) -> str:
+    return "[" + ", ".join(f"16#{byte:02X}" for byte in data) + "]"
+
+
+def _character(one: str) -> str:
+    """Return a character as a STRING literal has it."""
+    return one if one.isprintable() and one not in "'$" else f"${ord(one):02X}"
+
+
+def _says(config: ConnectConfig) -> str:
+    assert config.description is not None
+    protocol = meaning(config.description).protocol
+    if protocol in (Protocol.UNKNOWN, Protocol.CONFIGURED):
+        return str(protocol)
+    if config.active:
+        return f"{protocol}, active to {config.remote_address}:{config.remote_port}"
+    return f"{protocol}, passive on {config.local}"
+
+
+def _remarks(config: ConnectConfig) -> dict[str, str]:
+    """Return what the bench has put in the place of a field, by field name."""
+    assert config.description is not None
+    says = meaning(config.description)
+    found = dict.fromkeys(TYPE_FIELDS, str(says.protocol))
+    where = "where routing says" if config.any_local else config.local.address
+    found |= dict.fromkeys(INTERFACE_FIELDS, f"on the bench: {where}")
+    if isinstance(config.remote_port, str):
+        found["RemotePort"] = f"on the bench: {config.remote_port}"
+    if says.protocol is not Protocol.ISO and not config.active and config.local.port != says.local_port:
+        found["LocalPort"] = f"on the bench: {config.local.port or 'a free port'}"
+    if says.remote_name and config.remote_address != says.remote_address:
+        found["RemoteQDN"] = f"on the bench: {config.remote_address}"
+    if says.protocol is Protocol.ISO:
+        port = config.remote_port if config.active else config.local.port or "a free one"
+        found["ActiveEstablished"] = f"port: {port}"
+    return found

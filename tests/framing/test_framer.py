@@ -1,0 +1,197 @@
+"""The framer against the table of receivedata.md 7, and what must hold for any stream, cut anywhere."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.framing.vectors import VECTORS, Call, Vector
+from trcvtui.blocks.framing.frame import Ending, Frame, Framing
+from trcvtui.blocks.framing.framer import KEPT_NOISE, Framer
+
+MS = 1_000_000
+OF_THE_BLOCK = ("V35", "V36", "V37")  # what pointers and sizes are is checked before the framer is asked
+ERRORS = {Ending.OVERRUN: 23}
+
+
+def test_the_table_is_whole() -> None:
+    assert [vector.id for vector in VECTORS] == [f"V{n:02}" for n in range(1, 41)]
+
+
+@pytest.mark.parametrize(
+    "vector", [v for v in VECTORS if v.id not in OF_THE_BLOCK], ids=lambda v: f"{v.id} {v.case}"
+)
+def test_a_vector(vector: Vector) -> None:
+    framer, queue, told = Framer(), b"", []
+    before = -1
+    for ms in range(0, vector.last_ms, vector.cycle):
+        queue += vector.arrived(before, ms)
+        before = ms
+        framing = Framing(vector.size, vector.prefix, vector.suffix_at(ms), vector.timeout * MS)
+        if ms == vector.reset_at:
+            framer.drop()
+            continue
+        if framer.differs(framing):
+            framer.drop()
+            told.append(Call(ms, False, 1))
+            continue
+        used, frame = framer.take(queue, framing, ms * MS)
+        queue = queue[used:]
+        if frame is not None:
+            is_gap = frame.ending is Ending.GAP
+            told.append(Call(ms, True, ERRORS.get(frame.ending, 0), is_gap, frame.content))
+    assert tuple(told) == vector.calls
+    assert (framer.busy, framer.part, framer.discarded) == (vector.busy, vector.part, vector.discarded)
+    assert queue == vector.left
+
+
+# -- P1 to P6 ------------------------------------------------------------------------------------------
+
+FEW = st.integers(0, 2)  # so few different bytes that prefixes and suffixes come often, also in part
+MARKS = st.lists(FEW, max_size=4).map(bytes)
+STREAMS = st.lists(FEW, max_size=60).map(bytes)
+CUTS = st.lists(st.integers(0, 7), max_size=80)
+
+
+def pieces(stream: bytes, cuts: list[int]) -> list[bytes]:
+    """Return the stream in pieces; a cut of 0 is a call that finds nothing new."""
+    found = []
+    for cut in cuts:
+        found.append(stream[:cut])
+        stream = stream[cut:]
+    return [*found, stream]
+
+
+def frames_of(framer: Framer, framing: Framing, arriving: list[bytes]) -> tuple[list[Frame], bytes]:
+    """Return all frames, a call each, and what is left over; calls go on until nothing happens any more."""
+    queue, found, now = b"", [], 0
+    for piece in arriving:
+        queue += piece
+        now += MS
+        used, frame = framer.take(queue, framing, now)
+        queue = queue[used:]
+        found += [frame] if frame is not None else []
+    while queue:
+        used, frame = framer.take(queue, framing, now)
+        queue = queue[used:]
+        found += [frame] if frame is not None else []
+    return found, queue
+
+
+def byte_by_byte(framing: Framing, stream: bytes) -> list[Frame]:
+    """Return the frames as section 4 says it, in its own words: a byte, a test, a byte."""
+    frames, part, prefix = [], b"", framing.prefix
+    is_begun = not prefix
+    for n in range(len(stream)):
+        part += stream[n : n + 1]
+        ending = None
+        if not is_begun:
+            while part and not prefix.startswith(part):
+                part = part[1:]
+            is_begun = part == prefix
+        if is_begun:
+            marks = len(prefix) + len(framing.suffix)
+            if framing.text and part.endswith(b"\0"):
+                ending = Ending.ZERO
+            elif framing.suffix and len(part) >= marks and part.endswith(framing.suffix):
+                ending = Ending.SUFFIX
+        if ending is None and len(part) == framing.size:
+            is_good = is_begun and not framing.suffix and not framing.text
+            ending = Ending.SIZE if is_good else Ending.OVERRUN
+        if ending is not None:
+            frames.append(Frame(part, ending))
+            part, is_begun = b"", not prefix
+    return frames
+
+
+NO_ZERO = st.lists(st.integers(1, 3), max_size=4).map(bytes)
+TEXTS = st.builds(Framing, st.integers(1, 9), NO_ZERO, NO_ZERO, text=st.just(True))
+DATA = st.builds(Framing, st.integers(1, 9), MARKS, MARKS)
+ALL = st.one_of(DATA, TEXTS)  # a STRING holds no 00
+
+
+@given(ALL, STREAMS, CUTS)
+def test_p1_frames_do_not_depend_on_how_the_stream_is_cut(
+    framing: Framing, stream: bytes, cuts: list[int]
+) -> None:
+    cut, whole = Framer(), Framer()
+    frames = frames_of(cut, framing, pieces(stream, cuts))
+    assert frames == frames_of(whole, framing, [stream])
+    assert (cut.part, cut.discarded, cut.noise) == (whole.part, whole.discarded, whole.noise)
+    assert frames[0] == byte_by_byte(framing, stream)
+
+
+@given(ALL, STREAMS, CUTS, st.integers(0, 3))
+def test_p2_and_p5_nothing_is_lost_doubled_or_reordered(
+    framing: Framing, stream: bytes, cuts: list[int], timeout_ms: int
+) -> None:
+    framing = Framing(framing.size, framing.prefix, framing.suffix, timeout_ms * MS, framing.text)
+    framer, joined, noise, queue, now = Framer(), b"", 0, b"", 0
+    for piece in pieces(stream, cuts):
+        queue += piece
+        now += MS
+        used, frame = framer.take(queue, framing, now)
+        fresh = framer.discarded - noise
+        joined += framer.noise[len(framer.noise) - fresh :] + (frame.content if frame else b"")
+        noise, queue = framer.discarded, queue[used:]
+    assert joined + framer.part + queue == stream
+
+
+@given(ALL, STREAMS, CUTS)
+def test_p3_and_p4_a_good_frame_has_its_marks_and_no_frame_is_longer_than_size(
+    framing: Framing, stream: bytes, cuts: list[int]
+) -> None:
+    for content, ending in frames_of(Framer(), framing, pieces(stream, cuts))[0]:
+        assert 0 < len(content) <= framing.size
+        if ending in (Ending.SUFFIX, Ending.SIZE):
+            assert content.startswith(framing.prefix)
+            assert content.endswith(framing.suffix) or len(content) == framing.size
+        if ending is Ending.SUFFIX:
+            assert content.endswith(framing.suffix)
+
+
+@given(ALL, STREAMS, STREAMS, CUTS)
+def test_p6_behind_a_reset_a_framer_is_as_good_as_new(
+    framing: Framing, before: bytes, after: bytes, cuts: list[int]
+) -> None:
+    used_one = Framer()
+    frames_of(used_one, framing, [before])
+    used_one.drop()
+    assert frames_of(used_one, framing, pieces(after, cuts)) == frames_of(
+        Framer(), framing, pieces(after, cuts)
+    )
+
+
+# -- bounds ----------------------------------------------------------------------------------------------
+
+
+def test_noise_for_ever_is_counted_and_only_its_end_is_kept() -> None:
+    framer, framing = Framer(), Framing(64, prefix=b"\x02")
+    for _ in range(100):
+        assert framer.take(b"\xff" * 10_000, framing, 0) == (10_000, None)
+    assert (framer.discarded, framer.noise, framer.busy) == (1_000_000, b"\xff" * KEPT_NOISE, False)
+
+
+def test_a_frame_that_never_ends_is_cut_at_size_again_and_again() -> None:
+    framer, framing, queue = Framer(), Framing(16, suffix=b"\n"), b"U" * 1000
+    for _ in range(62):
+        used, frame = framer.take(queue, framing, 0)
+        assert (used, frame) == (16, Frame(b"U" * 16, Ending.OVERRUN))
+        queue = queue[used:]
+    assert framer.take(queue, framing, 0) == (8, None)
+    assert framer.part == b"U" * 8
+
+
+def test_a_prefix_that_does_not_fit_runs_into_the_overrun() -> None:
+    framer, framing = Framer(), Framing(2, prefix=b"ABC")
+    assert framer.take(b"xABC", framing, 0) == (3, Frame(b"AB", Ending.OVERRUN))
+    assert framer.take(b"C", framing, 0) == (1, None)
+    assert (framer.discarded, framer.busy) == (2, False)
+
+
+def test_a_timeout_may_change_while_a_frame_is_half_here() -> None:
+    framer = Framer()
+    framer.take(b"A", Framing(4, timeout_ns=50 * MS), 0)
+    assert not framer.differs(Framing(4, timeout_ns=20 * MS))
+    assert framer.take(b"", Framing(4, timeout_ns=20 * MS), 20 * MS) == (0, Frame(b"A", Ending.GAP))

@@ -1,0 +1,113 @@
+"""The framer: bytes and time in, at most one frame a call out (receivedata.md 4, steps 5 to 9).
+
+Rule: frames do not depend on how the stream was cut: each search begins where the call before has left off.
+Bounds: the part is never longer than the size of a frame, the noise that is kept than KEPT_NOISE.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.blocks.framing.frame import Ending, Frame, Framing, Taken
+
+KEPT_NOISE: Final = 256
+
+
+class Framer:
+    """The part of a frame, and the noise before it. `discarded` counts every byte that was thrown away."""
+
+    def __init__(self) -> None:
+        self.discarded = 0
+        self.noise = b""  # the last of them
+        self.last_byte: int | None = None  # ns
+        self._part = bytearray()
+        self._has_prefix = False
+        self._framing: Framing | None = None  # of the part
+
+    @property
+    def busy(self) -> bool:
+        """Return whether a frame has begun; noise begins none (row 5)."""
+        return bool(self._part)
+
+    @property
+    def part(self) -> bytes:
+        """Return a copy of the frame that is not complete yet."""
+        return bytes(self._part)
+
+    @property
+    def size(self) -> int:
+        """Return how many bytes of it are here."""
+        return len(self._part)
+
+    def differs(self, framing: Framing) -> bool:
+        """Return whether the part began under another framing; the timeout may change (row 12)."""
+        return self._framing is not None and bool(self._part) and not self._framing.cuts_like(framing)
+
+    def drop(self) -> bytes:
+        """Throw the part away and return it."""
+        part = bytes(self._part)
+        self._part.clear()
+        self._has_prefix = False
+        return part
+
+    def take(self, received: bytes, framing: Framing, now: int) -> Taken:
+        """Take bytes until none is left or a frame is complete; without any, look at the gap (row 6)."""
+        if not received:
+            return Taken(0, self._gap(framing, now))
+        self._framing, self.last_byte = framing, now
+        used = 0 if self._has_prefix else self._seek(received, framing)
+        if not self._has_prefix:
+            return Taken(used)
+        before = len(self._part)
+        self._part += received[used : used + framing.size - before]
+        used += len(self._part) - before
+        found = self._end(before, framing)
+        if found is None:
+            return Taken(used)
+        end, ending = found
+        used -= len(self._part) - end
+        del self._part[end:]
+        return Taken(used, Frame(self.drop(), ending))
+
+    def _gap(self, framing: Framing, now: int) -> Frame | None:
+        """Return what has come so far when nothing follows it for the timeout or longer (row 7)."""
+        if not self._part or not framing.timeout_ns or self.last_byte is None:
+            return None
+        return Frame(self.drop(), Ending.GAP) if now - self.last_byte >= framing.timeout_ns else None
+
+    def _seek(self, received: bytes, framing: Framing) -> int:
+        """Look for the prefix and return how many bytes that used up; its longest start is kept (row 3)."""
+        head = framing.prefix[: framing.size]  # a frame has no room for more of it
+        before = len(self._part)
+        joined = bytes(self._part) + received
+        at = joined.find(head)
+        self._has_prefix = at >= 0
+        start = at if self._has_prefix else len(joined) - _longest_start(joined, head)
+        end = start + len(head) if self._has_prefix else len(joined)
+        self._discard(joined[:start])
+        self._part[:] = joined[start:end]
+        return end - before
+
+    def _discard(self, noise: bytes) -> None:
+        self.discarded += len(noise)
+        self.noise = (self.noise + noise[-KEPT_NOISE:])[-KEPT_NOISE:]
+
+    def _end(self, before: int, framing: Framing) -> tuple[int, Ending] | None:
+        """Return where the frame ends: the suffix first, then the size; `before` bytes were looked at."""
+        prefix, suffix = framing.prefix, framing.suffix
+        at = self._part.find(suffix, max(len(prefix), before - len(suffix) + 1)) if suffix else -1
+        zero = self._part.find(0, 0, at if at >= 0 else None) if framing.text else -1
+        if zero >= 0:
+            return zero + 1, Ending.ZERO
+        if at >= 0:
+            return at + len(suffix), Ending.SUFFIX
+        if len(self._part) < framing.size:
+            return None
+        good = not suffix and not framing.text and len(prefix) <= framing.size
+        return framing.size, Ending.SIZE if good else Ending.OVERRUN
+
+
+def _longest_start(joined: bytes, head: bytes) -> int:
+    """Return the length of the longest end of `joined` with which the prefix may begin."""
+    longest = min(len(head) - 1, len(joined))
+    return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)

@@ -19,6 +19,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 BAOSKY = sorted((CONFIGS / "scenarios" / "baosky").glob("*.toml"))
 SIEMENS = sorted((CONFIGS / "scenarios" / "siemens").glob("*.toml"))
 LEGACY = sorted((CONFIGS / "scenarios" / "siemens-legacy").glob("*.toml"))
+TWINCAT = sorted((CONFIGS / "scenarios" / "twincat").glob("*.toml"))
 SIM_ONLY = sorted((CONFIGS / "scenarios" / "sim").glob("*.toml"))
 
 

@@ -31,11 +31,20 @@ class Binding:
 class Job(Protocol):
     """How a job stands; sizes in bytes, `last_bytes` the time (ns) at which bytes last moved."""
 
-    running: bool
-    have: int
-    need: int
-    adhoc: bool
-    last_bytes: int | None
+    @property
+    def running(self) -> bool: ...
+
+    @property
+    def have(self) -> int: ...
+
+    @property
+    def need(self) -> int: ...
+
+    @property
+    def adhoc(self) -> bool: ...
+
+    @property
+    def last_bytes(self) -> int | None: ...
 
     def partial(self) -> bytes:
         """Return a copy of the bytes collected so far."""

@@ -29,6 +29,11 @@ class Condition(StrEnum):
     CLOSED = "closed by us"
     RECEIVED = "received"
     SENT = "sent"
+    FRAME_AWAITED = "waiting for a frame"
+    FRAME_PART = "part of a frame is here"
+    FRAME_RECEIVED = "frame received"
+    FRAME_GAP = "frame ended by a gap"
+    BUFFER_EMPTY = "ComBuffer empty"
     RESETTING = "resetting"
     NO_SOCKET = "no socket"
     WRONG_LOCAL_ADDRESS = "wrong LocalAddress"
@@ -98,6 +103,14 @@ class Condition(StrEnum):
     TLS_CLIENT_ASKS = "TLS: client asks for a client certificate"
     TLS_SERVER_CHECKS = "TLS: server checks a name"
     TLS_REFERENCE = "TLS: wrong number of a certificate"
+    PARAMETER_CHANGED = "input changed while busy"
+    SEND_OVERRUN = "larger than the ComBuffer"
+    STRING_OVERRUN = "string full"
+    ZERO_CHARACTER = "byte 00 in a string"
+    NULL_POINTER = "pointer to nothing"
+    NULL_RECEIVE_POINTER = "pReceiveData points to nothing"
+    RECEIVE_LENGTH_WRONG = "SizeReceiveData wrong"
+    DATA_OVERRUN = "size reached without the suffix"
 
 
 BUSY: Final = frozenset(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.serial_notes import SerialNote
 from trcvtui.net.resources import Resources
 
 
@@ -62,7 +63,7 @@ class SendEnded(NamedTuple):
     reason: str
 
 
-JobNote = JobStarted | JobEnded | SendStarted | SendEnded
+JobNote = JobStarted | JobEnded | SendStarted | SendEnded | SerialNote
 
 
 @dataclass(slots=True)

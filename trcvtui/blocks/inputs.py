@@ -15,3 +15,12 @@ class Inputs:
     len: int = 0
     adhoc: bool = False
     com_rst: bool = False
+    # of the blocks on a ComBuffer
+    en: bool = False
+    reset: bool = False
+    timeout: int = 0  # ms
+    lenprefix: int = 0
+    lensuffix: int = 0
+    sizereceivedata: int = 0
+    length: int = 0
+    sendbyte: int = 0

@@ -21,6 +21,8 @@ class Lamp(Enum):
 class Outcome:
     """The answer of one call. `rcvd_len` is non-zero only with DONE; `clear_com_rst` writes COM_RST back.
 
+    Blocks on a ComBuffer keep `rcvd_len` until the next frame begins, and have `rx_timeout` or a `byte`.
+
     `lasts`: every further call gives this very object and changes nothing, until an input changes, the poll
     sees the CONNECT, or another block ends its connection.
     """
@@ -31,6 +33,8 @@ class Outcome:
     clear_com_rst: bool = False
     lasts: bool = False
     lamp: Lamp | None = None
+    rx_timeout: bool = False
+    byte: int = 0
 
     @property
     def busy(self) -> bool:

@@ -52,6 +52,33 @@ _LAMPS: Final = (
     Pin("ERROR", Direction.OUT, "BOOL", "something failed; STATUS says what"),
     Pin("STATUS", Direction.OUT, "WORD", "what the block is doing"),
 )
+# ReceiveData and what belongs to it (receivedata.md 2). EN is that of the box in FBD and LD: it is called.
+_EN: Final = Pin("EN", Direction.IN, "BOOL", "the block is called while EN is 1")
+_TIMEOUT: Final = Pin("Timeout", Direction.IN, "TIME", "longest gap between two bytes; 0 = any")
+_RESET: Final = Pin("Reset", Direction.IN, "BOOL", "1 throws the part of a frame away")
+_COM_ERROR: Final = Pin("Error", Direction.OUT, "UINT", "ComError_t; 0 = no error")
+_SEND_LAMPS: Final = (Pin("Busy", Direction.OUT, "BOOL", "the ComBuffer has not taken all bytes"), _COM_ERROR)
+_RECEIVE_LAMPS: Final = (
+    Pin("busy", Direction.OUT, "BOOL", "a frame has begun"),
+    _COM_ERROR,
+    Pin("RxTimeout", Direction.OUT, "BOOL", "a gap ended the frame"),
+)
+_RECEIVE_DATA: Final = (
+    Pin("LenPrefix", Direction.IN, "BYTE", "bytes of the prefix; 0 = none"),
+    Pin("LenSuffix", Direction.IN, "BYTE", "bytes of the suffix; 0 = none"),
+    Pin("SizeReceiveData", Direction.IN, "DINT", "the most bytes of a frame"),
+    _TIMEOUT,
+    _RESET,
+    Pin("DataReceived", Direction.OUT, "BOOL", "a frame is in the data; TRUE for one scan"),
+    *_RECEIVE_LAMPS,
+    Pin("LenReceiveData", Direction.OUT, "UDINT", "bytes of the frame, prefix and suffix among them"),
+)
+_RECEIVE_STRING: Final = (
+    _TIMEOUT,
+    _RESET,
+    Pin("StringReceived", Direction.OUT, "BOOL", "a text is in the string; TRUE for one scan"),
+    *_RECEIVE_LAMPS,
+)
 
 
 def _req(text: str) -> tuple[Pin, ...]:
@@ -71,14 +98,48 @@ PINS: Final[dict[str, tuple[Pin, ...]]] = {
     "TURCV": (_EN_R, _UDP_LEN, *_LAMPS, _RCVD_LEN),
     "USEND_C": (_REQ, _UDP_CONT, _SEND_LEN, *_LAMPS),
     "URECV_C": (_EN_R, _UDP_CONT, _UDP_LEN, *_LAMPS, _RCVD_LEN),
+    "ReceiveData": _RECEIVE_DATA,
+    "ReceiveByte": (
+        Pin("ByteReceived", Direction.OUT, "BOOL", "a byte has come; TRUE for one scan"),
+        Pin("ReceivedByte", Direction.OUT, "BYTE", "the byte"),
+        _COM_ERROR,
+    ),
+    "ReceiveString": _RECEIVE_STRING,
+    "ReceiveString255": _RECEIVE_STRING,
+    "SendData": (_EN, Pin("Length", Direction.IN, "UDINT", "bytes to send"), *_SEND_LAMPS),
+    "SendByte": (_EN, Pin("SendByte", Direction.IN, "BYTE", "the byte to send"), *_SEND_LAMPS),
+    "SendString": (_EN, *_SEND_LAMPS),
+    "ClearComBuffer": (_EN,),
 }
+# What each output shows, of what an instance knows of its outputs.
+SHOWS: Final = {
+    "DONE": "done", "BUSY": "busy", "ERROR": "error", "STATUS": "status", "RCVD_LEN": "rcvd_len",
+    "DataReceived": "done", "StringReceived": "done", "ByteReceived": "done", "busy": "busy", "Busy": "busy",
+    "Error": "status", "RxTimeout": "rx_timeout", "LenReceiveData": "rcvd_len", "ReceivedByte": "byte",
+}  # fmt: skip
+# What a block on a ComBuffer calls it; such a block has no CONNECT.
+BUFFER_PIN: Final = {
+    "ReceiveData": "RxBuffer", "ReceiveByte": "RxBuffer", "ReceiveString": "RxBuffer",
+    "ReceiveString255": "RxBuffer", "SendData": "TxBuffer", "SendByte": "TxBuffer", "SendString": "TxBuffer",
+    "ClearComBuffer": "Buffer",
+}  # fmt: skip
+# Further variables that a block is bound to, beside its data: prefix first, then suffix.
+POINTERS: Final = {
+    "ReceiveData": ("pPrefix", "pSuffix"),
+    "ReceiveString": ("Prefix", "Suffix"),
+    "ReceiveString255": ("Prefix", "Suffix"),
+}
+TIMES: Final = frozenset({"Timeout"})  # pins of type TIME: whole milliseconds
 SPEAKS_UDP: Final = frozenset(
     {"USEND_C", "URECV_C", "TUSEND", "TURCV"}
 )  # CONFIG and ADDR in the place of CONNECT
 SENDS: Final = frozenset({"TSEND_C", "TSEND"})
 MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP
-HAS_DATA: Final = MOVES_BYTES | {"T_DIAG"}
-DATA_PIN: Final = {"T_DIAG": "RESULT"}  # what the manual calls it, where that is not DATA
+DATA_PIN: Final = {
+    "T_DIAG": "RESULT", "ReceiveData": "pReceiveData", "ReceiveString": "ReceivedString",
+    "ReceiveString255": "ReceivedString", "SendData": "pSendData", "SendString": "SendString",
+}  # what the manual calls it, where that is not DATA  # fmt: skip
+HAS_DATA: Final = MOVES_BYTES | set(DATA_PIN)
 
 
 def inputs_of(block: str) -> tuple[Pin, ...]:

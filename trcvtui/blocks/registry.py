@@ -6,6 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from trcvtui.blocks.block import Binding, Block
+from trcvtui.blocks.serial.clear_com_buffer import ClearComBuffer
+from trcvtui.blocks.serial.receive_byte import ReceiveByte
+from trcvtui.blocks.serial.receive_data import ReceiveData
+from trcvtui.blocks.serial.receive_string import ReceiveString, ReceiveString255
+from trcvtui.blocks.serial.sending import SendByte, SendData, SendString
+from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.single.t_diag import TDiag
 from trcvtui.blocks.single.t_reset import TReset as SingleTReset
 from trcvtui.blocks.single.tcon import Tcon as SingleTcon
@@ -48,10 +54,22 @@ UDP_BLOCKS: Final[Mapping[str, Callable[[UdpBinding], Block]]] = {
     "TUSEND": Tusend,
     "TURCV": Turcv,
 }
+SERIAL_BLOCKS: Final[Mapping[str, Callable[[SerialBinding], Block]]] = {
+    "ReceiveData": ReceiveData,
+    "ReceiveByte": ReceiveByte,
+    "ReceiveString": ReceiveString,
+    "ReceiveString255": ReceiveString255,
+    "SendData": SendData,
+    "SendByte": SendByte,
+    "SendString": SendString,
+    "ClearComBuffer": ClearComBuffer,
+}
 
 
-def new_block(name: str, bound: Binding | UdpBinding) -> Block:
+def new_block(name: str, bound: Binding | UdpBinding | SerialBinding) -> Block:
     """Return the inside of a new instance."""
+    if isinstance(bound, SerialBinding):
+        return SERIAL_BLOCKS[name](bound)
     if isinstance(bound, UdpBinding):
         return UDP_BLOCKS[name](bound)
     if bound.env.rules.single_instructions and name in SINGLE_INSTRUCTIONS:

@@ -93,6 +93,14 @@ class ResizeData:
     decl: DataDecl
 
 
+@dataclass(frozen=True, slots=True)
+class FeedBuffer:
+    """Bytes arrive on the simulated line of a ComBuffer; None: its cable is pulled."""
+
+    buffer: str
+    payload: bytes | None
+
+
 Command = (
     SetInput
     | PulseInput
@@ -105,4 +113,5 @@ Command = (
     | DeleteInstance
     | DownloadInstance
     | ResizeData
+    | FeedBuffer
 )

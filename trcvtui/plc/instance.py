@@ -11,10 +11,12 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.registry import new_block
+from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.plc.project import InstanceDecl
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.plc.stream_feed import StreamFeed
 
 PinValue = bool | int
 
@@ -23,7 +25,10 @@ KNOWN_OUTCOMES: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin."""
+    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin.
+
+    Of a block on a ComBuffer `status` is Error, and `rx_timeout` or `byte` is a pin, too.
+    """
 
     instance: str
     block: str
@@ -32,6 +37,13 @@ class Outputs:
     done: bool
     error: bool
     rcvd_len: int | None
+    rx_timeout: bool | None = None
+    byte: int | None = None
+
+    def pin(self, name: str) -> PinValue:
+        """Return the value of an output pin; what a block does not have is 0."""
+        value: PinValue | None = getattr(self, parameters.SHOWS[name])
+        return 0 if value is None else value
 
 
 class Shown(NamedTuple):
@@ -45,7 +57,11 @@ class Instance:
     """One instance; `scan` calls its block once, `outputs` is what the program reads afterwards."""
 
     def __init__(
-        self, decl: InstanceDecl, bound: Binding | UdpBinding, note: Callable[[InputEdge], None]
+        self,
+        decl: InstanceDecl,
+        bound: Binding | UdpBinding | SerialBinding,
+        note: Callable[[InputEdge], None],
+        feed: StreamFeed | None = None,
     ) -> None:
         self.name = decl.name
         self.block_name = decl.block
@@ -57,10 +73,12 @@ class Instance:
             if pin.name not in bound.env.rules.lacks
         }
         self.inputs.update(decl.inputs)
-        self._has_rcvd_len = any(pin.name == "RCVD_LEN" for pin in parameters.PINS[decl.block])
+        self._pins = tuple(pin.name for pin in parameters.outputs_of(decl.block))
+        self._has = {parameters.SHOWS[name] for name in self._pins}
         self._bound = bound
         self._env = bound.env
         self._note = note
+        self._feed = feed  # the ComBuffer that this TRCV_C feeds
         self._known: dict[Outcome, Shown] = {}
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
@@ -115,6 +133,8 @@ class Instance:
         """Call the block once; return whether any output differs from the scan before."""
         if self._fading or self._blinking:
             self._go_on_by_itself()
+        if self._feed is not None and self._feed.hold(self._block.job.have):
+            self._frozen = None
         if self._frozen is None:
             self._frozen = self._freeze()
         outcome = self._block.call(self._frozen)
@@ -122,7 +142,10 @@ class Instance:
             self._fading, self._pulsed = self._pulsed, []
         if outcome.clear_com_rst:
             self._write("COM_RST", False)
-        goes_on = self._frozen is None or self._blinking or self._fading
+        goes_on = self._frozen is None or bool(self._blinking or self._fading)
+        if self._feed is not None:
+            self._feed.called(outcome.done, outcome.rcvd_len)
+            goes_on = goes_on or self._feed.is_held
         self.asleep = outcome.lasts and not goes_on
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
@@ -130,7 +153,10 @@ class Instance:
         return self._take(outcome) or first
 
     def _freeze(self) -> Inputs:
-        return Inputs(**{pin.lower(): value for pin, value in self.inputs.items()})  # type: ignore[arg-type]
+        values = {pin.lower(): value for pin, value in self.inputs.items()}
+        if self._feed is not None and self._feed.is_held:
+            values["en_r"] = False
+        return Inputs(**values)  # type: ignore[arg-type]
 
     def _go_on_by_itself(self) -> None:
         for pin in self._fading:
@@ -148,7 +174,7 @@ class Instance:
             self.jobs_done += 1
             size = outcome.cause.have if now.rcvd_len is None else now.rcvd_len
             self.last_done = (self._env.scan, size or 0)
-        if now.error:
+        if now.error and not (before.done and before.error):  # else it only stays
             self.errors += 1
             self.last_error = (self._env.scan, now.status)
         if now.status != before.status:
@@ -177,8 +203,16 @@ class Instance:
         status = self._env.rules.word(self.block_name, outcome.condition)
         busy = outcome.busy or outcome.condition in self._env.rules.also_busy
         lamps = busy, outcome.done, outcome.error
-        named = self.name, self.block_name, status, *lamps, outcome.rcvd_len if self._has_rcvd_len else None
-        shown = Shown(Outputs(*named), StatusEdge(*named, str(outcome.condition), outcome.cause))
+        named = (
+            self.name,
+            self.block_name,
+            status,
+            *lamps,
+            outcome.rcvd_len if "rcvd_len" in self._has else None,
+        )
+        rx_timeout = outcome.rx_timeout if "rx_timeout" in self._has else None
+        outputs = Outputs(*named, rx_timeout, outcome.byte if "byte" in self._has else None)
+        shown = Shown(outputs, StatusEdge(*named, str(outcome.condition), outcome.cause))
         self._known[outcome] = shown
         return shown
 
@@ -231,6 +265,4 @@ class Instance:
         )
 
     def _output_pins(self) -> tuple[tuple[str, PinValue], ...]:
-        out = self.outputs
-        lamps = (("DONE", out.done), ("BUSY", out.busy), ("ERROR", out.error), ("STATUS", out.status))
-        return lamps if out.rcvd_len is None else (*lamps, ("RCVD_LEN", out.rcvd_len))
+        return tuple([(name, self.outputs.pin(name)) for name in self._pins])

@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.serial_notes import SerialNote
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote
 
 KEPT_LINES: Final = 20_000
@@ -76,6 +77,7 @@ Event = (
     | BytesReceived
     | BytesSent
     | BytesDropped
+    | SerialNote
 )
 
 

@@ -16,6 +16,7 @@ TOP_KEYS: Final = ("dialect", "model", "start")
 SECTIONS: Final = ("options", "sim")
 ENTRIES: Final = (
     "task", "data", "connect", "udp_config", "addr", "instance", "peer", "message", "sequence", "certificate",
+    "combuffer",
 )  # fmt: skip
 FORMS: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
 

@@ -24,6 +24,7 @@ from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Type
 
 DEFAULT_INTERVAL_NS: Final = 10_000_000
+SIMULATED: Final = "sim"  # the source of a ComBuffer that bench commands feed
 DEFAULT_EVERY_NS: Final = 1_000_000_000
 
 
@@ -55,7 +56,8 @@ class DataDecl:
 class InstanceDecl:
     """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
 
-    A UDP block has a UDP_CONFIG in the place of the CONNECT, and `addr`.
+    A UDP block has a UDP_CONFIG in the place of the CONNECT, and `addr`. A block on a ComBuffer has that, and
+    `pointers`: the variables of prefix and suffix, "" for a pointer that is 0.
     """
 
     name: str
@@ -65,6 +67,23 @@ class InstanceDecl:
     task: str
     inputs: tuple[tuple[str, bool | int], ...]
     addr: str | None = None
+    pointers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ComBufferDecl:
+    """One ComBuffer. `source`: `sim`, an instance of TRCV_C, or another ComBuffer, as over a cable.
+
+    `size` in bytes, 0: what suits the source. `per_cycle`: how many bytes leave a written one in a scan, 0:
+    all. `is_written`: a send block fills it; `is_fed`: a TRCV_C does.
+    """
+
+    name: str
+    source: str = SIMULATED
+    size: int = 0
+    per_cycle: int = 0
+    is_written: bool = False
+    is_fed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +173,7 @@ class Project:
     constants: Mapping[str, int] = field(default_factory=dict)  # of the UDTs; the user's own
     udt_files: tuple[Path, ...] = ()
     certificates: Certificates = field(default_factory=dict)
+    combuffers: tuple[ComBufferDecl, ...] = ()
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""
@@ -174,6 +194,10 @@ class Project:
     def udp_config(self, name: str) -> UdpConfig | None:
         """Return the UDP_CONFIG of that name."""
         return next((u for u in self.udp_configs if u.name == name), None)
+
+    def combuffer(self, name: str) -> ComBufferDecl | None:
+        """Return the ComBuffer of that name."""
+        return next((b for b in self.combuffers if b.name == name), None)
 
     def links(self) -> tuple[str, ...]:
         """Return whose wires can be cut and whose calls can be made to fail: CONNECTs and UDP_CONFIGs."""

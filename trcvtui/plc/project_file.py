@@ -15,7 +15,7 @@ from trcvtui.plc.toml_file import read_toml
 
 KEYS: Final = (
     "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
-    "message", "sequence", "certificate",
+    "message", "sequence", "certificate", "combuffer",
     "start", "program", "sim", "constants",
 )  # fmt: skip
 
@@ -122,4 +122,5 @@ def _checked(reader: Reader, top: Table) -> Project:
         constants=body.constants,
         udt_files=body.udt_files,
         certificates=body.certificates,
+        combuffers=body.combuffers,
     )

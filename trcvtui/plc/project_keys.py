@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import SPEAKS_UDP
+from trcvtui.blocks.parameters import POINTERS, TIMES
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.project import (
@@ -19,7 +19,7 @@ from trcvtui.plc.project import (
     PeerDecl,
     SequenceDecl,
 )
-from trcvtui.plc.project_parts import FREE_PORT
+from trcvtui.plc.project_parts import FREE_PORT, link_key
 from trcvtui.udt.literals import format_time
 
 Declaration = (
@@ -67,10 +67,16 @@ def _addr(a: AddrParam) -> Keys:
 
 
 def _instance(i: InstanceDecl) -> Keys:
-    keys: Keys = [("block", i.block), ("config" if i.block in SPEAKS_UDP else "connect", i.connect)]
+    keys: Keys = [("block", i.block), (link_key(i.block), i.connect)]
     keys += [("addr", i.addr)] if i.addr is not None else []
     keys += [("data", i.data)] if i.data is not None else []
-    return [*keys, ("task", i.task), *i.inputs]
+    named = zip(POINTERS.get(i.block, ()), i.pointers, strict=False)
+    keys += [(key, name) for key, name in named if name]
+    return [*keys, ("task", i.task), *[(pin, _as_written(pin, value)) for pin, value in i.inputs]]
+
+
+def _as_written(pin: str, value: bool | int) -> KeyValue:
+    return format_time(value * 1_000_000) if pin in TIMES else value
 
 
 def _peer(p: PeerDecl) -> Keys:

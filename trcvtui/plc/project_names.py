@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Final
 
+from trcvtui.blocks.parameters import BUFFER_PIN, POINTERS
 from trcvtui.plc.names import expected_name, parse_reference
+from trcvtui.plc.project import SIMULATED
 from trcvtui.plc.tables import TRUTH, Given, Table, shown
 
 WORDS: Final = ("peer",)
@@ -41,6 +44,8 @@ class Names:
     peers: tuple[str, ...]
     udp_configs: tuple[str, ...] = ()
     addrs: tuple[str, ...] = ()
+    combuffers: tuple[str, ...] = ()
+    receivers: tuple[str, ...] = ()  # instances of TRCV_C
 
     def check_connect(self, table: Table) -> None:
         """Record a RemotePort, or an IsoPort, that names nothing."""
@@ -65,6 +70,13 @@ class Names:
         else:
             _check(table, "remote", name, self.connects, "CONNECT")
 
+    def check_combuffer(self, table: Table) -> None:
+        """Record a source that is nothing from which bytes can come."""
+        known = (SIMULATED, *self.receivers, *(n for n in self.combuffers if n != table.peek("name")))
+        name = table.text("source")
+        if name is not None:
+            _check(table, "source", name, known, "source")
+
     def check_message(self, table: Table) -> None:
         """Record a peer that does not exist."""
         name = table.text("peer")
@@ -78,6 +90,8 @@ class Names:
             ("config", self.udp_configs, "UDP_CONFIG"),
             ("addr", self.addrs, "ADDR"),
             ("data", self.data, "DATA"),
+            *((key, self.combuffers, "ComBuffer") for key in sorted(set(BUFFER_PIN.values()))),
+            *((key, self.data, "DATA") for key in sorted(set(chain(*POINTERS.values())))),
             ("task", self.tasks or ("MAIN",), "task"),
         )
         for key, names, what in uses:

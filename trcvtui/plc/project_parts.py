@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import HAS_DATA, PINS, SPEAKS_UDP, Direction, Pin
+from trcvtui.blocks.parameters import BUFFER_PIN, HAS_DATA, PINS, POINTERS, SPEAKS_UDP, Direction, Pin
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
@@ -20,6 +20,8 @@ from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, par
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
     DEFAULT_INTERVAL_NS,
+    SIMULATED,
+    ComBufferDecl,
     InstanceDecl,
     MessageDecl,
     PeerDecl,
@@ -34,6 +36,7 @@ from trcvtui.plc.tables import (
     ENDPOINT,
     INTERVAL,
     MESSAGES,
+    MILLISECONDS,
     PORT,
     RULES,
     STEPS,
@@ -55,6 +58,7 @@ UINT: Final = whole(*ELEMENTARY["UINT"].limits)
 PRIORITY: Final = whole(0, 255)
 SEED: Final = whole(0, (1 << 63) - 1)
 LINT: Final = whole(*ELEMENTARY["LINT"].limits)
+QUEUE_SIZE: Final = whole(1, 65_536)
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 FREE_PORT: Final = Endpoint("127.0.0.1", 0)
 
@@ -165,9 +169,10 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     name = table.must("name", NAME)
     block = table.must("block", TEXT)
     speaks_udp = block in SPEAKS_UDP
-    connect = table.must("config" if speaks_udp else "connect", TEXT)
+    connect = table.must(link_key(block or ""), TEXT)
     addr = table.must("addr", TEXT) if speaks_udp else None
     data = table.read("data", TEXT)
+    pointers = tuple([table.get(key, TEXT, "") for key in POINTERS.get(block or "", ())])
     task = table.get("task", TEXT, first_task)
     if data is not None and block in blocks and block not in HAS_DATA:
         table.wrong("data", shown(data), f"nothing: {block} has no DATA")
@@ -177,7 +182,22 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     inputs = _read_inputs(table, PINS[block]) if block in blocks else ()
     if name is None or block is None or connect is None or (speaks_udp and addr is None):
         return None
-    return InstanceDecl(name, block, connect, data, task, inputs, addr)
+    return InstanceDecl(name, block, connect, data, task, inputs, addr, pointers)
+
+
+def link_key(block: str) -> str:
+    """Return the key of what a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer."""
+    return BUFFER_PIN.get(block) or ("config" if block in SPEAKS_UDP else "connect")
+
+
+def read_combuffer(table: Table) -> ComBufferDecl | None:
+    """Return one ComBuffer."""
+    name = table.must("name", NAME)
+    source = table.get("source", TEXT, SIMULATED)
+    size = table.get("size", QUEUE_SIZE, 0)
+    per_cycle = table.get("per_cycle", QUEUE_SIZE, 0)
+    table.finish()
+    return ComBufferDecl(name, source, size, per_cycle) if name is not None else None
 
 
 def _read_inputs(table: Table, pins: tuple[Pin, ...]) -> tuple[tuple[str, bool | int], ...]:
@@ -194,6 +214,8 @@ def _read_inputs(table: Table, pins: tuple[Pin, ...]) -> tuple[tuple[str, bool |
 
 def kind_of(pin: Pin) -> Kind[Any]:
     """Return what a pin can hold: true and false, or the range of its IEC type."""
+    if pin.iec_type == "TIME":
+        return MILLISECONDS
     return TRUTH if pin.is_bool else whole(*ELEMENTARY[pin.iec_type].limits)
 
 

@@ -19,10 +19,20 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
+from trcvtui.plc.combuffers import joined_up
 from trcvtui.plc.connect_descriptions import read_described
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
-from trcvtui.plc.project import DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl, SimDecl, Task
+from trcvtui.plc.project import (
+    ComBufferDecl,
+    DataDecl,
+    InstanceDecl,
+    MessageDecl,
+    PeerDecl,
+    SequenceDecl,
+    SimDecl,
+    Task,
+)
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
 from trcvtui.plc.tables import TEXT, TRUTH, Given, Table, shown
 from trcvtui.plc.tls_words import Certificates, read_certificates
@@ -67,6 +77,7 @@ class Body:
     constants: dict[str, int]
     udt_files: tuple[Path, ...]
     certificates: Certificates
+    combuffers: tuple[ComBufferDecl, ...]
 
 
 class Reader:
@@ -115,6 +126,7 @@ class Reader:
         types = self.types(files, constants)
         certificates = read_certificates(tables["certificate"], self.base)
         tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
+        instances = self.instances(tables["instance"], head, tasks[0].name)
         return Body(
             types=types or NO_TYPES,
             tasks=tasks,
@@ -122,29 +134,33 @@ class Reader:
             connects=self.connects(tables["connect"], head, certificates),
             udp_configs=_present([parts.read_udp_config(table) for table in tables["udp_config"]]),
             addrs=_present([parts.read_addr(table) for table in tables["addr"]]),
-            instances=self.instances(tables["instance"], head, tasks[0].name),
+            instances=instances,
             peers=_present([parts.read_peer(table, certificates) for table in tables["peer"]]),
             messages=_present([parts.read_message(table) for table in tables["message"]]),
             sequences=_present([parts.read_sequence(table) for table in tables["sequence"]]),
             constants=constants,
             udt_files=tuple([file for file in files if file is not None]),
             certificates=certificates,
+            combuffers=joined_up(_present(map(parts.read_combuffer, tables["combuffer"])), instances),
         )
 
     def check_names(self, tables: Mapping[str, list[Table]]) -> None:
         find_duplicates([("task", tables["task"])])
         find_duplicates([("data", tables["data"]), ("instance", tables["instance"])], reserved=WORDS)
-        find_duplicates([(key, tables[key]) for key in ("connect", "udp_config", "peer")])
+        find_duplicates([(key, tables[key]) for key in ("connect", "udp_config", "peer", "combuffer")])
         for key in ("addr", "message", "sequence"):
             find_duplicates([(key, tables[key])])
-        kinds = ("task", "data", "connect", "peer", "udp_config", "addr")
-        names = Names(*(_declared(tables[key]) for key in kinds))
+        kinds = ("task", "data", "connect", "peer", "udp_config", "addr", "combuffer")
+        receivers = [table for table in tables["instance"] if table.peek("block") == "TRCV_C"]
+        names = Names(*(_declared(of_kind) for of_kind in (*map(tables.__getitem__, kinds), receivers)))
         for table in tables["connect"]:
             names.check_connect(table)
         for table in tables["addr"]:
             names.check_addr(table)
         for table in tables["instance"]:
             names.check_instance(table)
+        for table in tables["combuffer"]:
+            names.check_combuffer(table)
         for table in tables["peer"]:
             names.check_peer(table)
         for table in tables["message"]:

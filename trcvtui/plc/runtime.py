@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.parameters import BUFFER_PIN
+from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
@@ -29,6 +31,7 @@ from trcvtui.plc.commands import (
     Declare,
     DeleteInstance,
     DownloadInstance,
+    FeedBuffer,
     PlcRun,
     PlcStop,
     PulseInput,
@@ -39,8 +42,10 @@ from trcvtui.plc.commands import (
 from trcvtui.plc.elements import elements_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
+from trcvtui.plc.link_snapshot import connection_snapshot
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.roster import Roster
+from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, SentBytes, Snapshot
 from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
 
@@ -74,6 +79,7 @@ class Runtime:
         self._connections = {config.name: self._connection(config) for config in project.connects}
         self._ports = {config.name: self._port(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
+        self._lines = SerialLines(project.combuffers, self.ledger.write)
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._roster = self._new_roster()
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
@@ -89,12 +95,18 @@ class Runtime:
         return UdpPort(config, self._kernel, policy, self._resolve, journal)
 
     def _instance(self, decl: InstanceDecl) -> Instance:
-        return Instance(decl, self._binding(decl), self.ledger.write)
+        bound = self._binding(decl)
+        feed = None
+        if isinstance(bound, Binding):
+            feed = self._lines.feed_of(decl, bound.connection, bound.data)
+        return Instance(decl, bound, self.ledger.write, feed)
 
-    def _binding(self, decl: InstanceDecl) -> Binding | UdpBinding:
+    def _binding(self, decl: InstanceDecl) -> Binding | UdpBinding | SerialBinding:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
         called = decl.name, task.priority if task else 1
+        if decl.block in BUFFER_PIN:
+            return self._lines.binding(self._env, decl, self._data, called[1])
         if decl.addr is None:
             return Binding(self._env, self._connections[decl.connect], data, *called)
         return UdpBinding(self._env, self._ports[decl.connect], self._addrs[decl.addr], data, *called)
@@ -104,7 +116,8 @@ class Runtime:
         tasks = {task.name: task for task in self._project.tasks}
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
-        return Roster(entries, self.interval_ns, (*self._connections, *self._ports))
+        links = (*self._connections, *self._ports, *self._lines.names)
+        return Roster(entries, self.interval_ns, links)
 
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:
@@ -212,6 +225,7 @@ class Runtime:
 
     def _service_communication(self) -> None:
         self._resources.queue.serve()
+        self._lines.move()
         for name in self._connections if self._stirred is None else self._stirred_listeners(self._stirred):
             if self._connections[name].service():
                 self._roster.wake((name,))
@@ -252,6 +266,8 @@ class Runtime:
                 self._delete(name)
             case DownloadInstance(name):
                 self._download(name)
+            case FeedBuffer(name, payload):
+                self._lines.pull(name) if payload is None else self._lines.arrive(name, payload)
             case ResizeData(data):
                 self._data[data.name].resize(data.type_name, data.size, elements_of(data.type))
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
@@ -296,6 +312,7 @@ class Runtime:
         self.running = False
         self.ledger.write(BenchNote("PLC", "STOP"))
         self.close()
+        self._lines.stop()
         for instance in self._instances.values():
             if instance.stop():
                 self.ledger.write(instance.edge)
@@ -336,6 +353,7 @@ class Runtime:
             connections_limit=self._resources.budget.limit,
             faults=faults,
             addrs=addr_snapshots(self._addrs.values()),
+            combuffers=self._lines.snapshots(),
         )
 
     def _renew_snapshots(self) -> None:
@@ -347,6 +365,8 @@ class Runtime:
         # The time to the next attempt runs on also where nobody is left to make it.
         pausing = {name for name, connection in self._connections.items() if connection.retry_at is not None}
         for name in stirring | pausing:
+            if name in self._lines:
+                continue
             self._connection_snapshots[name] = self._link_snapshot(name)
         for name, data in self._data.items():
             if self._data_snapshots[name].generation != data.generation:
@@ -355,30 +375,7 @@ class Runtime:
     def _link_snapshot(self, name: str) -> ConnectionSnapshot:
         if name in self._ports:
             return port_snapshot(self._ports[name], self._env.now)
-        return self._connection_snapshot(self._connections[name])
-
-    def _connection_snapshot(self, connection: Connection) -> ConnectionSnapshot:
-        loss = connection.last_loss
-        retry = connection.retry_at
-        connected = connection.state is State.CONNECTED
-        return ConnectionSnapshot(
-            name=connection.config.name,
-            active=connection.config.active,
-            state=str(connection.state),
-            local=str(connection.local or ""),
-            remote=str((connection.peer if connected else connection.set_up.remote) or ""),
-            incarnation=connection.incarnation,
-            since_scan=connection.since_scan,
-            bytes_received=connection.bytes_received,
-            attempts=connection.attempts,
-            retry_in_ns=max(0, retry - self._env.now) if retry is not None else None,
-            last_loss=loss.kind.name.lower().replace("_", " ") if loss else "",
-            bytes_sent=connection.bytes_sent,
-            unacknowledged=connection.unacknowledged() if connection.bytes_sent else 0,
-            receivers=connection.receiving.owners(),
-            senders=connection.sending.owners(),
-            keep_alive_s=connection.config.keep_alive_s,
-        )
+        return connection_snapshot(self._connections[name], self._env.now)
 
 
 def _area(decl: DataDecl) -> DataArea:

@@ -130,6 +130,18 @@ class AddrSnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class ComBufferSnapshot:
+    """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader."""
+
+    name: str
+    source: str
+    size: int
+    count: int
+    arrived: int
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """The PLC after scan `scan` (0 = none yet) at `t_ns` from the start of the run."""
 
@@ -147,6 +159,7 @@ class Snapshot:
     connections_limit: int = 0
     faults: tuple[str, ...] = field(default=())
     addrs: tuple[AddrSnapshot, ...] = ()
+    combuffers: tuple[ComBufferSnapshot, ...] = ()
 
     def instance(self, name: str) -> InstanceSnapshot | None:
         """Return the instance of that name."""

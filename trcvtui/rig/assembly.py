@@ -177,6 +177,7 @@ class Bench:
             words.TryStop: lambda c: "",  # a trial of a scenario has ended with its step
             words.ReplyOn: lambda c: self.peers[c.peer].replies.add(c),
             words.ReplyOff: lambda c: self.peers[c.peer].replies.remove(c.number, c.peer),
+            words.FeedLine: lambda c: self._submit(commands.FeedBuffer(c.buffer, c.payload)),
             words.Link: self._link,
             words.FaultOn: self._fault,
             words.FaultClear: self._clear_faults,

@@ -16,6 +16,7 @@ from trcvtui.plc.tables import shown, whole
 from trcvtui.rig.bench_conditions import read_expect, read_instance, read_wait
 from trcvtui.rig.bench_data import read_write
 from trcvtui.rig.bench_edit import read_add
+from trcvtui.rig.bench_feed import read_feed
 from trcvtui.rig.bench_instances import after, read_create, read_delete, read_download, read_resize
 from trcvtui.rig.bench_peer import read_peer_command
 from trcvtui.rig.bench_tokens import Words
@@ -205,6 +206,7 @@ VERBS: Final[dict[str, Callable[[Words, Project], BenchCommand]]] = {
     "download": read_download,
     "plc": _plc,
     "peer": read_peer_command,
+    "feed": read_feed,
     "link": _link,
     "fault": _fault,
     "run": _run,

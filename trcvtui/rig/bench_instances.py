@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from trcvtui.blocks.parameters import HAS_DATA, PINS, SPEAKS_UDP, Direction
+from trcvtui.blocks.parameters import BUFFER_PIN, HAS_DATA, PINS, POINTERS, SPEAKS_UDP, Direction
 from trcvtui.errors import UserError
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.project_edit import with_entry
 from trcvtui.plc.project_names import WORDS
+from trcvtui.plc.project_parts import link_key
 from trcvtui.plc.tables import shown
 from trcvtui.rig.bench_conditions import read_instance
 from trcvtui.rig.bench_tokens import Words
@@ -35,13 +36,18 @@ def read_create(words: Words, project: Project) -> Create:
     data = None
     if block in HAS_DATA:
         data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
+    known = [d.name for d in project.data]
+    pointers = [_reference(given, key, known, "DATA", words) or "" for key in POINTERS.get(block, ())]
     task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
     inputs = _inputs(given, block, words, project)
-    return Create(InstanceDecl(name, block, connect, data, task or project.tasks[0].name, inputs, addr))
+    called = task or project.tasks[0].name
+    return Create(InstanceDecl(name, block, connect, data, called, inputs, addr, tuple(pointers)))
 
 
 def _link(given: dict[str, str], block: str, words: Words, project: Project) -> tuple[str, str | None]:
     """Return what the block works on: a CONNECT, or a UDP_CONFIG and an ADDR."""
+    if block in BUFFER_PIN:
+        return _must(given, BUFFER_PIN[block], [b.name for b in project.combuffers], "ComBuffer", words), None
     if block not in SPEAKS_UDP:
         return _must(given, "connect", [c.name for c in project.connects], "CONNECT", words), None
     config = _must(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
@@ -85,7 +91,8 @@ def _inputs(
     given: dict[str, str], block: str, words: Words, project: Project
 ) -> tuple[tuple[str, bool | int], ...]:
     pins = {pin.name: pin for pin in project.pins(block) if pin.direction is not Direction.OUT}
-    keys = (*(("config", "addr") if block in SPEAKS_UDP else ("connect",)), "task", *pins)
+    link = ("config", "addr") if block in SPEAKS_UDP else (link_key(block), *POINTERS.get(block, ()))
+    keys = (*link, "task", *pins)
     for key in given:
         if key == "data":
             raise words.wrong("'data'", f"nothing: {block} has no DATA")

@@ -7,6 +7,8 @@ import re
 from collections.abc import Callable
 from typing import Any, Final
 
+from trcvtui.blocks.parameters import POINTERS, TIMES
+from trcvtui.plc.project_parts import link_key
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_edit import add_line
 from trcvtui.rig.fills import DIGITS, NUMBERS, Fill
@@ -15,6 +17,7 @@ from trcvtui.rig.reply_words import Contains, FieldIs, Match, Matches, Starts
 from trcvtui.udt.coding import Value
 from trcvtui.udt.literals import format_time
 
+MILLISECOND: Final = 1_000_000
 _LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
 
 
@@ -34,6 +37,8 @@ def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
 def _pin_text(name: str, value: bool | int | str) -> str:
     if isinstance(value, str):
         return value
+    if name in TIMES:
+        return format_time(value * MILLISECOND)
     return f"{value:04X}" if name == "STATUS" else str(int(value))
 
 
@@ -47,10 +52,16 @@ def _bytes_of(data: str, offset: int, payload: bytes) -> str:
 
 def _create(c: words.Create) -> str:
     decl = c.decl
-    parts = [f"create {decl.block} {decl.name} connect={decl.connect}"]
+    parts = [f"create {decl.block} {decl.name} {link_key(decl.block)}={decl.connect}"]
     parts += [f"data={decl.data}"] if decl.data is not None else []
+    named = zip(POINTERS.get(decl.block, ()), decl.pointers, strict=False)
+    parts += [f"{key}={name}" for key, name in named if name]
     parts += [f"task={decl.task}"] if decl.task else []
     return " ".join(parts + [_pins(decl.inputs)] * bool(decl.inputs))
+
+
+def _fed(c: words.FeedLine) -> str:
+    return "break" if c.payload is None else c.text or f"hex {c.payload.hex(' ')}"
 
 
 def _send(c: words.PeerSend) -> str:
@@ -191,6 +202,7 @@ LINES: Final[dict[type, Callable[[Any], str]]] = {
     words.TryStop: lambda c: f"peer {c.peer} try-splits stop",
     words.PeerStall: lambda c: f"peer {c.peer} stall",
     words.PeerResume: lambda c: f"peer {c.peer} resume",
+    words.FeedLine: lambda c: f"feed {c.buffer} {_fed(c)}",
     words.Link: lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
     words.FaultOn: _fault,
     words.FaultClear: lambda c: "fault clear",

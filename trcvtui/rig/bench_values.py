@@ -7,8 +7,8 @@ from typing import Final
 
 from trcvtui.blocks.parameters import Pin
 from trcvtui.errors import mistake
-from trcvtui.plc.tables import DELAY, TRUTH_WORDS, Kind, T, shown, whole
-from trcvtui.udt.types import ELEMENTARY
+from trcvtui.plc.project_parts import kind_of
+from trcvtui.plc.tables import DELAY, TRUTH_WORDS, Kind, T, shown
 
 _WORD: Final = re.compile(r"(?:(?:W#|WORD#)?16#|0x)?([0-9A-F]{1,4})", re.IGNORECASE)
 
@@ -25,7 +25,8 @@ def pin_value(pin: Pin, text: str, where: str) -> bool | int:
         if found is None:
             raise mistake(where, f"{pin.name}={shown(text)}", "four hex digits such as 7006")
         return int(found[1], 16)
-    return value_of(whole(*ELEMENTARY[pin.iec_type].limits), text, f"{pin.name}=", where)
+    number: int = value_of(kind_of(pin), text, f"{pin.name}=", where)
+    return number
 
 
 def value_of(kind: Kind[T], text: str, before: str, where: str) -> T:

@@ -227,6 +227,15 @@ class PeerResume:
 
 
 @dataclass(frozen=True, slots=True)
+class FeedLine:
+    """`feed RX hex 01 02`: bytes arrive on the simulated line of a ComBuffer; `feed RX break`: it is cut."""
+
+    buffer: str
+    payload: bytes | None
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Link:
     """`link C1 down`: the wire goes silent, without FIN or RST; `link C1 up`: it speaks again."""
 
@@ -365,6 +374,7 @@ BenchCommand = (
     | TryStop
     | PeerStall
     | PeerResume
+    | FeedLine
     | Link
     | FaultOn
     | FaultClear

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from trcvtui.blocks.parameters import SHOWS, TIMES
 from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.udp_peer import AnyPeer
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode_leaves
+from trcvtui.udt.literals import format_time
 
 
 class Watched(Protocol):
@@ -64,19 +66,15 @@ def found(bench: Watched, condition: words.Condition) -> str:
 
 def pin_now(bench: Watched, instance: str, pin: str) -> bool | int:
     """Return the value of a pin, an input or an output, after the last finished scan."""
-    out = bench.runtime.outputs(instance)
-    outputs: dict[str, bool | int] = {
-        "STATUS": out.status,
-        "BUSY": out.busy,
-        "DONE": out.done,
-        "ERROR": out.error,
-        "RCVD_LEN": out.rcvd_len or 0,
-    }
+    if pin in SHOWS:
+        return bench.runtime.outputs(instance).pin(pin)
     # An instance that no scan has created yet has pins, and they are 0.
-    return outputs[pin] if pin in outputs else bench.runtime.inputs(instance).get(pin, 0)
+    return bench.runtime.inputs(instance).get(pin, 0)
 
 
 def _pin_text(pin: str, value: bool | int) -> str:
+    if pin in TIMES:
+        return format_time(value * 1_000_000)
     return f"{value:04X}" if pin == "STATUS" else str(int(value))
 
 

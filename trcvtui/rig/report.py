@@ -92,6 +92,8 @@ def _outputs(out: Outputs) -> dict[str, object]:
         "DONE": out.done,
         "ERROR": out.error,
         "RCVD_LEN": out.rcvd_len,
+        "RxTimeout": out.rx_timeout,
+        "ReceivedByte": out.byte,
     }
     return {key: value for key, value in record.items() if value is not None}
 

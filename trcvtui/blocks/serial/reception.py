@@ -1,0 +1,146 @@
+"""Reception: one framer on one ComBuffer, and what its frames and errors show (receivedata.md 4).
+
+Rule: Error, RxTimeout and the length stay until the next frame begins (step 11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Final
+
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.framing.frame import Ending, Frame, Framing
+from trcvtui.blocks.framing.framer import Framer
+from trcvtui.blocks.outcome import Lamp, Outcome
+from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.serial_notes import FrameEnded, NoiseDropped, PartDropped
+
+FRAMES: Final[Mapping[Ending, Condition]] = {
+    Ending.SUFFIX: Condition.FRAME_RECEIVED,
+    Ending.SIZE: Condition.FRAME_RECEIVED,
+    Ending.GAP: Condition.FRAME_GAP,
+    Ending.OVERRUN: Condition.DATA_OVERRUN,
+}
+AWAITED: Final = Outcome(Condition.FRAME_AWAITED, Cause(Why.WAITING, "no frame has begun"))
+RESET: Final = Outcome(Condition.FRAME_AWAITED, Cause(Why.INPUT, "Reset is 1", pin="Reset", value=1))
+
+
+class Reception:
+    """The frames of one instance, and the job of its block. `deliver` puts a frame into the data."""
+
+    adhoc = False
+
+    def __init__(
+        self,
+        bound: SerialBinding,
+        deliver: Callable[[bytes], None],
+        conditions: Mapping[Ending, Condition] = FRAMES,
+    ) -> None:
+        self.need = 0
+        self.framer = Framer()
+        self._env = bound.env
+        self._buffer = bound.buffer
+        self._instance = bound.instance
+        self._deliver = deliver
+        self._conditions = conditions
+        self._target: tuple[str, int] | None = None  # the data of the part
+        self._ends = bound.buffer.ends
+        self._idle = AWAITED
+
+    # -- the job, for readers ----------------------------------------------------------------------------
+
+    @property
+    def running(self) -> bool:
+        """Return whether a frame has begun."""
+        return self.framer.busy
+
+    @property
+    def have(self) -> int:
+        """Return how many bytes of it are here."""
+        return self.framer.size
+
+    @property
+    def last_bytes(self) -> int | None:
+        """Return when the newest byte was taken, in ns."""
+        return self.framer.last_byte
+
+    def partial(self) -> bytes:
+        """Return a copy of the frame that is not complete yet."""
+        return self.framer.part
+
+    # -- one call ----------------------------------------------------------------------------------------
+
+    def call(self, framing: Framing, target: tuple[str, int]) -> Outcome:
+        """Take what is there, up to the end of one frame (row 9)."""
+        received = self._buffer.look()
+        if self._buffer.ends != self._ends:
+            self._ends = self._buffer.ends
+            self.drop(self._buffer.end_reason)
+            self._idle = self._idle if self._idle.condition is not Condition.FRAME_PART else AWAITED
+        if self.framer.differs(framing) or (self.framer.busy and target != self._target):
+            return self.refuse(
+                Condition.PARAMETER_CHANGED, Cause(Why.PARAMETER, "an input changed while busy")
+            )
+        self.need, self._target = framing.size, target
+        noise = self.framer.discarded
+        used, frame = self.framer.take(received, framing, self._env.now)
+        self._buffer.take(used)
+        if self.framer.discarded > noise:
+            total = self.framer.discarded
+            self._env.write(NoiseDropped(self._instance, self._buffer.name, total - noise, total))
+        if frame is not None:
+            return self._complete(frame)
+        return self._waiting()
+
+    def reset(self) -> Outcome:
+        """Throw the part away; the ComBuffer keeps its bytes (row 11)."""
+        self.drop("Reset")
+        self._idle = AWAITED
+        return RESET
+
+    def refuse(self, condition: Condition, cause: Cause) -> Outcome:
+        """End the part with an error."""
+        self.drop(cause.name)
+        if (self._idle.condition, self._idle.cause) != (condition, cause):
+            self._idle = Outcome(condition, cause)
+        return self._idle
+
+    def drop(self, reason: str) -> None:
+        """Throw the part away, and tell the ledger."""
+        part = self.framer.drop()
+        if part:
+            place = self._buffer.head - len(part)
+            self._env.write(PartDropped(self._instance, self._buffer.name, place, len(part), reason))
+
+    def _waiting(self) -> Outcome:
+        """Return what the last frame has left behind, or that another one has begun."""
+        if self.framer.busy:
+            have = Cause(Why.BYTES, "the frame has no end yet", have=self.framer.size, need=self.need)
+            if self._idle.cause != have:
+                self._idle = Outcome(Condition.FRAME_PART, have, lamp=Lamp.BUSY)
+        elif self._idle.condition is Condition.FRAME_PART:
+            self._idle = AWAITED  # a false start of the prefix
+        return self._idle
+
+    def _complete(self, frame: Frame) -> Outcome:
+        size, ending = len(frame.content), frame.ending
+        if ending not in self._conditions:  # no frame at all
+            return self._spoilt(frame)
+        place = self._buffer.head - size
+        self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending)))
+        self._deliver(frame.content)
+        cause = Cause(Why.BYTES, f"ended by: {ending}", have=size, need=self.need)
+        is_gap = ending is Ending.GAP
+        shown = Outcome(self._conditions[ending], cause, size, lamp=Lamp.DONE, rx_timeout=is_gap)
+        self._idle = replace(shown, lamp=None)
+        return shown
+
+    def _spoilt(self, frame: Frame) -> Outcome:
+        """Throw away what a byte 00 has ended: a STRING cannot hold it."""
+        size, reason = len(frame.content), str(frame.ending)
+        place = self._buffer.head - size
+        self._env.write(PartDropped(self._instance, self._buffer.name, place, size, reason))
+        self._idle = Outcome(Condition.ZERO_CHARACTER, Cause(Why.BYTES, reason, have=size, need=self.need))
+        return self._idle

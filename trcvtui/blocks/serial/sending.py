@@ -1,0 +1,124 @@
+"""SendData, SendString and SendByte: bytes into a ComBuffer, over several calls where it is full.
+
+Rule: a block sends as often as the program calls it, so each has EN, as its box has in FBD and LD. What has
+no room yet goes at the next calls (Busy); no prefix and no suffix is added.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.serial.receive_string import text_of
+from trcvtui.blocks.serial.serial_binding import SerialBinding
+
+NOT_CALLED: Final = Cause(Why.INPUT, "EN is 0", pin="EN", value=0)
+
+
+class Sending:
+    """What the three have in common; `have` of `need` bytes are in the ComBuffer."""
+
+    adhoc = False
+
+    def __init__(self, bound: SerialBinding) -> None:
+        self.running = False
+        self.have = self.need = 0
+        self.last_bytes: int | None = None
+        self._env = bound.env
+        self._buffer = bound.buffer
+        self._data = bound.data
+        self._idle = Outcome(Condition.NO_JOB, NOT_CALLED)
+        self._begun: tuple[int, object] | None = None  # length and data of what is being sent
+
+    @property
+    def job(self) -> Sending:
+        """Return how the sending stands."""
+        return self
+
+    def partial(self) -> bytes:
+        """Return nothing: the bytes are in the ComBuffer."""
+        return b""
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call."""
+        if not inputs.en:
+            return self._idle
+        return self._keep(self._send(inputs))
+
+    def stop(self, reason: str) -> None:
+        """Forget the rest."""
+        self.running = False
+
+    def leave(self, reason: str) -> None:
+        """Be gone; what is in the ComBuffer goes its way."""
+        self.running = False
+
+    def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
+        """Return the bytes, or what is wrong with the inputs."""
+        raise NotImplementedError
+
+    def _send(self, inputs: Inputs) -> Outcome:
+        payload = self.bytes_to_send(inputs)
+        if isinstance(payload, Outcome):
+            return payload
+        asked = len(payload), self._data.shape if self._data is not None else None
+        if self.running and asked != self._begun:
+            return Outcome(Condition.PARAMETER_CHANGED, Cause(Why.PARAMETER, "an input changed while busy"))
+        if len(payload) > self._buffer.size:
+            have, need = self._buffer.size, len(payload)
+            cause = Cause(Why.PARAMETER, "the ComBuffer is smaller", have=have, need=need)
+            return Outcome(Condition.SEND_OVERRUN, cause)
+        if not self.running:
+            self.have, self.need, self._begun = 0, len(payload), asked
+        return self._go_on(payload)
+
+    def _go_on(self, payload: bytes) -> Outcome:
+        room = payload[self.have : self.have + self._buffer.free]
+        if room:
+            self._buffer.put(room)
+            self.have += len(room)
+            self.last_bytes = self._env.now
+        is_all = self.have == self.need
+        cause = Cause(Why.BYTES, "in the ComBuffer", have=self.have, need=self.need)
+        return Outcome(Condition.SENT if is_all else Condition.SENDING, cause)
+
+    def _keep(self, shown: Outcome) -> Outcome:
+        """Return it; an error stays until the next call, Busy as long as the block is not called on."""
+        self.running = shown.busy
+        is_over = shown.condition is Condition.SENT
+        self._idle = Outcome(Condition.NO_JOB, NOT_CALLED) if is_over else shown
+        return shown
+
+
+class SendData(Sending):
+    """One SendData instance: Length bytes from pSendData."""
+
+    def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
+        """Return the first Length bytes of the variable."""
+        have = self._data.size if self._data is not None else 0
+        if self._data is None or inputs.length > have:
+            name = "pSendData points to less"
+            cause = Cause(Why.PARAMETER, name, pin="pSendData", have=have, need=inputs.length)
+            return Outcome(Condition.NULL_POINTER, cause)
+        return bytes(self._data.content[: inputs.length])
+
+
+class SendString(Sending):
+    """One SendString instance: the characters of a STRING, without its byte 00."""
+
+    def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
+        """Return the text."""
+        if self._data is None:
+            return Outcome(Condition.NULL_POINTER, Cause(Why.PARAMETER, "no SendString", pin="SendString"))
+        return text_of(self._data)
+
+
+class SendByte(Sending):
+    """One SendByte instance: one byte a call."""
+
+    def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
+        """Return the byte."""
+        return bytes([inputs.sendbyte])

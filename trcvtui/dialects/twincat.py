@@ -1,0 +1,44 @@
+"""Beckhoff TwinCAT: the blocks of Tc2_SerialCom, behind a TRCV_C where the bytes come over TCP.
+
+Beckhoff has no TRCV_C: it stands here for whatever brings a stream, and answers as Baosky's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.status import StatusRow
+from trcvtui.dialects.baosky import BAOSKY
+from trcvtui.dialects.dialect import Dialect, SwitchValue, codes_of
+from trcvtui.dialects.twincat_errors import COM_ERRORS, SERIAL
+
+STREAMS: Final = ("TRCV_C", "TSEND_C")
+
+
+def _kept(row: StatusRow) -> StatusRow | None:
+    blocks = tuple(block for block in row.blocks if block in STREAMS)
+    return replace(row, blocks=blocks) if blocks else None
+
+
+STREAM_ROWS: Final = tuple(kept for row in BAOSKY.status if (kept := _kept(row)) is not None)
+
+
+def answer(values: Mapping[str, SwitchValue]) -> Rules:
+    """Return the rules for these switch values."""
+    return replace(BAOSKY.answer(values), status_of=codes_of(COM_ERRORS))
+
+
+TWINCAT: Final = Dialect(
+    name="twincat",
+    title="Beckhoff TwinCAT 3, Tc2_SerialCom; TRCV_C and TSEND_C as Baosky's",
+    blocks=(*SERIAL, *STREAMS),
+    status=tuple(sorted((*COM_ERRORS, *STREAM_ROWS), key=lambda row: row.code)),
+    switches=BAOSKY.switches,
+    models={"TC3": 32},
+    default_model="TC3",
+    layout="codesys-8",
+    answer=answer,
+)

@@ -1,0 +1,92 @@
+"""The ComBuffers of a PLC and what stands at their other ends: the part that SerialLineControl has.
+
+Source of a ComBuffer: `sim` (bench commands), a TRCV_C (stream_feed.py), or another ComBuffer: a cable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
+from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.serial_notes import SerialNote
+from trcvtui.net.connection import Connection
+from trcvtui.plc.project import ComBufferDecl, InstanceDecl
+from trcvtui.plc.snapshot import ComBufferSnapshot
+from trcvtui.plc.stream_feed import StreamFeed
+
+QUEUE: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
+
+
+class SerialLines:
+    """All ComBuffers by name, in the order of the project."""
+
+    def __init__(self, decls: tuple[ComBufferDecl, ...], write: Callable[[SerialNote], None]) -> None:
+        self._decls = {decl.name: decl for decl in decls}
+        self._buffers = {decl.name: ComBuffer(decl.name, _size(decl), write) for decl in decls}
+        self._feeds: list[StreamFeed] = []
+
+    def __contains__(self, name: str) -> bool:
+        """Return whether there is a ComBuffer of that name."""
+        return name in self._buffers
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the ComBuffers."""
+        return tuple(self._buffers)
+
+    def binding(
+        self, env: Environment, decl: InstanceDecl, data: Mapping[str, DataArea], priority: int
+    ) -> SerialBinding:
+        """Return what an instance on a ComBuffer is tied to."""
+        areas = [data[name] if name else None for name in (decl.data, *decl.pointers)]
+        bound, prefix, suffix = (*areas, None, None)[:3]
+        return SerialBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
+
+    def feed_of(self, decl: InstanceDecl, connection: Connection, data: DataArea | None) -> StreamFeed | None:
+        """Return what a TRCV_C feeds, None where no ComBuffer names it as its source."""
+        for buffer in self._decls.values():
+            if buffer.source == decl.name:
+                feed = StreamFeed(connection, data, self._buffers[buffer.name], holds=not buffer.size)
+                self._feeds.append(feed)
+                return feed
+        return None
+
+    def arrive(self, name: str, payload: bytes) -> None:
+        """Let bytes arrive on a simulated line."""
+        self._buffers[name].put(payload)
+
+    def pull(self, name: str) -> None:
+        """Pull the cable: what has come is there, the frame that is half here will have no end."""
+        self._buffers[name].end("line broken")
+
+    def move(self) -> None:
+        """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""
+        receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}
+        for name, decl in self._decls.items():
+            if not decl.is_written:
+                continue
+            gone = self._buffers[name].take(decl.per_cycle or self._buffers[name].count)
+            if gone and name in receivers:
+                self._buffers[receivers[name]].put(gone)
+
+    def stop(self) -> None:
+        """Empty all of them: PLC STOP."""
+        for buffer in self._buffers.values():
+            buffer.empty("PLC STOP")
+        for feed in self._feeds:
+            feed.stop()
+
+    def snapshots(self) -> tuple[ComBufferSnapshot, ...]:
+        """Return every ComBuffer as it stands."""
+        return tuple(
+            ComBufferSnapshot(name, self._decls[name].source, b.size, b.count, b.tail, b.lost)
+            for name, b in self._buffers.items()
+        )
+
+
+def _size(decl: ComBufferDecl) -> int:
+    return decl.size or (QUEUE if decl.is_fed else ROOM)

@@ -1,0 +1,56 @@
+"""From a TRCV_C into a ComBuffer: what the program does behind each call, chunk by chunk.
+
+Rule: a ComBuffer that has no room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
+bytes stay with the network, which slows the sender (row 15). Never in a job that has bytes: they would drop.
+"""
+
+from __future__ import annotations
+
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.serial.com_buffer import ComBuffer
+from trcvtui.net.connection import Connection, State
+
+
+class StreamFeed:
+    """One TRCV_C in front of one ComBuffer. Without `holds` bytes that have no room are dropped."""
+
+    def __init__(self, connection: Connection, data: DataArea | None, buffer: ComBuffer, holds: bool) -> None:
+        self.is_held = False
+        self._connection = connection
+        self._data = data
+        self._buffer = buffer
+        self._holds = holds
+        self._incarnation: int | None = None  # of the connection whose bytes were the last
+
+    def hold(self, job_has: int) -> bool:
+        """Decide, before a call, whether it is held; return whether that is new."""
+        before, room = self.is_held, self._data.size if self._data is not None else 0
+        is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
+        self.is_held = is_full and (before or not job_has)
+        if self.is_held != before:
+            self._buffer.hold(self.is_held)
+        return self.is_held != before
+
+    def called(self, done: bool, size: int) -> None:
+        """Take the bytes of a DONE; see whether the connection that they came over is still the same."""
+        connection = self._connection
+        if done and size and self._data is not None:
+            if self._incarnation not in (None, connection.incarnation):
+                self._close()
+            if self._incarnation is None:
+                self._buffer.empty("of an earlier connection")
+            self._incarnation = connection.incarnation
+            self._buffer.put(bytes(memoryview(self._data.content)[:size]))
+        if self._incarnation is not None and not self._is_same(connection):
+            self._close()
+
+    def stop(self) -> None:
+        """PLC STOP: the connection is closed, nobody has read the rest."""
+        self._incarnation, self.is_held = None, False
+
+    def _is_same(self, connection: Connection) -> bool:
+        return connection.state is State.CONNECTED and connection.incarnation == self._incarnation
+
+    def _close(self) -> None:
+        self._incarnation = None
+        self._buffer.end("connection closed")

@@ -15,6 +15,11 @@ NOT_BAOSKYS = frozenset(
         Condition.RUNNING,
         Condition.FINISHED,
         Condition.NOTHING_TO_RESET,
+        Condition.FRAME_AWAITED,
+        Condition.FRAME_PART,
+        Condition.FRAME_RECEIVED,
+        Condition.FRAME_GAP,
+        Condition.BUFFER_EMPTY,
         *_ORDER[_ORDER.index(Condition.PARTNER_CLOSED) + 1 :],
     }
 )

@@ -90,7 +90,7 @@ def test_a_key_nested_a_thousand_deep_is_a_mistake_like_any_other(table: str, tm
             "colour=1",
             "--set colour: found 'colour', expected one of dialect, model, start, options, sim, "
             "task, data, connect, udp_config, addr, instance, peer, message, sequence, certificate, "
-            "constants",
+            "combuffer, ...",
         ),
         ("conect.C1.LocalPort=1", "--set conect.C1.LocalPort: found 'conect', expected connect"),
         ("connect.C1=1", f"--set connect.C1: found 'connect.C1', expected {FORMS}"),

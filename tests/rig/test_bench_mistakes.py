@@ -28,7 +28,9 @@ def said(line: str, project: Project) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
-VERBS = "set, pulse, write, resize, create, add, delete, download, plc, peer, link, fault, run, wait, expect"
+VERBS = "set, pulse, write, resize, create, add, delete, download, plc, peer, feed, link, fault, run"
+VERBS += ", wait, expect"
+NO_LINE = 'the name of a ComBuffer with source = "sim", but there is none'
 FORMS = "hex, text, udt, file or random"
 HOLE = "{n}, {n:2}, {n:2:big} or a checksum such as {crc32} or {crc16-modbus:little}"
 FILL = "an offset, a width and a byte order such as n=4:2:big or crc32=8:little"
@@ -40,6 +42,8 @@ MISTAKES = [
     ("frob", f"w: found 'frob', expected one of {VERBS}"),
     ("sett X CONT=1", "w: found 'sett', expected set"),
     ("SET X CONT=1", "w: found 'SET', expected set"),
+    # a simulated line
+    ("feed C1 hex 01", f"w: found 'C1', expected {NO_LINE}"),
     # inputs
     ("set", "w: found nothing more, expected the name of an instance"),
     ("set X", "w: found nothing more, expected an input such as CONT=1"),

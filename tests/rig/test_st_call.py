@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, PINS, SPEAKS_UDP
+from trcvtui.blocks.parameters import BUFFER_PIN, DATA_PIN, HAS_DATA, PINS, POINTERS, SPEAKS_UDP
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
@@ -55,6 +55,8 @@ def project(folder: Path, *instances: str, head: str = HEAD) -> Project:
 def instance(name: str, block: str, *lines: str) -> str:
     bound = ['data = "tx"'] if block in HAS_DATA else []
     link = ['config = "U1"', 'addr = "A1"'] if block in SPEAKS_UDP else ['connect = "C1"']
+    if block in BUFFER_PIN:
+        link = [f'{BUFFER_PIN[block]} = "B1"', *(f'{pointer} = "tx"' for pointer in POINTERS.get(block, ()))]
     return "\n".join([f'name = "{name}"', f'block = "{block}"', *link, *bound, *lines])
 
 
@@ -91,6 +93,8 @@ def head_of(block: str) -> str:
     """Return the head of a project whose vendor has the block."""
     if block in DIALECTS["baosky"].blocks:
         return HEAD
+    if block in BUFFER_PIN:
+        return f'dialect = "twincat"\n{DATA}\n[[combuffer]]\nname = "B1"\n'
     return f'dialect = "s7-1500"\n{DATA}\n[[connect]]\nname = "C1"\n{UDP}'
 
 
@@ -98,10 +102,9 @@ def head_of(block: str) -> str:
 def test_each_block_has_its_own_pins_and_data_only_where_it_moves_bytes(block: str, tmp_path: Path) -> None:
     call = st_call(project(tmp_path, instance("X", block), head=head_of(block)), "X")
     bound = re.findall(r"^    (\w+)(:=|=>)", call, re.MULTILINE)
-    link = {"CONFIG", "ADDR"} if block in SPEAKS_UDP else {"CONNECT"}
-    names = (
-        {pin.name for pin in PINS[block]} | link | {DATA_PIN.get(block, "DATA") for _ in HAS_DATA & {block}}
-    )
+    link = {"CONFIG", "ADDR"} if block in SPEAKS_UDP else {BUFFER_PIN.get(block, "CONNECT")}
+    own = {pin.name for pin in PINS[block]} - {"EN"} | {*POINTERS.get(block, ())}
+    names = own | link | {DATA_PIN.get(block, "DATA") for _ in HAS_DATA & {block}}
     assert {name for name, _ in bound} == names and len(bound) == len(names)
     assert [mark for _, mark in bound] == sorted(mark for _, mark in bound)
     assert call.count(",\n") == len(bound) - 1

@@ -79,7 +79,7 @@ def _duration_from(least: int) -> Callable[[str], int | None]:
 
 def _milliseconds(text: str) -> int | None:
     """Return the ms of a TIME, as TwinCAT counts it: 32 bits without a sign."""
-    ns = _duration(text)
+    ns = int(text) * 1_000_000 if text.isascii() and text.isdigit() and len(text) < 11 else _duration(text)
     return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
 
 
@@ -110,7 +110,7 @@ TRUTH: Final = Kind("true or false", _truth, lambda text: TRUTH_WORDS.get(text.u
 TEXT: Final = of_text("a text in quotes", lambda text: text)
 INTERVAL: Final = of_text("a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS))
 DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0))
-MILLISECONDS: Final = of_text("a TIME of whole milliseconds such as T#50ms, up to T#49d", _milliseconds)
+MILLISECONDS: Final = of_text("a TIME of whole milliseconds such as T#50ms or 50", _milliseconds)
 ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_address)
 ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint)
 ADDRESSES: Final = Kind(

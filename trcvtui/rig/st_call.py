@@ -9,17 +9,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, Direction, Pin
+from trcvtui.blocks.parameters import BUFFER_PIN, DATA_PIN, HAS_DATA, POINTERS, TIMES, Direction, Pin
 from trcvtui.errors import mistake
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam
 from trcvtui.plc.connect_view import initial_values
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import InstanceDecl, Project
+from trcvtui.udt.literals import format_time
 
 PinValue = bool | int
 Inputs = Mapping[str, PinValue]
 NO_INPUTS: Final[Inputs] = {}
+ADDRESSES: Final = frozenset({"pReceiveData", "pSendData", "pPrefix", "pSuffix"})
 INDENT: Final = "    "
 
 
@@ -67,16 +69,30 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
     """Return each pin with what it is bound to, in the manual's order: inputs, in-outs, outputs."""
     pins = project.pins(decl.block)
     for pin in _of(pins, Direction.IN):
-        yield f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}"
-    yield f"{'CONNECT' if decl.addr is None else 'CONFIG'}:={decl.connect}"
-    if decl.data is not None and decl.block in HAS_DATA:
-        yield f"{DATA_PIN.get(decl.block, 'DATA')}:={decl.data}"
+        if pin.name != "EN":  # a text calls a block, or does not
+            yield f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}"
+    yield f"{_link_pin(decl)}:={decl.connect}"
+    for name, variable in _variables(decl):
+        yield f"{name}:={f'ADR({variable})' if name in ADDRESSES else variable}"
     if decl.addr is not None:
         yield f"ADDR:={decl.addr}"
     for pin in _of(pins, Direction.IN_OUT):
         yield f"{pin.name}:={_variable(decl, pin)}"
     for pin in _of(pins, Direction.OUT):
         yield f"{pin.name}=>{_variable(decl, pin)}"
+
+
+def _link_pin(decl: InstanceDecl) -> str:
+    return BUFFER_PIN.get(decl.block) or ("CONNECT" if decl.addr is None else "CONFIG")
+
+
+def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
+    """Return what the block is bound to of the global variables: its data, then prefix and suffix."""
+    if decl.data is not None and decl.block in HAS_DATA:
+        yield DATA_PIN.get(decl.block, "DATA"), decl.data
+    for name, variable in zip(POINTERS.get(decl.block, ()), decl.pointers, strict=False):
+        if variable:
+            yield name, variable
 
 
 def _of(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
@@ -88,6 +104,8 @@ def _variable(decl: InstanceDecl, pin: Pin) -> str:
 
 
 def _literal(pin: Pin, value: PinValue) -> str:
+    if pin.name in TIMES:
+        return format_time(int(value) * 1_000_000)
     return str(bool(value)).upper() if pin.is_bool else str(int(value))
 
 
@@ -99,9 +117,12 @@ def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
     for name, record, written in _records(project, decl):
         fields = ",\n".join(f"{INDENT * 2}{field}" for field in written)
         yield f"{name} : {record} := (\n{fields}\n{INDENT});"
-    data = project.data_decl(decl.data) if decl.data else None
-    if data is not None and decl.block in HAS_DATA:
-        yield f"{data.name} : {' '.join(data.type_name.split())};"
+    if decl.block in BUFFER_PIN:
+        yield f"{decl.connect} : ComBuffer;"
+    for _, variable in _variables(decl):
+        data = project.data_decl(variable)
+        if data is not None:
+            yield f"{data.name} : {' '.join(data.type_name.split())};"
     for pin in project.pins(decl.block):
         if pin.direction is not Direction.IN:
             yield f"{_variable(decl, pin)} : {pin.iec_type};"

@@ -1,12 +1,71 @@
-"""The ComBuffers of a project: which of them are written by a send block, which are fed by a TRCV_C."""
+"""`[[combuffer]]`: read, and joined up with the instances: who writes it, who feeds it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any, Final
 
 from trcvtui.blocks.parameters import BUFFER_PIN
-from trcvtui.plc.project import ComBufferDecl, InstanceDecl
+from trcvtui.net.serial_line import SerialSettings
+from trcvtui.plc.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl
+from trcvtui.plc.project_parts import NAME
+from trcvtui.plc.tables import TEXT, Kind, Table, of_text, whole
+
+QUEUE_SIZE: Final = whole(1, 65_536)
+BAUD: Final = whole(50, 4_000_000)
+DATA_BITS: Final = whole(5, 8)
+PORT_KEYS: Final = ("port", "baud", "data_bits", "parity", "stop_bits", "handshake")
+
+
+def _one_of(*words: str) -> Kind[str]:
+    return of_text(" or ".join(words), lambda text: text if text in words else None)
+
+
+def _stop_bits(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and value in (1, 1.5, 2) else None
+
+
+STOP_BITS: Final = Kind("1, 1.5 or 2", _stop_bits, lambda text: {"1": 1.0, "1.5": 1.5, "2": 2.0}.get(text))
+PARITY: Final = _one_of("none", "even", "odd", "mark", "space")
+HANDSHAKE: Final = _one_of("none", "rts/cts", "dsr/dtr", "xon/xoff")
+
+
+def read_combuffer(table: Table) -> ComBufferDecl | None:
+    """Return one ComBuffer."""
+    name = table.must("name", NAME)
+    source = table.get("source", TEXT, SIMULATED)
+    size = table.get("size", QUEUE_SIZE, 0)
+    per_cycle = table.get("per_cycle", QUEUE_SIZE, 0)
+    line = table.get("line", TEXT, "")
+    serial = None
+    if source == SERIAL:
+        serial = _read_serial(table)
+    else:
+        _refuse_port_keys(table)
+    table.finish()
+    if name is None:
+        return None
+    return ComBufferDecl(name, source, size, per_cycle, serial=serial, line=line)
+
+
+def _read_serial(table: Table) -> SerialSettings | None:
+    settings = SerialSettings(
+        table.must("port", TEXT) or "",
+        table.get("baud", BAUD, 9600),
+        table.get("data_bits", DATA_BITS, 8),
+        table.get("parity", PARITY, "none"),
+        table.get("stop_bits", STOP_BITS, 1.0),
+        table.get("handshake", HANDSHAKE, "none"),
+    )
+    return settings if settings.port else None
+
+
+def _refuse_port_keys(table: Table) -> None:
+    for key in PORT_KEYS:
+        if table.has(key):
+            table.know(key)
+            table.wrong(key, "a word of serial ports", 'source = "serial" beside it')
 
 
 def joined_up(

@@ -15,6 +15,7 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.serial_line import SerialSettings
 from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.tls_words import Certificates
@@ -25,6 +26,7 @@ from trcvtui.udt.types import Type
 
 DEFAULT_INTERVAL_NS: Final = 10_000_000
 SIMULATED: Final = "sim"  # the source of a ComBuffer that bench commands feed
+SERIAL: Final = "serial"  # a real port
 DEFAULT_EVERY_NS: Final = 1_000_000_000
 
 
@@ -72,7 +74,10 @@ class InstanceDecl:
 
 @dataclass(frozen=True, slots=True)
 class ComBufferDecl:
-    """One ComBuffer. `source`: `sim`, an instance of TRCV_C, or another ComBuffer, as over a cable.
+    """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
+
+    `serial`: the port of that source; simulated, the line of such a ComBuffer is fed as that of `sim`.
+    `line`: the ComBuffer over whose port goes out what is written into this one.
 
     `size` in bytes, 0: what suits the source. `per_cycle`: how many bytes leave a written one in a scan, 0:
     all. `is_written`: a send block fills it; `is_fed`: a TRCV_C does.
@@ -84,6 +89,8 @@ class ComBufferDecl:
     per_cycle: int = 0
     is_written: bool = False
     is_fed: bool = False
+    serial: SerialSettings | None = None
+    line: str = ""
 
 
 @dataclass(frozen=True, slots=True)

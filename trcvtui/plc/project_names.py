@@ -14,7 +14,7 @@ from typing import Final
 
 from trcvtui.blocks.parameters import BUFFER_PIN, POINTERS
 from trcvtui.plc.names import expected_name, parse_reference
-from trcvtui.plc.project import SIMULATED
+from trcvtui.plc.project import SERIAL, SIMULATED
 from trcvtui.plc.tables import TRUTH, Given, Table, shown
 
 WORDS: Final = ("peer",)
@@ -46,6 +46,7 @@ class Names:
     addrs: tuple[str, ...] = ()
     combuffers: tuple[str, ...] = ()
     receivers: tuple[str, ...] = ()  # instances of TRCV_C
+    serial_lines: tuple[str, ...] = ()  # ComBuffers with a port
 
     def check_connect(self, table: Table) -> None:
         """Record a RemotePort, or an IsoPort, that names nothing."""
@@ -72,10 +73,13 @@ class Names:
 
     def check_combuffer(self, table: Table) -> None:
         """Record a source that is nothing from which bytes can come."""
-        known = (SIMULATED, *self.receivers, *(n for n in self.combuffers if n != table.peek("name")))
+        known = (SIMULATED, SERIAL, *self.receivers, *(n for n in self.combuffers if n != table.peek("name")))
         name = table.text("source")
         if name is not None:
             _check(table, "source", name, known, "source")
+        line = table.text("line")
+        if line is not None:
+            _check(table, "line", line, self.serial_lines, 'ComBuffer with source = "serial"')
 
     def check_message(self, table: Table) -> None:
         """Record a peer that does not exist."""

@@ -20,8 +20,6 @@ from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, par
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
     DEFAULT_INTERVAL_NS,
-    SIMULATED,
-    ComBufferDecl,
     InstanceDecl,
     MessageDecl,
     PeerDecl,
@@ -58,7 +56,6 @@ UINT: Final = whole(*ELEMENTARY["UINT"].limits)
 PRIORITY: Final = whole(0, 255)
 SEED: Final = whole(0, (1 << 63) - 1)
 LINT: Final = whole(*ELEMENTARY["LINT"].limits)
-QUEUE_SIZE: Final = whole(1, 65_536)
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 FREE_PORT: Final = Endpoint("127.0.0.1", 0)
 
@@ -188,16 +185,6 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
 def link_key(block: str) -> str:
     """Return the key of what a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer."""
     return BUFFER_PIN.get(block) or ("config" if block in SPEAKS_UDP else "connect")
-
-
-def read_combuffer(table: Table) -> ComBufferDecl | None:
-    """Return one ComBuffer."""
-    name = table.must("name", NAME)
-    source = table.get("source", TEXT, SIMULATED)
-    size = table.get("size", QUEUE_SIZE, 0)
-    per_cycle = table.get("per_cycle", QUEUE_SIZE, 0)
-    table.finish()
-    return ComBufferDecl(name, source, size, per_cycle) if name is not None else None
 
 
 def _read_inputs(table: Table, pins: tuple[Pin, ...]) -> tuple[tuple[str, bool | int], ...]:

@@ -19,11 +19,12 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
-from trcvtui.plc.combuffers import joined_up
+from trcvtui.plc.combuffers import joined_up, read_combuffer
 from trcvtui.plc.connect_descriptions import read_described
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
 from trcvtui.plc.project import (
+    SERIAL,
     ComBufferDecl,
     DataDecl,
     InstanceDecl,
@@ -141,7 +142,7 @@ class Reader:
             constants=constants,
             udt_files=tuple([file for file in files if file is not None]),
             certificates=certificates,
-            combuffers=joined_up(_present(map(parts.read_combuffer, tables["combuffer"])), instances),
+            combuffers=joined_up(_present(map(read_combuffer, tables["combuffer"])), instances),
         )
 
     def check_names(self, tables: Mapping[str, list[Table]]) -> None:
@@ -152,7 +153,9 @@ class Reader:
             find_duplicates([(key, tables[key])])
         kinds = ("task", "data", "connect", "peer", "udp_config", "addr", "combuffer")
         receivers = [table for table in tables["instance"] if table.peek("block") == "TRCV_C"]
-        names = Names(*(_declared(of_kind) for of_kind in (*map(tables.__getitem__, kinds), receivers)))
+        ports = [table for table in tables["combuffer"] if table.text("source") == SERIAL]
+        kept = (*map(tables.__getitem__, kinds), receivers, ports)
+        names = Names(*(_declared(of_kind) for of_kind in kept))
         for table in tables["connect"]:
             names.check_connect(table)
         for table in tables["addr"]:

@@ -21,6 +21,7 @@ from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
+from trcvtui.net.serial_line import SerialPorts
 from trcvtui.net.session_kernel import Stirring
 from trcvtui.net.udp_config import AddrParam, RemoteAddress, UdpConfig
 from trcvtui.net.udp_port import UdpPort
@@ -59,6 +60,7 @@ class Runtime:
         kernel: Stirring,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
+        ports: SerialPorts | None = None,
     ) -> None:
         self.ledger = Ledger()
         self.running = True
@@ -79,7 +81,7 @@ class Runtime:
         self._connections = {config.name: self._connection(config) for config in project.connects}
         self._ports = {config.name: self._port(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
-        self._lines = SerialLines(project.combuffers, self.ledger.write)
+        self._lines = SerialLines(project.combuffers, self.ledger.write, ports)
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._roster = self._new_roster()
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
@@ -204,6 +206,8 @@ class Runtime:
             self._apply(self._commands.popleft())
             self._roster.wake_all()
         self._kernel.poll()
+        if self.running:
+            self._lines.receive(self._env.now)
         self._stirred = None if self.calls_all else self._kernel.stirred()
         if self._stirred is None:
             self._roster.wake_all()
@@ -225,7 +229,7 @@ class Runtime:
 
     def _service_communication(self) -> None:
         self._resources.queue.serve()
-        self._lines.move()
+        self._lines.move(self._env.now)
         for name in self._connections if self._stirred is None else self._stirred_listeners(self._stirred):
             if self._connections[name].service():
                 self._roster.wake((name,))
@@ -332,6 +336,7 @@ class Runtime:
             connection.stop()
         for port in self._ports.values():
             port.stop()
+        self._lines.close()
 
     # -- the frozen picture ------------------------------------------------------------------------
 

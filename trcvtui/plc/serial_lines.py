@@ -1,11 +1,13 @@
 """The ComBuffers of a PLC and what stands at their other ends: the part that SerialLineControl has.
 
-Source of a ComBuffer: `sim` (bench commands), a TRCV_C (stream_feed.py), or another ComBuffer: a cable.
+Source of a ComBuffer: `sim` (bench commands), `serial` (port_feed.py; simulated as `sim`), a TRCV_C
+(stream_feed.py), or another ComBuffer: a cable.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 from trcvtui.blocks.data_area import DataArea
@@ -14,6 +16,9 @@ from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.serial_notes import SerialNote
 from trcvtui.net.connection import Connection
+from trcvtui.net.serial_line import SerialPorts
+from trcvtui.plc.ledger import BenchNote
+from trcvtui.plc.port_feed import PortFeed
 from trcvtui.plc.project import ComBufferDecl, InstanceDecl
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.plc.stream_feed import StreamFeed
@@ -24,10 +29,23 @@ QUEUE: Final = 65_536  # bytes in front of a framer on TCP, where the sender can
 class SerialLines:
     """All ComBuffers by name, in the order of the project."""
 
-    def __init__(self, decls: tuple[ComBufferDecl, ...], write: Callable[[SerialNote], None]) -> None:
+    def __init__(
+        self,
+        decls: tuple[ComBufferDecl, ...],
+        write: Callable[[SerialNote | BenchNote], None],
+        ports: SerialPorts | None,
+    ) -> None:
         self._decls = {decl.name: decl for decl in decls}
         self._buffers = {decl.name: ComBuffer(decl.name, _size(decl), write) for decl in decls}
         self._feeds: list[StreamFeed] = []
+        self._ports: dict[str, PortFeed] = {}
+        for decl in decls if ports is not None else ():
+            if decl.serial is not None and ports is not None:
+                note = partial(_noted, write, f"{decl.name} {decl.serial.port}")
+                self._ports[decl.name] = PortFeed(ports(decl.serial), self._buffers[decl.name], note)
+        for decl in decls:
+            if decl.line in self._ports:
+                self._ports[decl.line].tx = self._buffers[decl.name]
 
     def __contains__(self, name: str) -> bool:
         """Return whether there is a ComBuffer of that name."""
@@ -55,6 +73,9 @@ class SerialLines:
                 return feed
         return None
 
+    def _is_up(self, name: str) -> bool:
+        return self._ports[name].is_open if name in self._ports else True
+
     def arrive(self, name: str, payload: bytes) -> None:
         """Let bytes arrive on a simulated line."""
         self._buffers[name].put(payload)
@@ -63,10 +84,18 @@ class SerialLines:
         """Pull the cable: what has come is there, the frame that is half here will have no end."""
         self._buffers[name].end("line broken")
 
-    def move(self) -> None:
+    def receive(self, now: int) -> None:
+        """Take what has come at the real ports."""
+        for port in self._ports.values():
+            port.receive(now)
+
+    def move(self, now: int) -> None:
         """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}
         for name, decl in self._decls.items():
+            if decl.line in self._ports:
+                self._ports[decl.line].send(decl.per_cycle, now)
+                continue
             if not decl.is_written:
                 continue
             gone = self._buffers[name].take(decl.per_cycle or self._buffers[name].count)
@@ -74,18 +103,30 @@ class SerialLines:
                 self._buffers[receivers[name]].put(gone)
 
     def stop(self) -> None:
-        """Empty all of them: PLC STOP."""
+        """Empty all of them and close the ports: PLC STOP."""
+        self.close()
         for buffer in self._buffers.values():
             buffer.empty("PLC STOP")
         for feed in self._feeds:
             feed.stop()
 
+    def close(self) -> None:
+        """Give the ports back."""
+        for port in self._ports.values():
+            port.close()
+
     def snapshots(self) -> tuple[ComBufferSnapshot, ...]:
         """Return every ComBuffer as it stands."""
         return tuple(
-            ComBufferSnapshot(name, self._decls[name].source, b.size, b.count, b.tail, b.lost)
+            ComBufferSnapshot(
+                name, self._decls[name].source, b.size, b.count, b.tail, b.lost, self._is_up(name)
+            )
             for name, b in self._buffers.items()
         )
+
+
+def _noted(write: Callable[[BenchNote], None], subject: str, what: str, detail: str) -> None:
+    write(BenchNote(subject, what, detail))
 
 
 def _size(decl: ComBufferDecl) -> int:

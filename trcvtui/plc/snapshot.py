@@ -131,7 +131,10 @@ class AddrSnapshot:
 
 @dataclass(frozen=True, slots=True)
 class ComBufferSnapshot:
-    """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader."""
+    """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader.
+
+    `is_up` unless its port is away.
+    """
 
     name: str
     source: str
@@ -139,6 +142,7 @@ class ComBufferSnapshot:
     count: int
     arrived: int
     lost: int
+    is_up: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from trcvtui.net.answers import Endpoint, Fault
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.os_kernel import OsKernel
+from trcvtui.net.os_serial import OsSerialPort
 from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
 from trcvtui.net.session_kernel import SessionKernel
 from trcvtui.net.sim_kernel import SimKernel
@@ -42,7 +43,8 @@ class Bench:
         self.now = 0
         self._sim = _simulated(project) if kernel == "sim" else None
         self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
-        self.runtime = Runtime(project, self._plc_kernel(project), self._resources(project), self._peer_port)
+        plc_kernel, ports = self._plc_kernel(project), None if self._sim is not None else OsSerialPort
+        self.runtime = Runtime(project, plc_kernel, self._resources(project), self._peer_port, ports)
         self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]

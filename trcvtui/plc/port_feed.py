@@ -1,0 +1,77 @@
+"""Between a serial port and its ComBuffers: what SerialLineControl does each cycle.
+
+A port that is not there, or vanishes, is looked for again every RETRY_NS; the frame that was half here ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.blocks.serial.com_buffer import ComBuffer
+from trcvtui.net.answers import Fault
+from trcvtui.net.serial_line import SerialPort
+
+RETRY_NS: Final = 1_000_000_000
+MOST_A_SCAN: Final = 4096
+
+
+class PortFeed:
+    """One port: what comes goes to `rx`, what is in `tx` goes out. `note` tells the ledger what happened."""
+
+    def __init__(self, port: SerialPort, rx: ComBuffer, note: Callable[[str, str], None]) -> None:
+        self.is_open = False
+        self.tx: ComBuffer | None = None
+        self._port = port
+        self._rx = rx
+        self._note = note
+        self._retry_at: int | None = None  # None: at once
+        self._wrong = ""
+
+    def receive(self, now: int) -> None:
+        """Take what has come; what the ComBuffer has no room for is lost, as on a real line."""
+        if not self._is_there(now):
+            return
+        got = self._port.read(MOST_A_SCAN)
+        if isinstance(got, Fault):
+            self._lost(got, now)
+        elif got:
+            self._rx.put(got)
+
+    def send(self, most: int, now: int) -> None:
+        """Hand on what waits, `most` bytes of it (0: all); while the port is away it waits on."""
+        if self.tx is None or not self.is_open or not self.tx.count:
+            return
+        payload = self.tx.look()
+        taken = self._port.write(payload[:most] if most else payload)
+        if isinstance(taken, Fault):
+            self._lost(taken, now)
+        else:
+            self.tx.take(taken)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()
+        self.is_open, self._retry_at = False, None
+
+    def _is_there(self, now: int) -> bool:
+        if self.is_open:
+            return True
+        if self._retry_at is not None and now < self._retry_at:
+            return False
+        wrong = self._port.open()
+        if wrong is None:
+            self.is_open, self._wrong = True, ""
+            self._note("port open", "")
+            return True
+        self._retry_at = now + RETRY_NS
+        if str(wrong) != self._wrong:  # once, however long it is away
+            self._wrong = str(wrong)
+            self._note("port not there", self._wrong)
+        return False
+
+    def _lost(self, fault: Fault, now: int) -> None:
+        self.close()
+        self._retry_at = now + RETRY_NS
+        self._rx.end("port gone")
+        self._note("port gone", str(fault))

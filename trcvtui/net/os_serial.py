@@ -80,8 +80,12 @@ class OsSerialPort:
         """Give the port back."""
         if self._port is None:
             return
+        # pyserial 3.5 leaves a socket open that its partner has reset: its shutdown fails before its close.
+        left = getattr(self._port, "_socket", None)
         with suppress(OSError):  # it is gone already
             self._port.close()
+        if left is not None:
+            left.close()
         self._port = None
 
     def _has_room(self) -> bool:

@@ -1,0 +1,140 @@
+"""`[[combuffer]]` and the instances on it: what can be written, and each mistake in one line."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from trcvtui.errors import UserError
+from trcvtui.net.serial_line import SerialSettings
+from trcvtui.plc.project import ComBufferDecl, Project
+from trcvtui.plc.project_file import read_project
+from trcvtui.plc.project_keys import keys_of
+from trcvtui.rig.bench import parse_line
+from trcvtui.rig.bench_lines import to_line
+
+DATA = """
+dialect = "twincat"
+[[data]]
+name = "rx"
+type = "ARRAY[0..15] OF BYTE"
+[[data]]
+name = "etx"
+type = "BYTE"
+[[connect]]
+name = "C1"
+"""
+STREAM = '[[instance]]\nname = "T"\nblock = "TRCV_C"\nconnect = "C1"\ndata = "rx"\n'
+READER = '[[instance]]\nname = "RD"\nblock = "ReceiveData"\nRxBuffer = "RX"\ndata = "rx"\n'
+RX = '[[combuffer]]\nname = "RX"\n'
+
+
+def read(*parts: str) -> Project:
+    return read_project(tomllib.loads("\n".join((DATA, *parts))), "b.toml", Path())
+
+
+@pytest.mark.parametrize(
+    ("lines", "decl"),
+    [
+        ("", ComBufferDecl("RX")),
+        ("size = 500", ComBufferDecl("RX", size=500)),
+        ('source = "T"', ComBufferDecl("RX", "T", is_fed=True)),
+        (
+            'source = "serial"\nport = "COM3"\nbaud = 19200\nparity = "even"\nstop_bits = 1.5',
+            ComBufferDecl("RX", "serial", serial=SerialSettings("COM3", 19200, 8, "even", 1.5)),
+        ),
+        (
+            'source = "serial"\nport = "socket://10.0.0.7:4001"\nhandshake = "rts/cts"\ndata_bits = 7',
+            ComBufferDecl(
+                "RX", "serial", serial=SerialSettings("socket://10.0.0.7:4001", 9600, 7, "none", 1, "rts/cts")
+            ),
+        ),
+    ],
+)
+def test_a_combuffer_is_what_the_file_says(lines: str, decl: ComBufferDecl) -> None:
+    assert read(STREAM, RX, lines).combuffers == (decl,)
+
+
+def test_a_send_block_makes_a_combuffer_a_written_one() -> None:
+    send = '[[instance]]\nname = "S"\nblock = "SendByte"\nTxBuffer = "RX"'
+    (decl,) = read(RX, send).combuffers
+    assert decl.is_written
+
+
+MISTAKES = [
+    ((RX, 'source = "X"'), "b.toml: combuffer RX: source: found 'X', expected one of sim, serial, T"),
+    ((RX, 'source = "RX"'), "b.toml: combuffer RX: source: found 'RX', expected one of sim, serial, T"),
+    ((RX, "size = 0"), "b.toml: combuffer RX: size: found 0, expected a whole number from 1 to 65536"),
+    ((RX, 'source = "serial"'), "b.toml: combuffer RX: port: found nothing, expected a text in quotes"),
+    (
+        (RX, "baud = 9600"),
+        'b.toml: combuffer RX: baud: found a word of serial ports, expected source = "serial" beside it',
+    ),
+    (
+        (RX, 'source = "serial"\nport = "x"\nparity = "odd-ish"'),
+        "b.toml: combuffer RX: parity: found 'odd-ish', expected none or even or odd or mark or space",
+    ),
+    (
+        (RX, 'source = "serial"\nport = "x"\nstop_bits = 3'),
+        "b.toml: combuffer RX: stop_bits: found 3, expected 1, 1.5 or 2",
+    ),
+    (
+        (RX, 'line = "RX"'),
+        "b.toml: combuffer RX: line: found 'RX', "
+        'expected the name of a ComBuffer with source = "serial", but there is none',
+    ),
+    (
+        (READER,),
+        "b.toml: instance RD: RxBuffer: found 'RX', expected the name of a ComBuffer, but there is none",
+    ),
+    ((RX, READER, 'pPrefix = "stx"'), "b.toml: instance RD: pPrefix: found 'stx', expected one of rx, etx"),
+    (
+        (RX, READER, "Timeout = 1.5"),
+        "b.toml: instance RD: Timeout: found 1.5, expected a TIME of whole milliseconds such as T#50ms or 50",
+    ),
+    (
+        (RX, READER, "LenPrefix = 256"),
+        "b.toml: instance RD: LenPrefix: found 256, expected a whole number from 0 to 255",
+    ),
+]
+
+
+@pytest.mark.parametrize(("parts", "line"), MISTAKES, ids=[line for _, line in MISTAKES])
+def test_a_mistake_is_one_line(parts: tuple[str, ...], line: str) -> None:
+    with pytest.raises(UserError) as caught:
+        read(STREAM, *parts)
+    assert caught.value.lines() == [line]
+
+
+def test_an_instance_gives_its_keys_back() -> None:
+    decl = read(RX, READER, 'pSuffix = "etx"\nTimeout = "T#50ms"\nLenSuffix = 1').instances[0]
+    assert keys_of(decl) == [
+        ("block", "ReceiveData"),
+        ("RxBuffer", "RX"),
+        ("data", "rx"),
+        ("pSuffix", "etx"),
+        ("task", "MAIN"),
+        ("LenSuffix", 1),
+        ("Timeout", "T#50ms"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "create ReceiveData R2 RxBuffer=RX data=rx pSuffix=etx task=MAIN LenSuffix=1 Timeout=T#50ms",
+        "create SendByte S2 TxBuffer=RX task=MAIN SendByte=13",
+        "feed RX hex 01 02",
+        'feed RX text "abc"',
+        "feed RX break",
+        "set RD Timeout=T#1s Reset=1",
+        "expect RD Timeout=T#1s Error=23",
+    ],
+)
+def test_a_command_is_read_and_written_back(line: str) -> None:
+    project = read(RX, READER)
+    command = parse_line(line, project, "w")
+    assert command is not None
+    assert to_line(command) == line

@@ -15,7 +15,7 @@ from trcvtui.rig.runner import Runner, VirtualPace
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.scenario_shelf import shown_by
 
-STREAMS = [path for path in TWINCAT if path.stem.startswith("6-")]
+STREAMS = [path for path in TWINCAT if path.stem.startswith(("6-", "barcode"))]
 ROWS = 14  # of the table "every combination"
 
 

@@ -84,6 +84,8 @@ def test_a_vector_is_a_scenario_that_holds(vector: Vector, tmp_path: Path) -> No
     path.write_text(scenario_of(vector), encoding="utf-8")
     result = play(path, "sim")
     assert result.verdict.passed, failures(result.verdict)
+    pulses = [record["t_ms"] for record in result.records() if record["DONE"]]
+    assert pulses == [call.ms for call in vector.calls if call.done]
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=lambda v: f"{v.id} {v.case}")

@@ -180,7 +180,9 @@ class Instance:
         if now.status != before.status:
             self.since_scan = self._env.scan
             return True
-        return now is not before and now != before
+        # Frames may come scan after scan: each is told, though its pins look like those of the one before.
+        is_frame = now.done and isinstance(self._bound, SerialBinding)
+        return is_frame or (now is not before and now != before)
 
     def stop(self) -> bool:
         """Show what a stopped PLC shows: STATUS 0000, outputs FALSE; return whether any output differs."""

@@ -128,6 +128,7 @@ def test_an_instance_gives_its_keys_back() -> None:
         "create SendByte S2 TxBuffer=RX task=MAIN SendByte=13",
         "feed RX hex 01 02",
         'feed RX text "abc"',
+        "add instance R2 block=ReceiveData RxBuffer=RX data=rx pSuffix=etx task=MAIN LenSuffix=1",
         "feed RX break",
         "set RD Timeout=T#1s Reset=1",
         "expect RD Timeout=T#1s Error=23",
@@ -138,3 +139,11 @@ def test_a_command_is_read_and_written_back(line: str) -> None:
     command = parse_line(line, project, "w")
     assert command is not None
     assert to_line(command) == line
+
+
+def test_a_connect_that_is_added_has_no_name_of_a_combuffer() -> None:
+    with pytest.raises(UserError) as caught:
+        parse_line("add connect RX", read(RX, READER), "w")
+    assert caught.value.lines() == [
+        "w: connect RX: name: found 'RX', the name of another combuffer, expected a name of its own"
+    ]

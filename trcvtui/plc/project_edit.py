@@ -29,7 +29,8 @@ FIELDS: Final = {
     "message": "messages",
     "sequence": "sequences",
 }
-SHARED_NAMES: Final = (("data", "instance"), ("connect", "udp_config", "peer"))
+KEPT: Final = {"combuffer": "combuffers"}  # of the file alone: nobody adds one to a running project
+SHARED_NAMES: Final = (("data", "instance"), ("connect", "udp_config", "peer", "combuffer"))
 CHECKS: Final[dict[str, Callable[[Names, Table], None]]] = {
     "connect": Names.check_connect,
     "addr": Names.check_addr,
@@ -65,7 +66,7 @@ def _sharing(kind: str) -> tuple[str, ...]:
 
 
 def _names(project: Project) -> Names:
-    kinds = ("data", "connect", "peer", "udp_config", "addr")
+    kinds = ("data", "connect", "peer", "udp_config", "addr", "combuffer")
     return Names(tuple(task.name for task in project.tasks), *(names_of(kind, project) for kind in kinds))
 
 
@@ -112,7 +113,7 @@ def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
 
 def names_of(kind: str, project: Project) -> tuple[str, ...]:
     """Return the names of a project's entries of one kind."""
-    return tuple([entry.name for entry in getattr(project, FIELDS[kind])])
+    return tuple([entry.name for entry in getattr(project, (FIELDS | KEPT)[kind])])
 
 
 def with_entry(project: Project, decl: Declaration) -> Project:

@@ -11,6 +11,7 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.registry import new_block
+from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.plc.ledger import InputEdge, StatusEdge
@@ -223,6 +224,11 @@ class Instance:
     def partial(self) -> bytes:
         """Return a copy of what the running job has collected."""
         return self._block.job.partial()
+
+    def noise(self) -> tuple[int, bytes]:
+        """Return how many bytes a receiving block has thrown away as noise, and the last of them."""
+        job = self._block.job
+        return (job.framer.discarded, job.framer.noise) if isinstance(job, Reception) else (0, b"")
 
     def snapshot(self) -> InstanceSnapshot:
         """Return the frozen picture of this instance; the same object while nothing has changed."""

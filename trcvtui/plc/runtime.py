@@ -181,6 +181,11 @@ class Runtime:
         known = self._instances.get(instance)
         return known.partial() if known else b""
 
+    def noise(self, instance: str) -> tuple[int, bytes]:
+        """Return how many bytes of noise an instance has thrown away, and the last of them."""
+        known = self._instances.get(instance)
+        return known.noise() if known else (0, b"")
+
     def sent(self, connect: str) -> SentBytes | None:
         """Return what a CONNECT's present connection has sent, None without a connection."""
         connection = self._connections[connect]

@@ -123,3 +123,15 @@ def test_a_stream_without_an_end_is_held_back_and_nothing_of_it_is_lost() -> Non
     assert LineHeld("RX", True) in [line.event for line in bench.runtime.ledger]
     frames = [e for line in bench.runtime.ledger if isinstance(e := line.event, FrameEnded)]
     assert [frame.offset for frame in frames] == [16 * n for n in range(len(frames))]
+
+
+def test_with_its_switch_a_part_ends_where_en_r_falls() -> None:
+    (path,) = [path for path in TWINCAT if path.stem.startswith("6-t07")]
+    scenario = load_scenario(path, ["options.reset_framer_with_en_r=true"])
+    bench = Bench(scenario.project, "sim")
+    runner = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None)
+    assert not runner.play((*scenario.start, *scenario.steps)).passed
+    events = [line.event for line in bench.runtime.ledger]
+    assert PartDropped("RD", "RX", 0, 1, "EN_R fell") in events
+    assert FrameEnded("RD", "RX", 1, 2, "suffix") in events
+    bench.close()

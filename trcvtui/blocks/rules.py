@@ -61,6 +61,7 @@ class Rules:
     max_datagram: int = 2048
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
+    part_follows_en_r: bool = False  # of a frame behind a TRCV_C: EN_R = 0 throws it away
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64
     queue: int = 64

@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.status import StatusRow
 from trcvtui.dialects.baosky import BAOSKY
-from trcvtui.dialects.dialect import Dialect, SwitchValue, codes_of
+from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.twincat_errors import COM_ERRORS, SERIAL
 
 STREAMS: Final = ("TRCV_C", "TSEND_C")
@@ -23,12 +23,19 @@ def _kept(row: StatusRow) -> StatusRow | None:
     return replace(row, blocks=blocks) if blocks else None
 
 
+FOLLOWS_EN_R: Final = Switch(
+    "reset_framer_with_en_r",
+    "bool",
+    False,
+    "the part of a frame is thrown away when EN_R of the TRCV_C in front of it falls",
+)
 STREAM_ROWS: Final = tuple(kept for row in BAOSKY.status if (kept := _kept(row)) is not None)
 
 
 def answer(values: Mapping[str, SwitchValue]) -> Rules:
     """Return the rules for these switch values."""
-    return replace(BAOSKY.answer(values), status_of=codes_of(COM_ERRORS))
+    follows = bool(dict(values).get(FOLLOWS_EN_R.name, FOLLOWS_EN_R.default))
+    return replace(BAOSKY.answer(values), status_of=codes_of(COM_ERRORS), part_follows_en_r=follows)
 
 
 TWINCAT: Final = Dialect(
@@ -36,7 +43,7 @@ TWINCAT: Final = Dialect(
     title="Beckhoff TwinCAT 3, Tc2_SerialCom; TRCV_C and TSEND_C as Baosky's",
     blocks=(*SERIAL, *STREAMS),
     status=tuple(sorted((*COM_ERRORS, *STREAM_ROWS), key=lambda row: row.code)),
-    switches=BAOSKY.switches,
+    switches=(*BAOSKY.switches, FOLLOWS_EN_R),
     models={"TC3": 32},
     default_model="TC3",
     layout="codesys-8",

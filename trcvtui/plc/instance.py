@@ -145,7 +145,7 @@ class Instance:
             self._write("COM_RST", False)
         goes_on = self._frozen is None or bool(self._blinking or self._fading)
         if self._feed is not None:
-            self._feed.called(outcome.done, outcome.rcvd_len)
+            self._feed.called(outcome.done, outcome.rcvd_len, bool(self.inputs["EN_R"]))
             goes_on = goes_on or self._feed.is_held
         self.asleep = outcome.lasts and not goes_on
         first, self.called = not self.called, True

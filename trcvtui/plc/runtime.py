@@ -100,7 +100,7 @@ class Runtime:
         bound = self._binding(decl)
         feed = None
         if isinstance(bound, Binding):
-            feed = self._lines.feed_of(decl, bound.connection, bound.data)
+            feed = self._lines.feed_of(decl, bound.connection, bound.data, self._project.rules)
         return Instance(decl, bound, self.ledger.write, feed)
 
     def _binding(self, decl: InstanceDecl) -> Binding | UdpBinding | SerialBinding:

@@ -12,6 +12,7 @@ from typing import Final
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.serial_notes import SerialNote
@@ -64,11 +65,19 @@ class SerialLines:
         bound, prefix, suffix = (*areas, None, None)[:3]
         return SerialBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
 
-    def feed_of(self, decl: InstanceDecl, connection: Connection, data: DataArea | None) -> StreamFeed | None:
+    def feed_of(
+        self, decl: InstanceDecl, connection: Connection, data: DataArea | None, rules: Rules
+    ) -> StreamFeed | None:
         """Return what a TRCV_C feeds, None where no ComBuffer names it as its source."""
         for buffer in self._decls.values():
             if buffer.source == decl.name:
-                feed = StreamFeed(connection, data, self._buffers[buffer.name], holds=not buffer.size)
+                feed = StreamFeed(
+                    connection,
+                    data,
+                    self._buffers[buffer.name],
+                    holds=not buffer.size,
+                    follows_en_r=rules.part_follows_en_r,
+                )
                 self._feeds.append(feed)
                 return feed
         return None

@@ -12,10 +12,23 @@ from trcvtui.net.connection import Connection, State
 
 
 class StreamFeed:
-    """One TRCV_C in front of one ComBuffer. Without `holds` bytes that have no room are dropped."""
+    """One TRCV_C in front of one ComBuffer. Without `holds` bytes that have no room are dropped.
 
-    def __init__(self, connection: Connection, data: DataArea | None, buffer: ComBuffer, holds: bool) -> None:
+    With `follows_en_r` a part of a frame ends when EN_R falls.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        data: DataArea | None,
+        buffer: ComBuffer,
+        *,
+        holds: bool,
+        follows_en_r: bool,
+    ) -> None:
         self.is_held = False
+        self._follows_en_r = follows_en_r
+        self._was_asked = False
         self._connection = connection
         self._data = data
         self._buffer = buffer
@@ -31,9 +44,12 @@ class StreamFeed:
             self._buffer.hold(self.is_held)
         return self.is_held != before
 
-    def called(self, done: bool, size: int) -> None:
+    def called(self, done: bool, size: int, asked: bool) -> None:
         """Take the bytes of a DONE; see whether the connection that they came over is still the same."""
         connection = self._connection
+        if self._follows_en_r and self._was_asked and not asked:
+            self._buffer.end("EN_R fell")
+        self._was_asked = asked
         if done and size and self._data is not None:
             if self._incarnation not in (None, connection.incarnation):
                 self._close()

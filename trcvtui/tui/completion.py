@@ -15,7 +15,7 @@ PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
     "scenarios", "export timing", "find", "create", "delete", "download", "resize", "mark", "save scenario",
-    "add", "save project", "lab", "udt",
+    "add", "save project", "lab", "udt", "feed",
 )  # fmt: skip
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -91,6 +91,12 @@ def _after_fault(words: list[str], project: Project) -> Iterable[str]:
     if words[-1] == "on":
         return project.links()
     return (*ERRORS, *FAULT_OPTIONS) if len(words) == 2 else FAULT_OPTIONS
+
+
+def _after_feed(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return [buffer.name for buffer in project.combuffers if buffer.source in ("sim", "serial")]
+    return ("hex", "text", "random", "file", "break") if len(words) == 2 else ()
 
 
 def _after_link(words: list[str], project: Project) -> Iterable[str]:
@@ -194,6 +200,7 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "peer": _after_peer,
     "fault": _after_fault,
     "link": _after_link,
+    "feed": _after_feed,
     "write": _after_write,
     "expect": _after_expect,
     "trigger": _after_trigger,

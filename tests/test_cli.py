@@ -68,7 +68,7 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(trcvtui.__file__).parent.par
         ("status 1234", "CODE: found 16#1234, expected a code in the table"),
         ("status 80G5", "CODE: found '80G5', expected a STATUS word"),
         ("status 80C5 --dialect siemnes", "--dialect: found 'siemnes', expected one of baosky"),
-        ("status 80C5 --block TRVC_C", "--block: found 'TRVC_C', expected one of ClearComBuffer, ReceiveByte"),
+        ("status 80C5 --block TRVC_C", "--block: found 'TRVC_C', expected one of ClearComBuffer"),
         ("status 7006 --block TSEND_C", "CODE: found 16#7006, expected a code in the table of TSEND_C"),
         # the UDT file
         ("udt show nix.st", "nix.st: found No such file or directory"),

@@ -87,8 +87,9 @@ class Session:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        status = bench.project.rules.status
-        self._of_the_wire = frozenset(status[each] for each in OF_THE_WIRE if each in status)
+        rules = bench.project.rules
+        codes = (rules.status, *rules.status_of.values())
+        self._of_the_wire = frozenset(code[each] for code in codes for each in OF_THE_WIRE if each in code)
         self._entries: list[Entry] = []
         self._characters = 0
         self._seen: dict[str, Seen] = {}

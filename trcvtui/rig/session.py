@@ -109,10 +109,11 @@ class Session:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        status = bench.project.rules.status
-        self._of_the_wire = frozenset(status[each] for each in OF_THE_WIRE if each in status)
-        self._turns = {status[each] for each in BY_TURNS if each in status}
-        self._done = status.get(Condition.RECEIVED, 0)
+        rules = bench.project.rules
+        codes = (rules.status, *rules.status_of.values())
+        self._of_the_wire = frozenset(code[each] for code in codes for each in OF_THE_WIRE if each in code)
+        self._turns = {code[each] for code in codes for each in BY_TURNS if each in code}
+        self._done = rules.status.get(Condition.RECEIVED, 0)
         self._peers_by_the_clock = False  # by commands; those of the project are known from it
         self._entries: list[Entry] = []
         self._characters = 0

@@ -6,6 +6,7 @@ from typing import ClassVar, Final
 
 from textual import events
 
+from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
@@ -135,11 +136,14 @@ class FunctionBlock(LineView):
         scene = self._scene
         glow = glow_text(pin, scene.instance, scene.afterglow, scene.t_ns)
         text, style = output_text(pin, scene.instance, bool(glow))
-        about = f"{'':<{9 - len(pin.name)}}{pin.text}" if self.line_width >= ROOMY and not glow else ""
+        roomy = self.line_width >= ROOMY
+        name = pin.label if roomy or not glow else pin.label.partition(" ")[0]  # the scan is never cut
+        gap = " " * (1 + self.drawing().label_width - len(name))
+        about = f"{gap}{pin.text}" if roomy and not glow else ""
         return [
             (text.rjust(OUT_BOX - 1) + " ", style),
             ("├─", "dim"),
-            (f" {pin.name}", style),
+            (f" {name}", style),
             (glow, "glow"),
             (about, "faint"),
         ]
@@ -152,7 +156,8 @@ class FunctionBlock(LineView):
             link = " CONNECT " if instance.addr is None else " CONFIG  "
             return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
         if y == 1:
-            return row((" DATA    ", "dim"), *self._data_parts(instance))
+            pin = DATA_PIN.get(instance.block, "DATA")
+            return row((f" {pin:<8}", "dim"), *self._data_parts(instance))
         if y == 2:
             errors = f"  {count(instance.errors, 'error')}"
             return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
@@ -199,7 +204,7 @@ class FunctionBlock(LineView):
     def _data_parts(self, instance: InstanceSnapshot) -> list[Part]:
         declared = self._scene.declaration
         if declared is None:
-            return [("not wired", "warn")] if instance.moves_bytes else [("none", "dim")]
+            return [("not wired", "warn")] if instance.block in HAS_DATA else [("none", "dim")]
         size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
         return [(plain(declared.name), "strong"), (size, "dim")]
 

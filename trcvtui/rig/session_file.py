@@ -13,6 +13,7 @@ from trcvtui.rig.assembly import Bench
 from trcvtui.rig.session import Session
 
 SUFFIX: Final = ".toml"
+MARKED: Final = " since scan "
 FAR: Final = os.path.join(os.pardir, os.pardir, os.pardir)
 
 
@@ -20,11 +21,17 @@ def scenario_text(session: Session, bench: Bench, path: Path) -> str:
     """Return the text of a scenario file that shall stand at `path`."""
     steps = "\n".join(session.steps()).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     about = f"A session of {bench.runtime.scans} scans on {bench.kernel_name}, saved with what was seen"
-    about += f" since scan {session.marked_at}." if session.marked_at else "."
+    about += f"{MARKED}{session.marked_at}." if session.marked_at else "."
     head = {"name": path.stem, "about": about}
     lines = [f"project = {_quoted(_way_to(bench.project.path, path.parent))}", "", "[scenario]"]
     lines += [f"{key} = {_quoted(text)}" for key, text in head.items()]
     return "\n".join([*lines, 'steps = """', steps, '"""', ""])
+
+
+def marked_scan(about: str) -> int:
+    """Return behind which scan a session was marked, as its text says; 0: it was not."""
+    _, mark, number = about.rstrip(".").rpartition(MARKED)
+    return int(number) if mark and number.isdecimal() else 0
 
 
 def _way_to(project: Path, folder: Path) -> str:

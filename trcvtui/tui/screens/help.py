@@ -21,6 +21,7 @@ SIGNS: Final = (
     ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
     ("▕", "before a byte: a message of the peer begins here"),
     ("▁ ▔ █ ┃ ░", "over time: 0, 1, 1 for one scan, a pulse or more in the column, not known"),
+    ("≠", "a scan in which the dialects of a race differ"),
     ("··", "a byte that the running job still waits for"),
     ("▸ ▶ • ✓ ✗", "a step of a scenario: the next, running, done, held, failed"),
 )

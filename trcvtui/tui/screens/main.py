@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 LEAST_WIDTH, LEAST_HEIGHT, ROOMY, TALL = 128, 38, 43, 54
 BROAD, HIGH = 180, 56  # from here on history and timing both stand
 TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
-SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
+SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
 PAST: Final = {4, 8}  # history and timing
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import pytest
 from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
-from tests.tui.looking import SMALL, WIDE, follow, screen_text
+from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
 from trcvtui.plc.project import Project
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.local_driver import LocalDriver
@@ -60,6 +62,20 @@ class Bench:
         found = [line for line in self.text.splitlines() if needle in line]
         assert found, f"{needle!r} is not there:\n{self.text}"
         return found[0]
+
+    def cells(self, field: str) -> list[str]:
+        """Return the words of the line of a field."""
+        found = re.search(rf"\d+ +{field} [^│]*", self.text)
+        assert found is not None, self.text
+        return found[0].split()
+
+    def offset_of(self, connect: str, field: str) -> int:
+        """Return where a field of a description begins."""
+        config = self.app.scene.project.connect(connect)
+        assert config is not None and config.description is not None
+        found = config.description.structure.field(field)
+        assert found is not None
+        return found.offset
 
 
 def project_of(scenario: str) -> Project:
@@ -123,3 +139,62 @@ def test_a_call_binds_the_output_by_its_own_name() -> None:
     assert "    NDR=>TRCV_1_DONE" in st_call(project_of(SINGLE), "TRCV_1")
     newer = project_of("siemens/1-5-trcv_c-cont-then-en_r.toml")
     assert "    DONE=>TRCV_C_1_DONE" in st_call(newer, "TRCV_C_1")
+
+
+# -- the connection description byte for byte ----------------------------------------------------------------
+
+
+@BOTH
+async def test_a_description_stands_there_byte_for_byte(size: tuple[int, int]) -> None:
+    async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", size) as shown:
+        await shown.press("2", "C")
+        assert "C1 · 14 bytes" in shown.text and "TCON_IP_v4 · TCP, passive on" in shown.text
+        assert shown.cells("InterfaceId") == ["0", "InterfaceId", "00", "40", "64", "(16#40)"]
+        assert shown.cells("ConnectionType")[:3] == ["4", "ConnectionType", "0b"]
+        assert shown.cells("RemoteAddress")[0] == "6"
+        await shown.press("escape")
+        assert shown.app.screen is shown.app.main
+
+
+@BOTH
+async def test_what_a_cpu_finds_wrong_is_named_at_its_field(size: tuple[int, int]) -> None:
+    async with bench("siemens/description-faults.toml", size) as shown:
+        wrong = next(each for each in shown.app.scene.project.connects if each.flaw and each.flaw.field)
+        assert wrong.flaw is not None
+        await shown.select(next(i.name for i in shown.app.scene.instances if i.connect == wrong.name))
+        await shown.press("C")
+        assert f"✗ {wrong.flaw.text}"[:50] in shown.words
+        assert f"✗ {shown.offset_of(wrong.name, wrong.flaw.field):>4}   {wrong.flaw.field} " in shown.text
+        await shown.press("right")
+        assert f"─ {wrong.name} · " not in shown.text, "another CONNECT of the project"
+
+
+async def test_a_long_name_takes_as_many_lines_as_it_needs_and_its_zeros_one() -> None:
+    async with bench("siemens/80d3-names.toml") as shown:
+        await shown.press("2", "C")
+        assert "RemoteQDN" in shown.text and "00 × " in shown.text
+        assert "LocalPort" in shown.text, "a structure of 266 bytes fits a small screen"
+
+
+async def test_a_description_is_yanked_as_hex_and_as_scl(state: Path) -> None:
+    async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml") as shown:
+        await shown.press("2", "C", "y")
+        await shown.app.workers.wait_for_complete()
+        await shown.press("s")
+        await shown.app.workers.wait_for_complete()
+        kept = {path.suffix: path.read_text(encoding="utf-8") for path in state.rglob("yanks/*")}
+        assert kept[".txt"].startswith("00 40 00 01 0b 00 ")
+        assert "C1 : TCON_IP_v4 := (" in kept[".scl"] and "ConnectionType := 11" in kept[".scl"]
+
+
+async def test_a_dialect_without_descriptions_says_so() -> None:
+    async with bench("baosky/7004-idle.toml") as shown:
+        await shown.press("2", "C")
+        assert "no CONNECT of this project has a connection description" in shown.words
+
+
+@BOTH
+async def test_it_stands_as_drawn(size: tuple[int, int], tmp_path: Path) -> None:
+    async with bench("siemens/description-faults.toml", size) as shown:
+        await shown.press("2", "C")
+        same_screen(shown.app, f"description-{size[0]}x{size[1]}", tmp_path)

@@ -243,6 +243,17 @@ class BenchApp(App[None]):
         self.lab = None
         self.main.show()
 
+    def on_description_wanted(self) -> None:
+        """Show the connection description of the selected instance, where there is any."""
+        from trcvtui.tui.screens.description import DescriptionScreen  # read when first asked for
+
+        configs = [each for each in self.scene.project.connects if each.description is not None]
+        instance = self.scene.instance
+        if configs and instance is not None:
+            self.push_screen(DescriptionScreen(configs, instance.connect))
+        else:
+            self.main.prompt.complain("no CONNECT of this project has a connection description")
+
     # -- the race -----------------------------------------------------------------------------------
 
     def on_race_wanted(self, message: RaceWanted) -> None:

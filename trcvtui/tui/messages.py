@@ -71,6 +71,10 @@ class ScenarioChosen(Message):
     """Another scenario file was chosen in the library: its text shall be shown."""
 
 
+class DescriptionWanted(Message):
+    """The connection description of the selected instance shall be shown byte for byte."""
+
+
 class RaceWanted(Message):
     """A scenario file, or with None the session, shall be raced through several dialects."""
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 
-from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.rig.race import InstanceRace, Race, Row, race_file
+from trcvtui.rig.race_report import DIALECT_NAMES
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.session_file import marked_scan
 
@@ -47,7 +47,7 @@ class RaceRun:
         if self.names:
             return race_file(self.path, self.names)
         first: UserError | None = None
-        for other in DIALECTS:
+        for other in DIALECT_NAMES:
             if other != own:
                 try:
                     return race_file(self.path, [own, other])

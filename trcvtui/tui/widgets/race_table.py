@@ -7,17 +7,16 @@ from typing import ClassVar, Final
 from textual import events
 from textual.binding import Binding, BindingType
 
-from trcvtui.dialects import DIALECTS
 from trcvtui.rig.race import InstanceRace, Note, Race, Row
-from trcvtui.rig.race_report import summary
+from trcvtui.rig.race_report import DIALECT_NAMES, summary
 from trcvtui.tui.formatting import count, pad, plain, wrapped
 from trcvtui.tui.messages import DialectToggled, RaceRowSelected
-from trcvtui.tui.race_lines import detail_lines, head_parts, row_parts
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, row
 from trcvtui.tui.widgets.line_view import Row as Line
+from trcvtui.tui.widgets.race_lines import detail_lines, head_parts, row_parts
 from trcvtui.udt.literals import format_time
 
-NAMES: Final = tuple(DIALECTS)
+NAMES: Final = DIALECT_NAMES
 Entry = Row | Note | str
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from trcvtui.dialects import DIALECTS
 from trcvtui.rig.race import CALLED, InstanceRace, Row, Shown
-from trcvtui.tui.formatting import clip, count, lamp, moment, pad, plain
+from trcvtui.rig.race_report import title_of
+from trcvtui.tui.formatting import clip, count, lamp, moment, pad
 from trcvtui.tui.widgets.line_view import Part
 
 SCANS, SIGN = 13, 3  # columns of the scan numbers, and of the sign that marks a difference
@@ -101,12 +101,6 @@ def _cut(parts: list[Part], width: int) -> Iterator[Part]:
             yield clip(text, left), style
             left -= len(text)
     yield " " * (max(0, left) + 1), ""
-
-
-def title_of(dialect: str, block: str, status: int) -> str:
-    """Return what a dialect's table calls a STATUS of a block."""
-    found = DIALECTS[dialect].row(status, block) if dialect in DIALECTS else None
-    return plain(found.title) if found is not None else ""
 
 
 # -- one row in full ---------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ Rule: the same pins, peers and bytes go through each of them, on simulated netwo
 
 from __future__ import annotations
 
+from asyncio import sleep
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,6 +37,7 @@ from trcvtui.tui.widgets.race_table import (
     race_parts,
 )
 
+LOOK_S: Final = 1 / 30
 SESSION_FILE: Final = "session.toml"
 KEYS: Final = (
     ("n N", "difference"), ("1-4", "dialects"), ("← →", "instance"), ("o", "only differing"),
@@ -123,6 +125,12 @@ class RaceScreen(Screen[None]):
         assert self._path is not None
         self.run = RaceRun(self._path, self._chosen)
         self._tell("racing …", "busy")
+        self.run_worker(self._follow(self.run), exclusive=True)
+
+    async def _follow(self, run: RaceRun) -> None:
+        while not run.is_over:
+            await sleep(LOOK_S)
+        self.show()
 
     # -- what is shown ------------------------------------------------------------------------------
 

@@ -150,18 +150,33 @@ def test_a_code_that_a_block_lacks_is_not_waited_for(tmp_path: Path) -> None:
     race = raced(tmp_path, RECEIVE + "wait TRCV_C_1 STATUS=7007 within T#50ms\n")
     assert notes(race) == [
         ("s7-1500", 7, "wait TRCV_C_1 STATUS=7007 within T#50ms: not waited for: "
-                       "TRCV_C has no STATUS 7007 here"),
+                       "here 7007 is none of TRCV_C"),
         ("baosky", 7, "wait TRCV_C_1 STATUS=7007 within T#50ms: found STATUS=7006"),
     ]  # fmt: skip
     assert race.scans == 10 + 5
 
 
+def test_a_code_that_says_something_else_is_not_waited_for(tmp_path: Path) -> None:
+    """0001 of Baosky is the first scan of all; Siemens' 0001 is a connection that a job has waited for."""
+    project = PASSIVE.replace('"baosky"', '"s7-1500"')
+    steps = "set TRCV_C_1 CONT=1 EN_R=1\nrun 1\nwait TRCV_C_1 STATUS=0001 within T#300ms\n"
+    race = race_file(story(tmp_path, steps, project), BOTH)
+    assert notes(race) == [
+        ("baosky", 3, "wait TRCV_C_1 STATUS=0001 within T#300ms: not waited for: "
+                      "here 0001 is 'Creating the socket'"),
+        ("s7-1500", 3, "wait TRCV_C_1 STATUS=0001 within T#300ms: found STATUS=7002"),
+    ]  # fmt: skip
+    assert race.scans == 31
+
+
 def test_a_wait_that_holds_in_one_alone_ends_soon_and_the_race_goes_on(tmp_path: Path) -> None:
-    steps = "set TRCV_C_1 CONT=1 EN_R=1\nrun 3\npeer P1 connect\nwait TRCV_C_1 STATUS=0001\nrun 2\n"
-    race = raced(tmp_path, steps.replace("run 3", "run 1\nwait TRCV_C_1 STATUS=80A1"))
-    assert [(dialect, step) for dialect, step, _ in notes(race)] == [("s7-1500", 3), ("baosky", 5)]
-    assert "20 scans behind another dialect it still does not hold" in race.notes[-1].text
-    assert race.scans < 100
+    project = PASSIVE.replace('"baosky"', '"s7-1500"')
+    steps = RECEIVE.removesuffix("run 3\n") + "wait TRCV_C_1 STATUS=0000\nrun 2\n"
+    race = race_file(story(tmp_path, steps, project), BOTH)
+    (late,) = notes(race)[-1:]
+    assert late[:2] == ("baosky", 6)
+    assert late[2].endswith("20 scans behind another dialect it still does not hold")
+    assert walk(race, 0).endswith("8 7008 D 8 B | 9-30 7006 B")
 
 
 def test_a_command_that_one_bench_cannot_carry_out_is_noted(tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ take each step together and let scans pass together: a command reaches all of th
 
 Rule 1: nothing is aligned. A row is one scan; who is later is later.
 Rule 2: `expect` is left out. A `wait` is over when it holds in every dialect, at the latest PATIENCE_SCANS
-after the first; in whom it did not hold is noted, and whose block lacks that STATUS is not waited for.
+after the first; in whom it did not hold is noted. A STATUS that says something else there, or nothing, is not
+waited for: 0001 of one vendor is no 0001 of another.
 Rule 3: a partner sends what it sends in the scenario's own dialect, also where a layout is another one.
 Bounds: MOST_ROWS runs of equal scans an instance, MOST_NOTES notes.
 """
@@ -18,6 +19,7 @@ from hashlib import blake2s
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError, mistake
@@ -180,17 +182,28 @@ class _Lane:
             )
         return self._hashes[instance]
 
-    def lacks(self, condition: words.Condition) -> str:
-        """Return why a condition can never hold here, "" when it can."""
-        if not isinstance(condition, words.PinsAre):
+    def lacks(self, condition: words.Condition, own: Dialect) -> str:
+        """Return why a condition that was written for its own dialect has no sense here, "" when it has."""
+        decl = (
+            self.bench.project.instance(condition.instance) if isinstance(condition, words.PinsAre) else None
+        )
+        if decl is None or not isinstance(condition, words.PinsAre):
             return ""
-        decl = self.bench.project.instance(condition.instance)
-        block = decl.block if decl is not None else None
-        codes = {row.code for row in self.bench.project.dialect.status if block in row.blocks}
+        dialect = self.bench.project.dialect
         for pin, value in condition.pins:
-            if pin == "STATUS" and value not in codes:
-                return f"not waited for: {block} has no STATUS {value:04X} here"
+            if pin == "STATUS" and not _meaning(own, decl.block, value) & _meaning(
+                dialect, decl.block, value
+            ):
+                row = dialect.row(value, decl.block)
+                what = f"is '{row.title}'" if row is not None else f"is none of {decl.block}"
+                return f"not waited for: here {value:04X} {what}"
         return ""
+
+
+def _meaning(dialect: Dialect, block: str, code: int) -> frozenset[Condition]:
+    """Return what a block says with a code."""
+    rows = [row for row in dialect.status if row.code == code and block in row.blocks]
+    return frozenset(condition for row in rows for condition in row.conditions)
 
 
 # -- the race ------------------------------------------------------------------------------------------------
@@ -199,7 +212,8 @@ class _Lane:
 class _Race:
     """All lanes side by side, and what has been seen of them."""
 
-    def __init__(self, lanes: Sequence[_Lane], notes: list[Note]) -> None:
+    def __init__(self, own: Dialect, lanes: Sequence[_Lane], notes: list[Note]) -> None:
+        self._own = own  # that of the scenario
         self._lanes = lanes
         self._notes = notes
         self._blocks: dict[str, str] = {}
@@ -221,7 +235,7 @@ class _Race:
             self._finish(step, going)
 
     def _can_take(self, lane: _Lane, step: words.Step) -> bool:
-        why = lane.lacks(step.command.condition) if isinstance(step.command, words.Wait) else ""
+        why = lane.lacks(step.command.condition, self._own) if isinstance(step.command, words.Wait) else ""
         if why:
             self._note(lane, step, why)
         return not why
@@ -324,7 +338,7 @@ def race(scenario: Scenario, dialects: Sequence[Dialect], base: Path | None = No
             notes += [Note(dialect.name, 0, text) for text in said]
             project = project if base is None else replace(project, base=base)
             lanes.append(_Lane(dialect.name, project, _read_steps(steps, project, notes)))
-        course = _Race(lanes, notes)
+        course = _Race(scenario.project.dialect, lanes, notes)
         course.play(steps)
     finally:
         for lane in lanes:

@@ -11,9 +11,12 @@ from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.rig import race as racing
-from trcvtui.rig.race import Race, race, race_file
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.console import Console
+from trcvtui.rig.race import known_dialects, race_file, race_lines
 from trcvtui.rig.race_report import Cell, RaceRow, race_rows, race_text, summary
-from trcvtui.rig.scenario import Scenario, load_bench, load_scenario
+from trcvtui.rig.race_result import Race
+from trcvtui.rig.scenario import load_bench
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")
 BOTH = ["baosky", "s7-1500"]
@@ -196,11 +199,23 @@ def test_rows_and_notes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert summary(one).endswith("2 of 2 scans differ, later ones are not kept")
 
 
-def test_the_steps_of_a_running_session_can_be_raced(tmp_path: Path) -> None:
+def test_what_was_done_on_a_bench_can_be_raced(tmp_path: Path) -> None:
     project = load_bench(CONFIGS / "passive.toml")
-    steps = load_scenario(story(tmp_path, RECEIVE)).steps
-    session = race(Scenario("session", "", project, (), steps), [DIALECTS[name] for name in BOTH])
-    assert session.instances == raced(tmp_path, RECEIVE).instances
+    console = Console(Bench(project, "sim"))
+    for number, line in enumerate(RECEIVE.split("\n")):
+        if line.startswith("run "):
+            for _ in range(int(line.removeprefix("run "))):
+                console.scan()
+        elif line:
+            console.take(number, line)
+    race = race_lines(project, console.session.steps(), BOTH)
+    console.bench.close()
+    assert race.instances == raced(tmp_path, RECEIVE).instances
+    assert race.notes == ()
+
+
+def test_the_dialects_that_can_take_part_are_those_of_the_registry() -> None:
+    assert dict(known_dialects()) == {dialect.name: dialect.title for dialect in DIALECTS.values()}
 
 
 def test_a_created_instance_takes_part_from_its_first_scan(tmp_path: Path) -> None:

@@ -52,6 +52,16 @@ def steps_of(file: Path) -> list[str]:
     return [step.line for step in load_scenario(file).steps]
 
 
+def test_the_scans_of_the_wire_are_any_number_whoever_numbers_them(tmp_path: Path) -> None:
+    """A vendor whose blocks have tables of their own, too: one scan of 7006 may be two on real sockets."""
+    file = tmp_path / "s7.toml"
+    driver = LocalDriver(fresh_bench(load_project(CONFIGS / "s7-receiver.toml"), "sim"))
+    say(driver, "set TRCV_C_1 CONT=1", 3, "peer P1 connect", 3, "set TRCV_C_1 EN_R=1", 1)
+    say(driver, "peer P1 close", 2, f"save scenario {file}")
+    driver.close()
+    assert steps_of(file)[-1] == "expect TRCV_C_1 trace 7001 7002+ 7004+ 7006+ 80C5! 80C4!"
+
+
 def test_a_session_becomes_a_scenario_that_finds_again_what_was_seen(
     driver: LocalDriver, tmp_path: Path
 ) -> None:

@@ -66,7 +66,7 @@ class Seen:
             self._long.discard(self._count - NEWEST_RUNS)
         self._newest.append(scan)
 
-    def pattern(self, by_turns: Collection[int] = (), done: int = 0) -> str:
+    def pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
         """Return what was seen in the notation of a pattern, "" where nothing was.
 
         Behind a first `done` any number of scans `by_turns` may follow.
@@ -82,7 +82,7 @@ class Seen:
         return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
 
 
-def _any_number(atoms: list[Atom], by_turns: Collection[int], done: int) -> Iterator[Atom]:
+def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
     """Yield a pattern in which each stretch of scans by turns ends behind its first `done` with anything."""
     is_open = False
     for atom in atoms:
@@ -90,7 +90,7 @@ def _any_number(atoms: list[Atom], by_turns: Collection[int], done: int) -> Iter
             continue
         yield atom
         is_open = atom is ANY
-        if atom.scan is not None and atom.scan[0] == done:
+        if atom.scan is not None and atom.scan[0] in done:
             yield ANY
             is_open = True
 
@@ -109,10 +109,11 @@ class Session:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        status = bench.project.rules.status
-        self._of_the_wire = frozenset(status[each] for each in OF_THE_WIRE if each in status)
-        self._turns = {status[each] for each in BY_TURNS if each in status}
-        self._done = status.get(Condition.RECEIVED, 0)
+        rules = bench.project.rules
+        codes = (rules.status, *rules.status_of.values())
+        self._of_the_wire = frozenset(code[each] for code in codes for each in OF_THE_WIRE if each in code)
+        self._turns = {code[each] for code in codes for each in BY_TURNS if each in code}
+        self._done = {code[Condition.RECEIVED] for code in codes if Condition.RECEIVED in code}
         self._peers_by_the_clock = False  # by commands; those of the project are known from it
         self._entries: list[Entry] = []
         self._characters = 0

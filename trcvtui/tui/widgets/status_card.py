@@ -83,8 +83,8 @@ class StatusCard(LineView):
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
         if found is not None:
-            rows += self._paragraph("else" if told.checks else "next", found.checks, "dim")
-            rows += self._paragraph("means", found.causes, "dim")
+            rows += self._paragraph("else" if told.checks else "next", found.checks_of(shown.block), "dim")
+            rows += self._paragraph("means", found.causes_of(shown.block), "dim")
         return rows
 
     def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:

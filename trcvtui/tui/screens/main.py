@@ -23,7 +23,6 @@ from trcvtui.tui.widgets.header_line import HeaderLine
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.instance_list import InstanceList
 from trcvtui.tui.widgets.key_line import KeyLine
-from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.peer_panel import PeerPanel
 from trcvtui.tui.widgets.prompt import Prompt
 from trcvtui.tui.widgets.received import Received
@@ -75,7 +74,7 @@ class MainScreen(Screen[None]):
         self._submit = submit
         self._pane = 2
         self._past = 4  # history or timing, where one place is for both
-        voice = Voice(submit, self.action_prompt)
+        voice = Voice(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
         self.tabs = TabLine()
@@ -151,9 +150,8 @@ class MainScreen(Screen[None]):
         self._show_keys()
 
     def _show_keys(self) -> None:
-        picture, focused = self._scene.live, self.focused
-        local = focused.keys() if isinstance(focused, LineView) else ()
-        self.key_line.show_keys(local, bool(picture and picture.holding))
+        picture = self._scene.live
+        self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
 
     def begin_anew(self) -> None:
         """Another bench stands here now: nothing that was pointed at is there any more."""
@@ -333,7 +331,7 @@ class MainScreen(Screen[None]):
         from trcvtui.tui.taking import take
 
         if taken is not None:
-            self.run_worker(take(self.app, *taken, self.prompt.tell))
+            self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
 
     def action_mouse(self) -> None:
         """Let the terminal have the mouse, or take it back."""

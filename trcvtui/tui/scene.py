@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
@@ -99,6 +100,8 @@ class Scene:
     def _show(self, picture: Picture) -> None:
         self.picture, self._thawing = picture, 0
         self._take_waves(picture)
+        if picture.lines_skipped and picture.lines:
+            self._note_skipped(picture.lines[0].seq)
         self.lines.extend(picture.lines)
         for line in picture.lines:
             self.provenance.note(line)
@@ -121,6 +124,16 @@ class Scene:
             self.waves.take_up_to(picture.waves, interval_ns, self.snapshot.scan, self.snapshot.t_ns)
         else:
             self.waves.take(picture.waves, interval_ns)
+
+    def _note_skipped(self, first: int) -> None:
+        """Take from the waves the STATUS edges whose lines were left out before line `first`."""
+        for name in self.drawn_instances:
+            known = self.history.of(name)
+            last = known[-1].seq if known else 0
+            newest = takewhile(lambda line: line.seq > last, reversed(self.waves.of(name).edges))  # noqa: B023
+            for line in reversed([line for line in newest if line.seq < first]):
+                assert isinstance(line.event, StatusEdge)
+                self.history.note(line, line.event)
 
     def _begin_anew(self, bench: int) -> None:
         self.bench, self._seq = bench, 0

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 LEAST_WIDTH, LEAST_HEIGHT, ROOMY, TALL = 128, 38, 43, 54
 BROAD, HIGH = 180, 56  # from here on history and timing both stand
+STRIP_WIDTH, STRIP_HEIGHT = 140, 39  # so wide, so high without the instances: timing is a strip of its own
 TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
 SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
 PAST: Final = {4, 8}  # history and timing
@@ -134,6 +135,8 @@ class MainScreen(Screen[None]):
     def _fit(self, width: int, height: int) -> None:
         sizes = {"-roomy": height >= ROOMY, "-tall": height >= TALL, "-high": height >= HIGH}
         small = width < LEAST_WIDTH or height < LEAST_HEIGHT
+        rows = height - min(10, len(self._scene.project.instances) + 2)
+        sizes["-strip"] = STRIP_WIDTH <= width < BROAD and height < HIGH and rows >= STRIP_HEIGHT
         self.update_classes({TABS: small, "-broad": width >= BROAD, **sizes})
 
     # -- what comes in ------------------------------------------------------------------------------
@@ -276,7 +279,7 @@ class MainScreen(Screen[None]):
     def _arrange(self) -> None:
         """Show one pane or all; the tab that is open is marked."""
         alone = self.has_class(TABS) or self.has_class(ZOOM)
-        both = self.has_class("-broad") or self.has_class("-high")
+        both = self.has_class("-broad") or self.has_class("-high") or self.has_class("-strip")
         away = set() if both else PAST - {self._past}
         self.set_class(self._past == 8, "-timing")
         for digit, pane in self._panes().items():

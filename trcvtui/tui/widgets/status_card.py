@@ -78,7 +78,10 @@ class StatusCard(LineView):
             (f"  {when}", "dim"),
         )
         rows = [row(*head)]
-        if lamps:
+        if sum(len(text) for text, _ in lamps) > self.line_width:
+            lamps, rest = lamps[:-1], lamps[-1:]
+            rows += [row(*lamps), row(*rest)]
+        elif lamps:
             rows.append(row(*lamps))
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")

@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # what draws is read when the pane is first in sight: the fir
 
 
 NOT_KEPT: Final = "its wave was not kept when the view froze"
+STRIP: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
 ASKED: Final = "write as   v VCD   s SVG   t text   esc not at all"
 
 
@@ -95,7 +96,7 @@ class Timing(LineView):
         if self.size.height:
             from trcvtui.tui.widgets.timing_rows import rows_of
 
-            self._rows = rows_of(self.waves)
+            self._rows = rows_of(self.waves, self.size.height <= STRIP)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
             self.set_title(8, "Timing", self._detail())
             self._set_subtitle()

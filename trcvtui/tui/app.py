@@ -259,7 +259,8 @@ class BenchApp(App[None]):
         """Save the screen as SVG and tell where."""
         from trcvtui.tui.taking import take_picture  # read when first asked for
 
-        take_picture(self, self.main.prompt.tell if self.screen is self.main else self._notify)
+        prompt, on_bench = self.main.prompt, self.screen is self.main
+        take_picture(self, *((prompt.tell, prompt.complain) if on_bench else (self._notify, self._notify)))
 
     def _with_the_users_key(self, command: SystemCommand) -> SystemCommand:
         about, mark, key = command.help.rpartition("key ")

@@ -23,7 +23,6 @@ from trcvtui.tui.widgets.header_line import HeaderLine
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.instance_list import InstanceList
 from trcvtui.tui.widgets.key_line import KeyLine
-from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.peer_panel import PeerPanel
 from trcvtui.tui.widgets.prompt import Prompt
 from trcvtui.tui.widgets.received import Received
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
 
 LEAST_WIDTH, LEAST_HEIGHT, ROOMY, TALL = 128, 38, 43, 54
 BROAD, HIGH = 180, 56  # from here on history and timing both stand
+STRIP_WIDTH, STRIP_HEIGHT = 140, 39  # so wide, so high without the instances: timing is a strip of its own
 TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
 SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
 PAST: Final = {4, 8}  # history and timing
@@ -76,7 +76,7 @@ class MainScreen(Screen[None]):
         self._submit = submit
         self._pane = 2
         self._past = 4  # history or timing, where one place is for both
-        voice = Voice(submit, self.action_prompt)
+        voice = Voice(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
         self.tabs = TabLine()
@@ -136,6 +136,8 @@ class MainScreen(Screen[None]):
     def _fit(self, width: int, height: int) -> None:
         sizes = {"-roomy": height >= ROOMY, "-tall": height >= TALL, "-high": height >= HIGH}
         small = width < LEAST_WIDTH or height < LEAST_HEIGHT
+        rows = height - min(10, len(self._scene.project.instances) + 2)
+        sizes["-strip"] = STRIP_WIDTH <= width < BROAD and height < HIGH and rows >= STRIP_HEIGHT
         self.update_classes({TABS: small, "-broad": width >= BROAD, **sizes})
 
     # -- what comes in ------------------------------------------------------------------------------
@@ -152,9 +154,8 @@ class MainScreen(Screen[None]):
         self._show_keys()
 
     def _show_keys(self) -> None:
-        picture, focused = self._scene.live, self.focused
-        local = focused.keys() if isinstance(focused, LineView) else ()
-        self.key_line.show_keys(local, bool(picture and picture.holding))
+        picture = self._scene.live
+        self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
 
     def begin_anew(self) -> None:
         """Another bench stands here now: nothing that was pointed at is there any more."""
@@ -279,7 +280,7 @@ class MainScreen(Screen[None]):
     def _arrange(self) -> None:
         """Show one pane or all; the tab that is open is marked."""
         alone = self.has_class(TABS) or self.has_class(ZOOM)
-        both = self.has_class("-broad") or self.has_class("-high")
+        both = self.has_class("-broad") or self.has_class("-high") or self.has_class("-strip")
         away = set() if both else PAST - {self._past}
         self.set_class(self._past == 8, "-timing")
         for digit, pane in self._panes().items():
@@ -334,7 +335,7 @@ class MainScreen(Screen[None]):
         from trcvtui.tui.taking import take
 
         if taken is not None:
-            self.run_worker(take(self.app, *taken, self.prompt.tell))
+            self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
 
     def action_mouse(self) -> None:
         """Let the terminal have the mouse, or take it back."""

@@ -18,7 +18,7 @@ BAR: Final = 10
 
 
 class Columns(NamedTuple):
-    """Widths of the columns; `both` ends of the connection or the partner only; `bar` 0: no bar, no age."""
+    """Widths; `both` ends of the connection or the partner only; `bar` 0: no bar, no numbers, no age."""
 
     name: int
     partner: int
@@ -26,6 +26,7 @@ class Columns(NamedTuple):
     condition: int
     bar: int
     both: bool
+    numbers: int = 0
 
 
 class InstanceList(LineView):
@@ -64,7 +65,12 @@ class InstanceList(LineView):
         room = max(24, self.line_width - name - 86) if roomy else 23
         both = roomy and self._partner_width(True) <= room
         partner = min(self._partner_width(both), room)
-        return Columns(name, partner, 7, 18, BAR, both) if roomy else Columns(name, partner, 4, 18, 0, both)
+        numbers = max((len(_numbers(instance)) for instance in shown), default=0)
+        return (
+            Columns(name, partner, 7, 18, BAR, both, numbers)
+            if roomy
+            else Columns(name, partner, 4, 18, 0, both)
+        )
 
     def _partner_width(self, both: bool) -> int:
         links = {instance.connect: instance for instance in self._scene.instances}  # one of each will do
@@ -99,14 +105,14 @@ class InstanceList(LineView):
         if not columns.bar:
             have = f" {instance.have}/{instance.need}" if instance.need else ""
             return [(have, ""), (f" ◂{pulse.scan}" if pulse else "", "glow")]
-        parts: list[Part] = [(" " * (BAR + 3), "")]
+        parts: list[Part] = [(" " * (2 + BAR + columns.numbers), "")]
         if instance.need:
             full, empty = bar(instance.have, instance.need, BAR)
             parts = [
                 ("  ", ""),
                 (full, "busy"),
                 (empty, "faint"),
-                (f" {instance.have}/{instance.need} B", ""),
+                (_numbers(instance).ljust(columns.numbers), ""),
             ]
         if pulse is not None:
             return [*parts, (f"  ◂ scan {pulse.scan}", "glow")]
@@ -143,6 +149,10 @@ class InstanceList(LineView):
         self.post_message(InstanceSelected())
         self.keep_in_view(y)
         self.show()
+
+
+def _numbers(instance: InstanceSnapshot) -> str:
+    return f" {instance.have}/{instance.need} B" if instance.need else ""
 
 
 def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:

@@ -78,13 +78,16 @@ class StatusCard(LineView):
             (f"  {when}", "dim"),
         )
         rows = [row(*head)]
-        if lamps:
+        if sum(len(text) for text, _ in lamps) > self.line_width:
+            lamps, rest = lamps[:-1], lamps[-1:]
+            rows += [row(*lamps), row(*rest)]
+        elif lamps:
             rows.append(row(*lamps))
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
         if found is not None:
-            rows += self._paragraph("else" if told.checks else "next", found.checks, "dim")
-            rows += self._paragraph("means", found.causes, "dim")
+            rows += self._paragraph("else" if told.checks else "next", found.checks_of(shown.block), "dim")
+            rows += self._paragraph("means", found.causes_of(shown.block), "dim")
         return rows
 
     def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:

@@ -115,7 +115,7 @@ def test_each_stretch_of_frames_ends_in_anything_and_an_error_between_them_stays
     for status in (0x7002, 0x7004, 0x7006, 0x7008):
         seen.add((status, False))
     turns = (0x7004, 0x7006, 0x7008)
-    assert seen.pattern(turns, 0x7008) == "7004+ 7006+ 7008 ... 80C5! 7002 7004+ 7006+ 7008 ..."
+    assert seen.pattern(turns, (0x7008,)) == "7004+ 7006+ 7008 ... 80C5! 7002 7004+ 7006+ 7008 ..."
 
 
 def test_a_partner_outside_the_bench_is_named_and_nothing_is_expected_of_it(tmp_path: Path) -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from tests.tui.fakes import armed, connecting, picture, received, receiving, written
+from tests.tui.fakes import armed, connecting, edge, picture, received, receiving, written
 from tests.tui.looking import WIDE, looking
 from tests.tui.on_a_bench import on_a_bench
+from trcvtui.blocks.conditions import Condition
 
 LONG = written((880, armed()), (902, received(65535)), (903, armed()))
 
@@ -72,3 +74,49 @@ async def test_the_last_error_is_never_cut_in_its_number() -> None:
         ) as looker:
             await looker.press("3")
             assert "last error 16#80A1 in scan 123456" in looker.words("status")
+
+
+async def test_at_40x10_one_pane_stands_with_content_and_the_lamps_are_there() -> None:
+    async with looking((40, 10)) as looker:
+        assert all(lamp in looker.text.splitlines()[1] for lamp in ("TRCV_C_1", "7006", "B■", "D", "E"))
+        for key, pane, word in (
+            ("3", "status", "Receiving"),
+            ("5", "received", "0000"),
+            ("6", "udt", "speed"),
+        ):
+            await looker.press(key)
+            assert looker.app.main.query_one(f"#{pane}").size.height >= 4
+            assert word in looker.pane(pane)
+        assert " 6 Members" in looker.text.splitlines()[2] and looker.text.splitlines()[2].endswith(" 8")
+
+
+async def test_the_history_goes_to_the_error_before_and_asks_for_a_code() -> None:
+    edges = written((4, edge(0x80A1, Condition.NOT_CONNECTED, error=True)), (9, armed()), (12, received(24)))
+    async with looking(WIDE, picture(lines=edges)) as looker:
+        await looker.press("4", "exclamation_mark")
+        assert "scan 4, in the past" in looker.text and "80A1" in looker.pane("status")
+        await looker.press("3")
+        assert "esc now" in looker.text.splitlines()[-1]
+        await looker.press("4", "slash")
+        assert "find" in looker.pane("open-line")
+
+
+@pytest.mark.parametrize("size", [(80, 24), WIDE])
+async def test_the_header_says_live_or_sim(size: tuple[int, int]) -> None:
+    async with looking(size) as looker:
+        assert " live" in looker.text.splitlines()[0]
+
+
+async def test_the_way_of_writing_a_payload_is_marked_by_a_sign() -> None:
+    async with looking(WIDE) as looker:
+        await looker.press("7", "m")
+        assert "[hex] ▸text◂ [udt]" in looker.pane("peer")
+
+
+async def test_what_is_wrong_in_the_settings_stands_in_the_help_one_by_one(tmp_path: Path) -> None:
+    (tmp_path / "config" / "trcvtui").mkdir(parents=True)
+    (tmp_path / "config" / "trcvtui" / "config.toml").write_text("foo = 1\nbar = 2\n")
+    async with looking(WIDE) as looker:
+        assert "(and 1 more: ? lists all)" in " ".join(looker.text.split())
+        await looker.press("question_mark")
+        assert "found 'foo', expected theme" in looker.text and "found 'bar', expected theme" in looker.text

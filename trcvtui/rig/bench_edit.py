@@ -82,7 +82,7 @@ def _pairs(words: Words) -> dict[str, Any]:
 
 def _message(words: Words) -> dict[str, Any]:
     peer = words.next("").partition("=")[2] if words.peek().startswith("peer=") else ""
-    text = words.rest_text("what stands behind `peer P1 send`, such as hex 01 02")
+    text = words.rest_text("what stands after `peer P1 send`, such as hex 01 02")
     return {"text": text, **({"peer": peer} if peer else {})}
 
 

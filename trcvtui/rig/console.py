@@ -28,6 +28,7 @@ from trcvtui.rig.trial import Trials
 from trcvtui.rig.watching import Watching
 from trcvtui.rig.wave_news import WaveNews
 from trcvtui.rig.waves import Waves
+from trcvtui.rig.wording import count
 
 MOST_ANSWERS: Final = 64
 MOST_DATA: Final = (
@@ -164,7 +165,7 @@ class Console:
 
     def _mark(self) -> str:
         self.session.mark()
-        self._told = f"marked behind scan {self.session.marked_at}"
+        self._told = f"marked after scan {self.session.marked_at}"
         return ""
 
     def _save(self, rest: str) -> str:
@@ -188,14 +189,12 @@ class Console:
             before = self._edits.before
             if before is None:
                 found = "a session that began with additions which were in no file"
-                raise mistake("prompt", found, "a session begun behind `save project`: open the file again")
+                raise mistake("prompt", found, "a session begun after `save project`: open the file again")
         path = target(name)
         text = scenario_text(self.session, self.bench, path, before)
         self._saved.add(write_new(path, text, self._saved, "prompt"))
-        self._told = (
-            f"{self.session.commands} commands, {self.bench.runtime.scans} scans in {path.absolute()}"
-            f"{self.session.outsiders().told}"
-        )
+        size = f"{count(self.session.commands, 'command')}, {count(self.bench.runtime.scans, 'scan')}"
+        self._told = f"{size} in {path.absolute()}{self.session.outsiders().told}"
         return ""
 
     # -- a scenario ------------------------------------------------------------------------------------

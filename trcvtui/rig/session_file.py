@@ -75,6 +75,8 @@ def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
     try:
         with open(whole, "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
+    except FileNotFoundError:
+        raise mistake(where, f"{path}: no folder {path.parent}", "a folder that is there") from None
     except (OSError, ValueError) as failed:
         reason = failed.strerror if isinstance(failed, OSError) else str(failed)
         raise mistake(where, f"{path}: {reason}", "a file that can be written") from None

@@ -52,7 +52,7 @@ class BenchApp(App[None]):
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
         self._settings = settings or Settings()
         self._read_only = read_only
-        self.key_names = self._settings.names
+        self.key_names, self.problems = self._settings.names, self._settings.problems
         self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
         self._home = project.path
@@ -106,7 +106,7 @@ class BenchApp(App[None]):
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self._settings.problems:
             first, *more = self._settings.problems
-            self.main.prompt.complain(first + (f" (and {len(more)} more)" if more else ""))
+            self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
         _quiet_collector()
 
     async def _obey_early(self, event: events.Key) -> None:

@@ -35,7 +35,7 @@ from trcvtui.tui.widgets.udt_table import UdtTable
 if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
-LEAST_WIDTH, LEAST_HEIGHT, ROOMY, TALL = 128, 38, 43, 54
+LEAST_WIDTH, LEAST_HEIGHT, TINY, ROOMY, TALL = 128, 38, 16, 43, 54
 BROAD, HIGH = 180, 56  # from here on history and timing both stand
 STRIP_WIDTH, STRIP_HEIGHT = 140, 39  # so wide, so high without the instances: timing is a strip of its own
 TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
@@ -83,7 +83,7 @@ class MainScreen(Screen[None]):
         self.block = FunctionBlock(scene, voice)
         self.status = StatusCard(scene)
         self.timing = Timing(scene, voice)
-        self.history = StatusHistory(scene)
+        self.history = StatusHistory(scene, voice)
         self.received = Received(scene)
         self.table = UdtTable(scene)
         self.peer = PeerPanel(scene, voice)
@@ -138,7 +138,7 @@ class MainScreen(Screen[None]):
         small = width < LEAST_WIDTH or height < LEAST_HEIGHT
         rows = height - min(10, len(self._scene.project.instances) + 2)
         sizes["-strip"] = STRIP_WIDTH <= width < BROAD and height < HIGH and rows >= STRIP_HEIGHT
-        self.update_classes({TABS: small, "-broad": width >= BROAD, **sizes})
+        self.update_classes({TABS: small, "-tiny": height < TINY, "-broad": width >= BROAD, **sizes})
 
     # -- what comes in ------------------------------------------------------------------------------
 

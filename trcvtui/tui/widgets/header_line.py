@@ -66,7 +66,7 @@ class HeaderLine(LineView, can_focus=False):
         pieces.append(Piece(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
         style = "warn" if timing.overruns else "dim"
         pieces.append(Piece(count(timing.overruns, "overrun"), style, 35))
-        pieces.append(Piece(picture.kernel, "dim", 50))
+        pieces.append(Piece(picture.kernel, "dim", 4))
         if snapshot.connections_limit:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
             pieces.append(Piece(used, "dim", 70))

@@ -14,6 +14,7 @@ from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 
 ROOMY: Final = 110
+NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
 BAR: Final = 10
 
 
@@ -60,6 +61,8 @@ class InstanceList(LineView):
 
     def _measure(self) -> Columns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
+        if 0 < self.line_width < NARROW:
+            return Columns(min(max((len(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
         name = min(max((len(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
         room = max(24, self.line_width - name - 86) if roomy else 23
@@ -84,7 +87,7 @@ class InstanceList(LineView):
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
             (squeeze(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
-            (clip(_partner(connection, columns.both), columns.partner).ljust(columns.partner) + "  ", "dim"),
+            (_partner_text(connection, columns), "dim"),
             *_status(instance, columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
@@ -164,8 +167,17 @@ def _status(instance: InstanceSnapshot, columns: Columns) -> list[Part]:
     word = status_word(instance.status)[-columns.word :]
     return [
         (word + " ", style),
-        (clip(instance.condition, columns.condition).ljust(columns.condition + 1), style),
+        (
+            clip(instance.condition, columns.condition).ljust(columns.condition + 1)
+            * bool(columns.condition),
+            style,
+        ),
     ]
+
+
+def _partner_text(connection: ConnectionSnapshot | None, columns: Columns) -> str:
+    width = columns.partner
+    return clip(_partner(connection, columns.both), width).ljust(width) + "  " if width else ""
 
 
 def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:

@@ -22,6 +22,10 @@ LABEL: Final = 6
 class StatusCard(LineView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the way back to now, while an edge of the past is explained."""
+        return (("esc", "now"),) if self._past is not None else ()
+
     def __init__(self, scene: Scene) -> None:
         super().__init__(id="status")
         self._scene = scene

@@ -11,6 +11,7 @@ from trcvtui.tui.explain import why
 from trcvtui.tui.formatting import ON, clip, moment, plain, status_word
 from trcvtui.tui.messages import EdgeSelected
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 WORD: Final = 14  # at least; wider where a condition or a lamp is
@@ -22,12 +23,17 @@ LEAST_WHY: Final = 10  # characters; less would say nothing
 class StatusHistory(LineView):
     """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
 
-    KEYS: ClassVar = (("↑↓", "explain an edge"), ("esc", "now"))
-    BINDINGS: ClassVar = [("escape", "now", "back to now")]
+    KEYS: ClassVar = (("↑↓", "explain an edge"), ("!", "ERROR"), ("/", "code"), ("esc", "now"))
+    BINDINGS: ClassVar = [
+        ("exclamation_mark", "error_before", "the ERROR before"),
+        ("slash", "ask_code", "find a code"),
+        ("escape", "now", "back to now"),
+    ]
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, voice: Voice) -> None:
         super().__init__(id="history")
         self._scene = scene
+        self._voice = voice
         self._edges: list[Line] = []
         self._chosen: int | None = None
         self._word, self._lamp = WORD, LAMP
@@ -109,6 +115,19 @@ class StatusHistory(LineView):
         """Choose an older or a newer edge; above the newest stands the present."""
         here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
         self._choose(min(len(self._edges) - 1, here + rows))
+
+    def action_error_before(self) -> None:
+        """Choose the next older ERROR; behind the oldest comes the newest."""
+        here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
+        errors = [y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.error]
+        if errors:
+            self._choose(next((y for y in errors if y > here), errors[0]))
+        else:
+            self._voice.complain(f"no ERROR in what is known of {plain(self._scene.selected)}")
+
+    def action_ask_code(self) -> None:
+        """Ask for the code to find; the timing pane looks for it, and this one follows."""
+        self._voice.open_prompt("find ")
 
     def action_now(self) -> None:
         """Go back to the present."""

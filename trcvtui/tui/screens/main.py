@@ -15,6 +15,7 @@ from trcvtui.errors import UserError
 from trcvtui.tui import messages
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.sizes import TABS, sizes
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.timing_lines import is_for_timing, obey_line
 from trcvtui.tui.voice import Voice
@@ -35,10 +36,7 @@ from trcvtui.tui.widgets.udt_table import UdtTable
 if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
-LEAST_WIDTH, LEAST_HEIGHT, TINY, ROOMY, TALL = 128, 38, 16, 43, 54
-BROAD, HIGH = 180, 56  # from here on history and timing both stand
-STRIP_WIDTH, STRIP_HEIGHT = 140, 39  # so wide, so high without the instances: timing is a strip of its own
-TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
+ZOOM, FROZEN = "-zoom", "-frozen"
 SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
 PAST: Final = {4, 8}  # history and timing
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
@@ -134,11 +132,7 @@ class MainScreen(Screen[None]):
         self._arrange()
 
     def _fit(self, width: int, height: int) -> None:
-        sizes = {"-roomy": height >= ROOMY, "-tall": height >= TALL, "-high": height >= HIGH}
-        small = width < LEAST_WIDTH or height < LEAST_HEIGHT
-        rows = height - min(10, len(self._scene.project.instances) + 2)
-        sizes["-strip"] = STRIP_WIDTH <= width < BROAD and height < HIGH and rows >= STRIP_HEIGHT
-        self.update_classes({TABS: small, "-tiny": height < TINY, "-broad": width >= BROAD, **sizes})
+        self.update_classes(sizes(width, height, len(self._scene.project.instances)))
 
     # -- what comes in ------------------------------------------------------------------------------
 

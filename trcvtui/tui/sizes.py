@@ -1,4 +1,4 @@
-"""Which layout a terminal of a size gets: the classes that main.tcss speaks of; widths and heights in cells."""
+"""Which layout a terminal of a size gets: the classes that main.tcss speaks of; all sizes in cells."""
 
 from __future__ import annotations
 

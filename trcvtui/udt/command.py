@@ -73,16 +73,16 @@ def export(args: Namespace) -> str:
 def compare(args: Namespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
     from trcvtui.udt.compare import compare as side_by_side
-    from trcvtui.udt.compare_report import compare_json, compare_text, is_equal
+    from trcvtui.udt.compare_report import compare_json, compare_text
     from trcvtui.udt.given import given_bytes
 
     ours, theirs = _two_layouts(args)
     data = given_bytes(" ".join(args.hex)) if args.hex else b""
     comparison = side_by_side(ours, theirs)
-    answer = (
-        json_text(compare_json(comparison, data)) if args.format == "json" else compare_text(comparison, data)
-    )
-    return answer, is_equal(comparison, data)
+    if args.format == "text":
+        return compare_text(comparison, data)
+    answer, equal = compare_json(comparison, data)
+    return json_text(answer), equal
 
 
 def json_text(record: dict[str, object]) -> str:

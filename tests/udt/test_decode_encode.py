@@ -234,3 +234,11 @@ def test_the_next_leaf_is_the_first_that_is_not_wholly_there(layout: Layout, dat
     length = data.draw(st.integers(0, layout.size + 1))
     ends = [leaf.offset + leaf.size for leaf in layout.leaves()]
     assert layout.next_leaf(length) == next((n for n, end in enumerate(ends) if end > length), None)
+
+
+@pytest.mark.parametrize("members", ["d : DWORD; b : BOOL;", "b : BOOL; d : DWORD;"])
+def test_members_of_a_union_are_encoded_to_the_bytes_they_were_decoded_from(members: str) -> None:
+    types = types_of(f"TYPE U : UNION {members} END_UNION END_TYPE")
+    layout = lay_out(types.named("U"), rules_for())
+    values = dict(zip([leaf.path for leaf in layout.leaves()], decode(layout, b"\2\0\0\0"), strict=True))
+    assert encode(layout, values) == b"\2\0\0\0"

@@ -34,7 +34,7 @@ def cure(ours: Layout, theirs: Layout, language: Language = "st") -> Cure:
     are_swapped = ours.rules.byte_order != theirs.rules.byte_order
     if not receiver.is_possible:
         if are_swapped:  # then no member reads right where it lies: all comes out of the bytes
-            receiver = all_raw(theirs, ours.rules, receiver.unreached[0])
+            receiver = all_raw(theirs, ours.rules, receiver.unreached[0].why)
         unpacking = unpack_code(receiver, theirs)
     if are_swapped and (receiver.is_possible or sender.is_possible):
         swap = swap_code(theirs if receiver.is_possible else sender.layout, language)

@@ -88,6 +88,27 @@ def test_a_constant_that_no_file_declares_comes_from_the_command_line(
     assert len(json.loads(out)["members"]) == 16
 
 
+def test_files_that_use_each_other_are_given_with_with(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("outer.st").write_text("TYPE Outer : STRUCT a : ARRAY[1..GVL.N] OF Inner; END_STRUCT END_TYPE")
+    Path("inner.st").write_text("TYPE Inner : INT; END_TYPE TYPE Other : BOOL; END_TYPE")
+    Path("gvl.st").write_text("VAR_GLOBAL CONSTANT N : INT := 3; END_VAR")
+    argv = ("udt", "show", "outer.st", "--with", "inner.st")
+    assert run(capsys, *argv) == (
+        2,
+        "",
+        "outer.st:1:34: found 'GVL.N', expected a known constant: --constant GVL.N=VALUE,"
+        " or --with FILE that declares it\n",
+    )
+    code, _, err = run(capsys, "udt", "show", "outer.st", "--constant", "GVL.N=3")
+    assert (code, err) == (
+        2,
+        "outer.st:1:44: found 'Inner', expected a known type: --with FILE that declares it\n",
+    )
+    code, out, err = run(capsys, *argv, "--with", "gvl.st", "--format", "json")
+    assert (code, err) == (0, "")
+    assert [member["path"] for member in json.loads(out)["members"]] == ["a[1]", "a[2]", "a[3]"]
+
+
 def test_the_form_of_text_is_chosen_like_the_byte_order(capsys: pytest.CaptureFixture[str]) -> None:
     given = "02 00 00 00 41 42 43 00 00 00"
     Path("text.st").write_text("TYPE T : STRUCT a : DINT; s : STRING[4]; END_STRUCT END_TYPE")

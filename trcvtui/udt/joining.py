@@ -306,7 +306,7 @@ class Joining:
             self.refuse(user, *refused.problems)
             return None
         for name in unknown:
-            self.refuse(user, Problem(number.where, f"'{name}'", KNOWN_CONSTANT.format(name)))
+            self.refuse(user, Problem(number.where, f"'{name}'", unknown_constant(name)))
         return value
 
     def quietly(self, number: Number, scope: str) -> int | None:
@@ -317,6 +317,11 @@ class Joining:
 
     def place(self, user: str) -> str:
         return self.declared[user].where if user in self.declared else "type"
+
+
+def unknown_constant(name: str) -> str:
+    """Return what is expected in place of a constant that nobody declares."""
+    return KNOWN_CONSTANT.format(name)
 
 
 def references(spec: Spec) -> Iterator[Reference]:

@@ -1,4 +1,4 @@
-"""Leaves that overlap, written so that all of them still read as their own values (encode is decode's inverse).
+"""Leaves that overlap, written so that all of them still read as their own values.
 
 Rule: first the leaves of which every bit counts; then BOOL, texts and the like, which several byte strings
 say, by changing as little as their value needs.

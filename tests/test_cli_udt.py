@@ -109,6 +109,50 @@ def test_files_that_use_each_other_are_given_with_with(capsys: pytest.CaptureFix
     assert [member["path"] for member in json.loads(out)["members"]] == ["a[1]", "a[2]", "a[3]"]
 
 
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ("show", "types.st"),
+        ("decode", "types.st", "01"),
+        ("decode", "types.st", "--format", "csv", "01"),
+        ("decode", "types.st", "--format", "md", "01"),
+        ("compare", "types.st", "--layout", "packed"),
+        ("compare", "types.st", "01"),
+    ],
+)
+def test_a_name_in_a_file_never_reaches_the_terminal_raw(
+    argv: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    named = 'TYPE "T\x1b[31m" : STRUCT "a\x1b]0;x\x07" : "U\x9b"; END_STRUCT "U\x9b" : (x); END_TYPE'
+    Path("types.st").write_text(named, encoding="utf-8")
+    _, out, err = run(capsys, "udt", *argv, "--type", "T\x1b[31m")
+    assert all(line.isprintable() for line in (out + err).splitlines()) and "x1b" in out
+
+
+def test_what_is_worth_knowing_of_a_type_is_told_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("t.udt").write_text(
+        "TYPE \"In\"\n{ S7_Optimized_Access := 'TRUE' }\nSTRUCT a : INT; END_STRUCT; END_TYPE\n"
+        'TYPE "Out"\nSTRUCT i : "In"; END_STRUCT; END_TYPE\n'
+    )
+    said = "note: In: optimised access: the CPU sorts the members itself; laid out as standard access\n"
+    Path("values.json").write_text("{}")
+    for argv in (("show",), ("decode", "00 01"), ("encode", "values.json"), ("export", "--to", "ksy")):
+        code, out, err = run(capsys, "udt", argv[0], "t.udt", *argv[1:], "--type", "Out")
+        assert (code, err) == (0, said) and "optimised" not in out
+
+
+@pytest.mark.parametrize(
+    ("layout", "told"), [("baosky", True), ("natural8", True), ("packed", False), ("c", False)]
+)
+def test_a_packing_that_the_layout_leaves_out_is_told(
+    layout: str, told: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("t.h").write_text("#pragma pack(1)\ntypedef struct { char a; double b; } T;")
+    code, out, err = run(capsys, "udt", "show", "t.h", "--layout", layout)
+    assert code == 0 and out.startswith("T: ")
+    assert ("T: its packing (1) is not applied" in err) is told
+
+
 def test_the_form_of_text_is_chosen_like_the_byte_order(capsys: pytest.CaptureFixture[str]) -> None:
     given = "02 00 00 00 41 42 43 00 00 00"
     Path("text.st").write_text("TYPE T : STRUCT a : DINT; s : STRING[4]; END_STRUCT END_TYPE")

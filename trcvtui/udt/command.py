@@ -5,15 +5,17 @@ Rule: what only one of the commands needs is imported by that command; these sit
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.udt.formats import read_file, read_files
 from trcvtui.udt.joining import KNOWN_TYPE, unknown_constant
 from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.notes import notes_of
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Type
 
@@ -99,10 +101,15 @@ def json_text(record: dict[str, object]) -> str:
 
 
 def layout_of(args: Namespace) -> Layout:
-    """Return the layout that the arguments name; raise UserError with what is wrong in them."""
+    """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
     rules = rules_for(args.layout, args.byte_order, args.text)
-    name, type_ = named_type(types_of(args), args.type, args)
-    return lay_out(type_, rules, name)
+    types = types_of(args)
+    name, type_ = named_type(types, args.type, args)
+    layout = lay_out(type_, rules, name)
+    for note in notes_of(types, name, type_, rules):
+        if sys.stderr is not None:  # the shell's 2>&-
+            sys.stderr.write(f"note: {one_line(note)}\n")
+    return layout
 
 
 def types_of(args: Namespace) -> TypeSet:

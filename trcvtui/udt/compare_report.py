@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.errors import one_line
 from trcvtui.udt.compare import VALUE, Cell, Comparison, Count, Row
 from trcvtui.udt.decode import decode_leaf
 from trcvtui.udt.layout import Layout
@@ -72,7 +73,7 @@ def _value(cell: Cell | None) -> str:
 
 def _extent(layout: Layout) -> str:
     rules = layout.rules
-    return f"{layout.name}: {layout.size} bytes, layout {rules.name}, {rules.byte_order}-endian"
+    return f"{one_line(layout.name)}: {layout.size} bytes, layout {rules.name}, {rules.byte_order}-endian"
 
 
 def _side(layout: Layout) -> dict[str, object]:

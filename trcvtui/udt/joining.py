@@ -175,7 +175,7 @@ class Joining:
         if length is not None and length < 1:
             self.refuse(user, _wrong(spec.length, length, "a length of 1 or more"))
             return None
-        return None if length is None else Text(length, spec.wide)
+        return None if length is None else Text(length, spec.wide, spec.utf8)
 
     def build_range(self, spec: RangeSpec, user: str) -> Type | None:
         base = self.look_up(spec.base, user)[0]

@@ -47,7 +47,10 @@ class Overlay:
         """Return which bytes of a text say what it is: not the longest length, nor what is behind the end."""
         assert isinstance(leaf.type, Text)
         unit = 2 if leaf.type.wide else 1
-        length = len(str(decode_leaf(self._layout, leaf, part)).encode("utf-16-le", "surrogatepass")) // 2
+        text = str(decode_leaf(self._layout, leaf, part))
+        length = len(text.encode("utf-16-le", "surrogatepass")) // 2
+        if leaf.type.utf8:
+            length = len(text.encode("utf-8", "surrogateescape"))
         first = unit if self._layout.rules.text.header else 0
         last = min(first + (length + 1) * unit, len(part))
         return bytes(255 if first <= at < last else 0 for at in range(len(part)))

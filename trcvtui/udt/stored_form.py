@@ -14,7 +14,7 @@ EPOCHS: Final = {0: "1970", 7305 * DAY: "1990"}
 def stored_form(type_: LeafType, rules: LayoutRules) -> tuple[object, ...]:
     """Return a value that is equal for leaves that are stored alike."""
     if isinstance(type_, Text):
-        return type_.wide, rules.text.header, rules.text.length(type_)
+        return type_.wide, type_.utf8, rules.text.header, rules.text.length(type_)
     row = rules.stored(type_)
     return row.name, row.code, row.unit_ns, row.epoch_ns
 

@@ -161,6 +161,7 @@ def test_one_leaf_is_written_in_place() -> None:
         ("LWORD", 2**64),
         ("REAL", 3.5e38),
         ("REAL", "fast"),
+        ("LREAL", "1e400"),
         ("REAL", False),
         ("LREAL", 10**400),
         ("CHAR", "ab"),

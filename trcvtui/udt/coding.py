@@ -77,9 +77,12 @@ def _float(value: object) -> float | None:
     if not isinstance(value, int | float | str) or isinstance(value, bool):
         return None
     try:
-        return float(value)
+        number = float(value)
     except (ValueError, OverflowError):
         return None
+    # Digits without end (`1e400`) are no infinity.
+    is_named = not isinstance(value, str) or "inf" in value.lower()
+    return number if is_named or not math.isinf(number) else None
 
 
 def _character(row: Elementary, _: LayoutRules) -> Coding:

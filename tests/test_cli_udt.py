@@ -208,6 +208,18 @@ def test_differing_rows_are_marked_and_exit_1(capsys: pytest.CaptureFixture[str]
     ]
 
 
+def test_a_stored_form_that_differs_is_exit_1(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = "udt compare types.st --type Mixed --text s7 --text cstr"
+    code, out, err = run(capsys, *argv.split())
+    assert (code, err) == (1, "")
+    assert [line.split() for line in out.splitlines() if line.startswith("*")] == [
+        ["*", "name", "16", "16", "form"]
+    ]
+    assert "1 of 4 members differs, the first at byte 16" in out
+    code, out, _ = run(capsys, *argv.split(), "--format", "json")
+    assert (code, json.loads(out)["equal"]) == (1, False)
+
+
 def test_bytes_behind_the_options_are_compared_as_values(capsys: pytest.CaptureFixture[str]) -> None:
     argv = "udt compare types.st --type Theirs --byte-order little --byte-order big --format json"
     code, out, _ = run(capsys, *argv.split(), *ONES.split())

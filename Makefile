@@ -31,9 +31,11 @@ scenarios: $(READY)
 soak: $(READY)
 	TRCVTUI_SOAK=1 $(BIN)/pytest -s tests/properties/test_soak.py $(ARGS)
 
-# Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred.
+# Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred. Then every type
+# file, own and of others, cut at every byte: minutes.
 oracle: $(READY)
 	TRCVTUI_ORACLE=10000 $(BIN)/pytest -s -o timeout=900 tests/udt/test_oracle_gcc.py $(ARGS)
+	TRCVTUI_ORACLE=1 $(BIN)/pytest -n 2 -rs tests/udt/test_corpus_text.py tests/udt/test_corpus_xml.py $(ARGS)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks $(ARGS)

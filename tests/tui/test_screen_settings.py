@@ -124,7 +124,10 @@ async def test_a_mistake_in_the_settings_is_shown_on_the_screen(config: Path) ->
     (config / "keys.toml").write_text('hold = "n"\nnothing = "f6"\n')
     async with looking(WIDE) as looker:
         words = " ".join(looker.text.split())
-        assert "hold: found 'n', which pins and panes have, expected another key (and 1 more: ? lists all)" in words
+        assert (
+            "hold: found 'n', which pins and panes have, expected another key (and 1 more: ? lists all)"
+            in words
+        )
         await looker.press("n")
         assert looker.lines == ["set TRCV_C_1 EN_R=0"]
 

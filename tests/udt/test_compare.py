@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.compare import Row, compare
+from trcvtui.udt.compare_report import compare_json, compare_text
 from trcvtui.udt.decode import decode
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.layout import LayoutRules, lay_out, rules_for
+from trcvtui.udt.profiles import shape
+from trcvtui.udt.types import Struct
 from trcvtui.udt.value_text import value_text
 
 MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"
@@ -85,6 +89,50 @@ def test_a_million_members_cost_the_rows_that_are_shown() -> None:
     assert str(summary) == (
         "ours 2097144 bytes, theirs 1310713; 99 of the first 100 members differ, the first at byte 1"
     )
+
+
+@pytest.mark.parametrize(
+    ("members", "ours", "theirs", "said"),
+    [
+        ("s : STRING;", ("baosky", "little", "s7"), ("baosky", "little", "cstr"), ["s"]),
+        ("i : INT; t : TIME; lt : LTIME;", ("baosky",), ("codesys-4",), ["t", "lt"]),
+        ("d : DATE; i : INT;", ("baosky",), ("codesys-4",), ["d"]),
+        ("a : ARRAY[1..2] OF TIME;", ("baosky",), ("codesys-4",), ["a[1]", "a[2]"]),
+        ("i : INT; r : REAL; b : ARRAY[0..3] OF BYTE;", ("baosky",), ("codesys-4",), []),
+    ],
+)
+def test_layouts_that_differ_only_in_how_a_member_is_stored_are_not_equal(
+    members: str, ours: tuple[str, ...], theirs: tuple[str, ...], said: list[str]
+) -> None:
+    a = layout_of(members)
+    both = compare(lay_out(a.type, rules_for(*ours)), lay_out(a.type, rules_for(*theirs)))
+    assert [(row.path, row.differs) for row in both.rows(b"") if row.differs] == [
+        (path, ("form",)) for path in said
+    ]
+    assert compare_text(both, b"")[1] is compare_json(both, b"")[1] is (not said)
+
+
+@settings(max_examples=100, deadline=None)
+@given(structs(types, least=1), rules, rules)
+def test_layouts_are_equal_exactly_when_profiles_call_them_one(
+    type_: Struct, ours: LayoutRules, theirs: LayoutRules
+) -> None:
+    a, b = lay_out(type_, ours), lay_out(type_, theirs)
+    _, equal = compare_json(compare(a, b), b"")
+    if equal:
+        assert shape(a) == shape(b)
+    elif a.rules.byte_order == b.rules.byte_order:
+        assert shape(a) != shape(b)
+
+
+def test_text_json_and_exit_code_agree_however_far_the_first_difference_is() -> None:
+    members = "a : ARRAY[1..70000] OF BYTE; t : TIME;"
+    both = compare(layout_of(members), layout_of(members, "codesys-4"))
+    text, equal = compare_text(both, b"")
+    assert not equal
+    assert text.splitlines()[-1].endswith("; 1 of 70001 members differs, the first at byte 70000")
+    answer, equal = compare_json(both, b"")
+    assert answer["equal"] is equal is False
 
 
 @settings(max_examples=60, deadline=None)

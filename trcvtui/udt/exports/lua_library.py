@@ -380,9 +380,11 @@ end
 local function s5time(range)
   local word = uint(range)
   local digits = string.format("%04X", word)
-  local base = math.floor(word / 4096)
-  if base > 3 or digits:sub(2):find("%D") then return "16#" .. digits end
-  return duration_text("S5T#", 0, tonumber(digits:sub(2)) * 10 ^ (base + 1) * 1e6)
+  if digits:sub(2):find("%D") then return "16#" .. digits end
+  local base, count = math.floor(word / 4096) % 4, tonumber(digits:sub(2))
+  local is_plain = word < 16384 and (base == 0 or count > 99)
+  local beside = is_plain and "" or " (16#" .. digits .. ")"
+  return duration_text("S5T#", 0, count * 10 ^ (base + 1) * 1e6) .. beside
 end
 """,
         ("uint", "duration_text"),

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from trcvtui.udt.placed import PlacedLeaf
 from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.stored_form import stored_form
 from trcvtui.udt.types import ELEMENTARY, Enumeration, LeafType, Text, type_text
 
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
@@ -32,12 +33,7 @@ def stand_in(
     stored, own = theirs.stored(node.type), ours.stored(node.type)
     if own.name in ours.bits:
         return ELEMENTARY["BYTE"], f"a BOOL of one byte in {theirs.name}, a bit in {ours.name}: here a BYTE"
-    if (stored.name, stored.code, stored.unit_ns, stored.epoch_ns) == (
-        own.name,
-        own.code,
-        own.unit_ns,
-        own.epoch_ns,
-    ):
+    if stored_form(node.type, theirs) == stored_form(node.type, ours):
         return node.type, ""
     if isinstance(node.type, Enumeration):
         name = type_text(node.type)

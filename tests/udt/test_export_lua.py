@@ -90,6 +90,16 @@ def test_tshark_shows_what_udt_decode_shows(name: str, more: dict[str, str], tmp
 
 
 @with_tshark
+def test_what_a_literal_leaves_out_is_beside_it_as_in_udt_decode(tmp_path: Path) -> None:
+    layout = layout_of("a : ARRAY[0..2] OF LDATE; s : ARRAY[0..3] OF S5TIME; d : DATE;", "codesys-8")
+    days = b"".join(n.to_bytes(8, "little", signed=True) for n in (-1, 86_400 * 10**9, 3_600_000_000_001))
+    words = b"".join(n.to_bytes(2, "little") for n in (0x1015, 0x8150, 0x0150, 0x3999))
+    data = days + words + (86_401).to_bytes(4, "little") + bytes(4)
+    [shown] = dissected(layout, [data], tmp_path)
+    assert [value for _, value in shown] == [str(value) for value in decode(layout, data[: layout.size])]
+
+
+@with_tshark
 def test_values_that_tcp_has_cut_and_joined_are_each_found_once(tmp_path: Path) -> None:
     layout = layout_of("id : UDINT; t : TIME; s : STRING[4];")
     values = [bytes([number]) + bytes(7) + b"\x04\x02ok\0\0" + bytes(2) for number in range(1, 6)]

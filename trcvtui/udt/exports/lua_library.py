@@ -320,11 +320,13 @@ end
 local function date(prefix, signed, unit, epoch)
   return function(range)
     local days, ns = split(range, signed, unit)
-    return prefix .. date_text(days + epoch - (ns < 0 and 1 or 0))
+    if ns < 0 then days, ns = days - 1, ns + 86400e9 end
+    local rest = ns > 0 and duration_text(" (and T#", 0, ns) .. ")" or ""
+    return prefix .. date_text(days + epoch) .. rest
   end
 end
 """,
-        ("split", "date_text"),
+        ("split", "date_text", "duration_text"),
     ),
     "date_clock": (
         """\

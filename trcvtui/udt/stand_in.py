@@ -61,7 +61,7 @@ def _text(type_: Text, size: int, theirs: LayoutRules, ours: LayoutRules) -> tup
         return None, f"a STRING with {there} its characters in {theirs.name}, with {here} them in {ours.name}"
     declared = theirs.text.length(type_)
     length = size // (2 if type_.wide else 1) - ours.text.extra
-    found = Text(length, type_.wide)
+    found = Text(length, type_.wide, type_.utf8)
     if length < declared or length > ours.text.most(found):
         name = type_text(Text(declared, type_.wide))
         return None, f"{name} of {size} bytes: {ours.name} has none of that size and length"

@@ -25,7 +25,7 @@ unit: $(READY)
 	$(BIN)/pytest -n 2 $(ARGS)
 
 scenarios: $(READY)
-	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml $(ARGS)
+	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml configs/scenarios/siemens/*.toml $(ARGS)
 
 # A million random scans on simulated networks: minutes. TRCVTUI_SOAK_SCANS says how many.
 soak: $(READY)

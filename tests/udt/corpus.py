@@ -25,7 +25,7 @@ def files(*suffixes: str) -> list[Path]:
 
 
 def of_others(rows: Sequence[Any], width: int = 1) -> Sequence[Any]:
-    """Return rows of parameters; where the files are absent, one row that is skipped and says so."""
+    """Return rows of parameters; where the files of others are absent, one that is skipped and says so."""
     return rows or [pytest.param(*[None] * width, id="absent", marks=needs_given)]
 
 

@@ -12,7 +12,7 @@ from trcvtui.udt.compare_report import compare_json, compare_text
 from trcvtui.udt.decode import decode
 from trcvtui.udt.layout import LayoutRules, lay_out, rules_for
 from trcvtui.udt.profiles import shape
-from trcvtui.udt.types import Struct
+from trcvtui.udt.types import Member, Struct, Text
 from trcvtui.udt.value_text import value_text
 
 MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"
@@ -153,3 +153,9 @@ def test_rows_agree_with_two_decodes_of_their_own(type_, ours, theirs, content, 
         assert ("place" in row.differs) == (
             (our.offset, our.size, our.bit) != (their.offset, their.size, their.bit)
         )
+
+
+def test_a_text_in_utf_8_and_one_in_latin_1_are_stored_in_two_forms() -> None:
+    plain, marked = (Struct("T", (Member("s", Text(8, utf8=utf8)),)) for utf8 in (False, True))
+    both = compare(lay_out(plain, rules_for()), lay_out(marked, rules_for()))
+    assert [row.differs for row in both.rows(b"")] == [("form",)]

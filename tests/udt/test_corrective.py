@@ -17,7 +17,7 @@ from trcvtui.udt.placed import Leaf
 from trcvtui.udt.proof import prove
 from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import ELEMENTARY, Member, Struct
+from trcvtui.udt.types import ELEMENTARY, Member, Struct, Text
 
 INDEX = r"\[[^\]]*\]"
 
@@ -237,3 +237,13 @@ def test_a_corrective_type_that_is_called_possible_gives_the_others_offsets(
             path = re.sub(INDEX, "", leaf.path)
             if not any(path == each or not each or path.startswith(each + ".") for each in raw):
                 assert lies[leaf.path] == place_of(leaf)
+
+
+def test_a_text_in_utf_8_stays_one() -> None:
+    sent = lay_out(Struct("T", (Member("w", ELEMENTARY["WORD"]), Member("s", Text(utf8=True)))), rules_for())
+    found = corrective(sent, rules_for("s7-standard"))
+    assert found.is_possible
+    assert found.layout.leaf(1).type == Text(80, utf8=True)
+    again = types_of(st_text(sent.type))
+    (_, text) = lay_out(again.named("T"), rules_for()).leaves()
+    assert text.type == Text(utf8=True)

@@ -81,6 +81,14 @@ def test_what_cannot_be_declared_is_read_out_of_its_bytes(name: str, order: str,
     ] == []
 
 
+def test_many_raw_bytes_before_a_member_that_lies_right_do_not_hide_it() -> None:
+    theirs = layout_of("s : ARRAY[1..220] OF STRING; m : ARRAY[0..1, 0..1] OF BOOL;")
+    theirs = lay_out(theirs.type, rules_for("baosky", text="cstr"))
+    found = cure(lay_out(theirs.type, rules_for("baosky", text="s7")), theirs)
+    assert found.unpacking is not None
+    assert (found.unpacking.code, len(found.unpacking.left_out)) == ("", 220)
+
+
 def test_bits_are_read_out_of_their_byte() -> None:
     theirs = lay_out(TYPES.named("Flags"), rules_for("s7-standard", "little"))
     ours = lay_out(theirs.type, rules_for("baosky"))

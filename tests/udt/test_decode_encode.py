@@ -15,6 +15,7 @@ from trcvtui.udt.decode import decode, decode_leaf, decode_leaves
 from trcvtui.udt.encode import encode, put
 from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.types import ROWS, Text, Type
+from trcvtui.udt.value_text import value_text
 
 
 def telegram() -> Layout:
@@ -243,6 +244,13 @@ def test_members_of_a_union_are_encoded_to_the_bytes_they_were_decoded_from(memb
     layout = lay_out(types.named("U"), rules_for())
     values = dict(zip([leaf.path for leaf in layout.leaves()], decode(layout, b"\2\0\0\0"), strict=True))
     assert encode(layout, values) == b"\2\0\0\0"
+
+
+def test_a_string_whose_own_longest_length_is_another_is_marked() -> None:
+    (leaf,) = layout_of("STRING[3]", "s7-standard").leaves()
+    assert value_text(leaf, "A", b"\3\1A\0\0") == "'A'"
+    assert value_text(leaf, "A", b"\4\1A\0\0") == "'A' (longest 4, not 3)"
+    assert value_text(leaf, "ABC", b"\4\5ABC") == "'ABC' (length 5 of 3)"
 
 
 UTF_8 = """TYPE T : STRUCT a : BYTE; {attribute 'TcEncoding':='UTF-8'} s : STRING[4]; t : STRING[4];

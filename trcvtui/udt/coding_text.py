@@ -45,8 +45,10 @@ def _headed(type_: Text, rules: LayoutRules, charset: str) -> Coding:
         return lengths.pack(longest, len(characters) // unit) + characters
 
     def odd(raw: bytes) -> str:
-        actual: int = lengths.unpack_from(raw)[1]
-        return f" (length {actual} of {longest})" if actual > longest else ""
+        own, actual = lengths.unpack_from(raw)
+        if actual > longest:
+            return f" (length {actual} of {longest})"
+        return f" (longest {own}, not {longest})" if own != longest else ""
 
     return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
 

@@ -66,8 +66,19 @@ def _st_body(type_: Struct | Union, indent: str) -> str:
     word = "STRUCT" if isinstance(type_, Struct) else "UNION"
     inner = indent + INDENT
     lines = [f"{indent}{word}"]
-    lines += [f"{inner}{member.name} : {_st_spec(member.type, inner)};" for member in type_.members]
+    lines += [
+        f"{inner}{_mark(member.type, inner)}{member.name} : {_st_spec(member.type, inner)};"
+        for member in type_.members
+    ]
     return "\n".join([*lines, f"{indent}END_{word}"])
+
+
+def _mark(type_: Type, indent: str) -> str:
+    """Return the attribute before a member that is a STRING in UTF-8, or an ARRAY of such."""
+    if isinstance(type_, Array):
+        return _mark(type_.element, indent)
+    is_utf8 = isinstance(type_, Text) and type_.utf8
+    return f"{{attribute 'TcEncoding' := 'UTF-8'}}\n{indent}" if is_utf8 else ""
 
 
 def _st_spec(type_: Type, indent: str) -> str:

@@ -10,10 +10,12 @@ import re
 from itertools import islice
 from typing import Final, NamedTuple
 
+from trcvtui.errors import UserError
 from trcvtui.udt.corrective import Corrective
 from trcvtui.udt.layout import Layout, Leaf, lay_out
 from trcvtui.udt.renaming import st_renamed, st_word
 from trcvtui.udt.st_write import scl_name
+from trcvtui.udt.stored_form import stored_form
 from trcvtui.udt.swap import BITS, SCL_VIA, Language
 from trcvtui.udt.types import ELEMENTARY, Array, Elementary, Kind, Text
 
@@ -36,19 +38,18 @@ def unpack_code(
     target: str = "value",
 ) -> Unpacking:
     """Return what fills `target`, of the plain type, from what is raw in `source`, of the corrective type."""
-    have, plain = found.layout, wanted
-    raw = {leaf.path: leaf for leaf in islice(have.leaves(), 64 * MOST_SHOWN)}
-    if language == "st":
-        have, wanted = _renamed(have), _renamed(wanted)
-    write = (_Writing if language == "st" else _SclWriting)(have, wanted, source, target)
-    both = zip(plain.leaves(), wanted.leaves(), strict=True)
+    have, plain = _renamed(found.layout), _renamed(wanted)
     missing = [
-        (declared.path, leaf)
-        for declared, leaf in islice(both, 64 * MOST_SHOWN)
-        if _place(raw.get(declared.path)) != _place(leaf)
+        number
+        for number, leaf in enumerate(islice(plain.leaves(), 64 * MOST_SHOWN))
+        if _place(_same(have, leaf)) != _place(leaf)
     ]
-    for path, leaf in missing[:MOST_SHOWN]:
-        write.leaf(leaf, path)
+    is_st = language == "st"
+    write = (
+        _Writing(have, plain, source, target) if is_st else _SclWriting(found.layout, wanted, source, target)
+    )
+    for number in missing[:MOST_SHOWN]:
+        write.leaf(write.wanted.leaf(number), wanted.leaf(number).path)
     if len(missing) > MOST_SHOWN:
         write.left_out.append(f"{len(missing) - MOST_SHOWN} more members")
     types = "".join(_union(name) for name in sorted(write.unions))
@@ -58,6 +59,14 @@ def unpack_code(
 
 def _renamed(layout: Layout) -> Layout:
     return lay_out(st_renamed(layout.type), layout.rules, st_word(layout.name))
+
+
+def _same(layout: Layout, leaf: Leaf) -> Leaf | None:
+    """Return the leaf of the same path; None where the layout has it not, or as raw bytes."""
+    try:
+        return layout.leaf(layout.number_of(leaf.path))
+    except UserError:
+        return None
 
 
 def _place(leaf: Leaf | None) -> tuple[int, int, int | None] | None:
@@ -93,12 +102,12 @@ class _Writing:
         if at is None or isinstance(leaf.type, Text):
             self.left_out.append(declared)
             return
-        stored = self.wanted.rules.stored(leaf.type)
-        own = self.layout.rules.stored(leaf.type)
+        theirs, ours = self.wanted.rules, self.layout.rules
+        own = ours.stored(leaf.type)
         to, of = self.variable(self.target, leaf.path), self.variable(self.source, place)
         if leaf.bit is not None:
             self.lines.append(f"{to} := ({of} AND 16#{1 << leaf.bit:02X}) <> 0;")
-        elif (stored.code, stored.unit_ns) != (own.code, own.unit_ns) or stored.code.endswith("s"):
+        elif stored_form(leaf.type, theirs) != stored_form(leaf.type, ours) or own.code.endswith("s"):
             self.left_out.append(declared)
         else:
             self.number(own, leaf.size, to, of)

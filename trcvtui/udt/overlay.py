@@ -30,7 +30,7 @@ class Overlay:
 
     def write(self) -> None:
         """Write all leaves."""
-        texts_first = sorted(self._loose, key=lambda row: not isinstance(row[0].type, Text))
+        texts_first = sorted(self._loose, key=lambda row: _order(row[0]))
         firm = bytes(len(self._data))
         for number, (leaf, part) in enumerate((*self._exact, *texts_first)):
             if number == len(self._exact):
@@ -76,6 +76,11 @@ def _is_loose(leaf: Leaf, value: Value) -> bool:
     if isinstance(leaf.type, Text) or leaf.coding.code.endswith("s"):
         return True
     return (value is True and leaf.bit is None) or value != value
+
+
+def _order(leaf: Leaf) -> int:
+    """Return a number: STRING before WSTRING, which has more ways to say a full text; BOOL last."""
+    return (2 if leaf.type.wide else 1) if isinstance(leaf.type, Text) else 3
 
 
 def _masked(below: bytes | bytearray, part: bytes, mask: bytes) -> bytes:

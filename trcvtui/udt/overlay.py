@@ -6,6 +6,8 @@ say, by changing as little as their value needs.
 
 from __future__ import annotations
 
+from itertools import product
+
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode_leaf
 from trcvtui.udt.layout import Layout, Leaf
@@ -28,7 +30,11 @@ class Overlay:
 
     def write(self) -> None:
         """Write all leaves."""
-        for leaf, part in (*self._exact, *self._loose):
+        texts_first = sorted(self._loose, key=lambda row: _order(row[0]))
+        firm = bytes(len(self._data))
+        for number, (leaf, part) in enumerate((*self._exact, *texts_first)):
+            if number == len(self._exact):
+                firm = bytes(self._taken)
             place = slice(leaf.offset, leaf.offset + leaf.size)
             own = bytes([1 << leaf.bit]) if leaf.bit is not None else b"\xff" * leaf.size
             needed = self._needed(leaf, part) if isinstance(leaf.type, Text) else own
@@ -36,12 +42,21 @@ class Overlay:
             free = bytes(ours & ~theirs for ours, theirs in zip(own, taken, strict=True))
             forced = bytes(ours | theirs for ours, theirs in zip(free, needed, strict=True))
             value = decode_leaf(self._layout, leaf, part)
-            for mask in (free, forced, own):
-                written = _masked(now, part, mask)
+            gentle = bytes(ours & ~theirs for ours, theirs in zip(forced, firm[place], strict=True))
+            forms = (part, self._beyond(leaf, part))
+            for mask, form in (*product((free, gentle, forced), forms), (own, part)):
+                written = _masked(now, form, mask)
                 if _same(decode_leaf(self._layout, leaf, written), value):
                     break
             self._data[place] = written
             self._taken[place] = bytes(ours | theirs for ours, theirs in zip(needed, taken, strict=True))
+
+    def _beyond(self, leaf: Leaf, part: bytes) -> bytes:
+        """Return the bytes of a text with an actual length beyond its field: a full one says the same so."""
+        if not (isinstance(leaf.type, Text) and self._layout.rules.text.header):
+            return part
+        unit = 2 if leaf.type.wide else 1
+        return part[:unit] + b"\xff" * unit + part[2 * unit :]
 
     def _needed(self, leaf: Leaf, part: bytes) -> bytes:
         """Return which bytes of a text say what it is: not the longest length, nor what is behind the end."""
@@ -61,6 +76,11 @@ def _is_loose(leaf: Leaf, value: Value) -> bool:
     if isinstance(leaf.type, Text) or leaf.coding.code.endswith("s"):
         return True
     return (value is True and leaf.bit is None) or value != value
+
+
+def _order(leaf: Leaf) -> int:
+    """Return a number: STRING before WSTRING, which has more ways to say a full text; BOOL last."""
+    return (2 if leaf.type.wide else 1) if isinstance(leaf.type, Text) else 3
 
 
 def _masked(below: bytes | bytearray, part: bytes, mask: bytes) -> bytes:

@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 
 from textual import events
 
-from trcvtui.rig.history_window import (  # the rulers
+from trcvtui.rig.history_window import (
     END,
     MOST_WINDOW,
     HistoryRequest,
@@ -24,14 +24,12 @@ from trcvtui.tui import rulers
 from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.rulers import MESSAGES, RECVS, RULERS, WAS
 from trcvtui.tui.widgets.hex_view import GHOST_HEX, GHOST_TEXT, NARROW, START, WIDE, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_search import all_in
 
-MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
-RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
-LEAST_DIGITS: Final = 5
-ROOMY, TIGHT = 68, 66  # what 16 bytes need beside their position, with and without two blanks
+LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
 

@@ -52,8 +52,10 @@ class Overlay:
             self._taken[place] = bytes(ours | theirs for ours, theirs in zip(needed, taken, strict=True))
 
     def _beyond(self, leaf: Leaf, part: bytes) -> bytes:
-        """Return the bytes of a text with an actual length beyond its field: a full one says the same so."""
-        if not (isinstance(leaf.type, Text) and self._layout.rules.text.header):
+        """Return other bytes that say the same: a full text has a length beyond its field, TRUE all bits."""
+        if not isinstance(leaf.type, Text):
+            return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
+        if not self._layout.rules.text.header:
             return part
         unit = 2 if leaf.type.wide else 1
         return part[:unit] + b"\xff" * unit + part[2 * unit :]

@@ -257,7 +257,7 @@ async def test_a_project_with_a_wide_name_fits_its_header() -> None:
     [
         ("2", "Here: Block", "walk the pins of the block"),
         ("5", "Here: Bytes and past", "byte by byte"),
-        ("7", "Here: Peer", "walk the buttons"),
+        ("7", "Here: Peer", "in the payload: send it"),
         ("8", "Here: Timing", "edge by edge"),
     ],
 )

@@ -13,7 +13,7 @@ from trcvtui.blocks.course import Course
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
-from trcvtui.net.set_up import Policy
+from trcvtui.net.policy import Policy
 
 BLOCKS: Final = ("TRCV_C", "TSEND_C")
 SECOND: Final = 1_000_000_000  # ns

@@ -11,9 +11,12 @@ from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.rig import race as racing
-from trcvtui.rig.race import Race, race, race_file
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.console import Console
+from trcvtui.rig.race import known_dialects, race_file, race_lines
 from trcvtui.rig.race_report import Cell, RaceRow, race_rows, race_text, summary
-from trcvtui.rig.scenario import Scenario, load_bench, load_scenario
+from trcvtui.rig.race_result import Race
+from trcvtui.rig.scenario import load_bench
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")
 BOTH = ["baosky", "s7-1500"]
@@ -150,18 +153,33 @@ def test_a_code_that_a_block_lacks_is_not_waited_for(tmp_path: Path) -> None:
     race = raced(tmp_path, RECEIVE + "wait TRCV_C_1 STATUS=7007 within T#50ms\n")
     assert notes(race) == [
         ("s7-1500", 7, "wait TRCV_C_1 STATUS=7007 within T#50ms: not waited for: "
-                       "TRCV_C has no STATUS 7007 here"),
+                       "here 7007 is none of TRCV_C"),
         ("baosky", 7, "wait TRCV_C_1 STATUS=7007 within T#50ms: found STATUS=7006"),
     ]  # fmt: skip
     assert race.scans == 10 + 5
 
 
+def test_a_code_that_says_something_else_is_not_waited_for(tmp_path: Path) -> None:
+    """0001 of Baosky is the first scan of all; Siemens' 0001 is a connection that a job has waited for."""
+    project = PASSIVE.replace('"baosky"', '"s7-1500"')
+    steps = "set TRCV_C_1 CONT=1 EN_R=1\nrun 1\nwait TRCV_C_1 STATUS=0001 within T#300ms\n"
+    race = race_file(story(tmp_path, steps, project), BOTH)
+    assert notes(race) == [
+        ("baosky", 3, "wait TRCV_C_1 STATUS=0001 within T#300ms: not waited for: "
+                      "here 0001 is 'Creating the socket'"),
+        ("s7-1500", 3, "wait TRCV_C_1 STATUS=0001 within T#300ms: found STATUS=7002"),
+    ]  # fmt: skip
+    assert race.scans == 31
+
+
 def test_a_wait_that_holds_in_one_alone_ends_soon_and_the_race_goes_on(tmp_path: Path) -> None:
-    steps = "set TRCV_C_1 CONT=1 EN_R=1\nrun 3\npeer P1 connect\nwait TRCV_C_1 STATUS=0001\nrun 2\n"
-    race = raced(tmp_path, steps.replace("run 3", "run 1\nwait TRCV_C_1 STATUS=80A1"))
-    assert [(dialect, step) for dialect, step, _ in notes(race)] == [("s7-1500", 3), ("baosky", 5)]
-    assert "20 scans behind another dialect it still does not hold" in race.notes[-1].text
-    assert race.scans < 100
+    project = PASSIVE.replace('"baosky"', '"s7-1500"')
+    steps = RECEIVE.removesuffix("run 3\n") + "wait TRCV_C_1 STATUS=0000\nrun 2\n"
+    race = race_file(story(tmp_path, steps, project), BOTH)
+    (late,) = notes(race)[-1:]
+    assert late[:2] == ("baosky", 6)
+    assert late[2].endswith("20 scans behind another dialect it still does not hold")
+    assert walk(race, 0).endswith("8 7008 D 8 B | 9-30 7006 B")
 
 
 def test_a_command_that_one_bench_cannot_carry_out_is_noted(tmp_path: Path) -> None:
@@ -181,11 +199,23 @@ def test_rows_and_notes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert summary(one).endswith("2 of 2 scans differ, later ones are not kept")
 
 
-def test_the_steps_of_a_running_session_can_be_raced(tmp_path: Path) -> None:
+def test_what_was_done_on_a_bench_can_be_raced(tmp_path: Path) -> None:
     project = load_bench(CONFIGS / "passive.toml")
-    steps = load_scenario(story(tmp_path, RECEIVE)).steps
-    session = race(Scenario("session", "", project, (), steps), [DIALECTS[name] for name in BOTH])
-    assert session.instances == raced(tmp_path, RECEIVE).instances
+    console = Console(Bench(project, "sim"))
+    for number, line in enumerate(RECEIVE.split("\n")):
+        if line.startswith("run "):
+            for _ in range(int(line.removeprefix("run "))):
+                console.scan()
+        elif line:
+            console.take(number, line)
+    race = race_lines(project, console.session.steps(), BOTH)
+    console.bench.close()
+    assert race.instances == raced(tmp_path, RECEIVE).instances
+    assert race.notes == ()
+
+
+def test_the_dialects_that_can_take_part_are_those_of_the_registry() -> None:
+    assert dict(known_dialects()) == {dialect.name: dialect.title for dialect in DIALECTS.values()}
 
 
 def test_a_created_instance_takes_part_from_its_first_scan(tmp_path: Path) -> None:

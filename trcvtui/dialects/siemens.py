@@ -176,7 +176,7 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         switches=SWITCHES,
         models={"CPU": cpu.connections},
         default_model="CPU",
-        layout="baosky",
+        layout="s7-standard",
         describes_connects=True,
         folder="siemens",
         answer=lambda values: answer(defaults | dict(values), cpu),

@@ -10,7 +10,8 @@ from typing import Final
 
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import one_line
-from trcvtui.rig.race import CALLED, FIELDS, InstanceRace, Race, Row, Shown, race_file
+from trcvtui.rig.race import race_file
+from trcvtui.rig.race_result import CALLED, FIELDS, InstanceRace, Race, Row, Shown
 from trcvtui.udt.literals import format_time
 
 NOT_CALLED: Final = "-"

@@ -57,7 +57,7 @@ class BenchApp(App[None]):
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
         self._settings = settings or Settings()
         self._read_only = read_only
-        self.key_names = self._settings.names
+        self.key_names, self.problems = self._settings.names, self._settings.problems
         self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
         self._home = project.path
@@ -112,7 +112,7 @@ class BenchApp(App[None]):
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self._settings.problems:
             first, *more = self._settings.problems
-            self.main.prompt.complain(first + (f" (and {len(more)} more)" if more else ""))
+            self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
         _quiet_collector()
 
     async def _obey_early(self, event: events.Key) -> None:
@@ -304,7 +304,8 @@ class BenchApp(App[None]):
         """Save the screen as SVG and tell where."""
         from trcvtui.tui.taking import take_picture  # read when first asked for
 
-        take_picture(self, self.main.prompt.tell if self.screen is self.main else self._notify)
+        prompt, on_bench = self.main.prompt, self.screen is self.main
+        take_picture(self, *((prompt.tell, prompt.complain) if on_bench else (self._notify, self._notify)))
 
     def _with_the_users_key(self, command: SystemCommand) -> SystemCommand:
         about, mark, key = command.help.rpartition("key ")

@@ -93,7 +93,8 @@ def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: After
         "STATUS": f"{error.status:04X}" if error and error.status else "",
     }
     text = texts.get(pin.name, "")
-    return f" ◂{text}" if text else ""
+    blank = "" if pin.name == "RCVD_LEN" and len(text) > 4 else " "  # the frame has no room for both
+    return f"{blank}◂{text}" if text else ""
 
 
 def _status_style(instance: InstanceSnapshot | None) -> str:

@@ -39,6 +39,7 @@ PINS: Final = (
 )
 BYTES: Final = (
     ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("!, /", "in the history: the ERROR before; a code, as in `find 7004`"),
     ("v", "members of DATA, or of what the running job has collected so far"),
     ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),

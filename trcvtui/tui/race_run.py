@@ -8,8 +8,9 @@ from pathlib import Path
 from threading import Thread
 
 from trcvtui.errors import UserError
-from trcvtui.rig.race import InstanceRace, Race, Row, race_file
+from trcvtui.rig.race import race_file
 from trcvtui.rig.race_report import DIALECT_NAMES
+from trcvtui.rig.race_result import InstanceRace, Race, Row
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.session_file import marked_scan
 

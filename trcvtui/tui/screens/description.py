@@ -123,7 +123,7 @@ class DescriptionScreen(ModalScreen[None]):
         from trcvtui.tui.yank import Format
 
         form = Format("h", name, lambda of: text, suffix)
-        self.run_worker(take(self.app, form, text, self._tell))
+        self.run_worker(take(self.app, form, text, self._tell, self._tell))
 
     def action_leave(self) -> None:
         """Go back."""

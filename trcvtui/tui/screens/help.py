@@ -52,6 +52,10 @@ class HelpText(LineView):
     def _keys(self) -> list[Row]:
         rows: list[Row] = []
         names: dict[str, str] = getattr(self.app, "key_names", {})
+        for problem in getattr(self.app, "problems", ()):
+            first, *rest = wrapped(f"✗ {plain(problem)}", self.line_width - 2)
+            rows += [row((first, "error")), *(row(("  " + line, "error")) for line in rest)]
+        rows += [EMPTY] * bool(rows)
         for title, table in sections_for(self._focused):
             rows.append(row((title, "strong")))
             for shown, what in table:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from asyncio import sleep
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import ClassVar, Final
@@ -17,7 +18,7 @@ from textual.containers import Vertical
 from textual.screen import Screen
 from textual.widget import Widget
 
-from trcvtui.rig.race import InstanceRace
+from trcvtui.rig.race_result import InstanceRace
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.race_run import RaceRun, since
@@ -265,7 +266,7 @@ class RaceScreen(Screen[None]):
         if self._taken is not None and self._taken.race is not None:
             text = race_text(self._taken.race) + "\n"
             form = Format("r", "the race", lambda of: text)
-            self.run_worker(take(self.app, form, text, self._tell))
+            self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, style="error")))
 
     def action_help(self) -> None:
         """Open the help."""

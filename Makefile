@@ -25,15 +25,17 @@ unit: $(READY)
 	$(BIN)/pytest -n 2 $(ARGS)
 
 scenarios: $(READY)
-	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml $(ARGS)
+	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml configs/scenarios/siemens/*.toml $(ARGS)
 
 # A million random scans on simulated networks: minutes. TRCVTUI_SOAK_SCANS says how many.
 soak: $(READY)
 	TRCVTUI_SOAK=1 $(BIN)/pytest -s tests/properties/test_soak.py $(ARGS)
 
-# Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred.
+# Ten thousand random types against gcc, offset for offset; `make test` compares a few hundred. Then every type
+# file, own and of others, cut at every byte: minutes.
 oracle: $(READY)
 	TRCVTUI_ORACLE=10000 $(BIN)/pytest -s -o timeout=900 tests/udt/test_oracle_gcc.py $(ARGS)
+	TRCVTUI_ORACLE=1 $(BIN)/pytest -n 2 -rs tests/udt/test_corpus_text.py tests/udt/test_corpus_xml.py $(ARGS)
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks $(ARGS)

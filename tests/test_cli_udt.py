@@ -88,6 +88,71 @@ def test_a_constant_that_no_file_declares_comes_from_the_command_line(
     assert len(json.loads(out)["members"]) == 16
 
 
+def test_files_that_use_each_other_are_given_with_with(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("outer.st").write_text("TYPE Outer : STRUCT a : ARRAY[1..GVL.N] OF Inner; END_STRUCT END_TYPE")
+    Path("inner.st").write_text("TYPE Inner : INT; END_TYPE TYPE Other : BOOL; END_TYPE")
+    Path("gvl.st").write_text("VAR_GLOBAL CONSTANT N : INT := 3; END_VAR")
+    argv = ("udt", "show", "outer.st", "--with", "inner.st")
+    assert run(capsys, *argv) == (
+        2,
+        "",
+        "outer.st:1:34: found 'GVL.N', expected a known constant: --constant GVL.N=VALUE,"
+        " or --with FILE that declares it\n",
+    )
+    code, _, err = run(capsys, "udt", "show", "outer.st", "--constant", "GVL.N=3")
+    assert (code, err) == (
+        2,
+        "outer.st:1:44: found 'Inner', expected a known type: --with FILE that declares it\n",
+    )
+    code, out, err = run(capsys, *argv, "--with", "gvl.st", "--format", "json")
+    assert (code, err) == (0, "")
+    assert [member["path"] for member in json.loads(out)["members"]] == ["a[1]", "a[2]", "a[3]"]
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ("show", "types.st"),
+        ("decode", "types.st", "01"),
+        ("decode", "types.st", "--format", "csv", "01"),
+        ("decode", "types.st", "--format", "md", "01"),
+        ("compare", "types.st", "--layout", "packed"),
+        ("compare", "types.st", "01"),
+    ],
+)
+def test_a_name_in_a_file_never_reaches_the_terminal_raw(
+    argv: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    named = 'TYPE "T\x1b[31m" : STRUCT "a\x1b]0;x\x07" : "U\x9b"; END_STRUCT "U\x9b" : (x); END_TYPE'
+    Path("types.st").write_text(named, encoding="utf-8")
+    _, out, err = run(capsys, "udt", *argv, "--type", "T\x1b[31m")
+    assert all(line.isprintable() for line in (out + err).splitlines()) and "x1b" in out
+
+
+def test_what_is_worth_knowing_of_a_type_is_told_on_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("t.udt").write_text(
+        "TYPE \"In\"\n{ S7_Optimized_Access := 'TRUE' }\nSTRUCT a : INT; END_STRUCT; END_TYPE\n"
+        'TYPE "Out"\nSTRUCT i : "In"; END_STRUCT; END_TYPE\n'
+    )
+    said = "note: In: optimised access: the CPU sorts the members itself; laid out as standard access\n"
+    Path("values.json").write_text("{}")
+    for argv in (("show",), ("decode", "00 01"), ("encode", "values.json"), ("export", "--to", "ksy")):
+        code, out, err = run(capsys, "udt", argv[0], "t.udt", *argv[1:], "--type", "Out")
+        assert (code, err) == (0, said) and "optimised" not in out
+
+
+@pytest.mark.parametrize(
+    ("layout", "told"), [("baosky", True), ("natural8", True), ("packed", False), ("c", False)]
+)
+def test_a_packing_that_the_layout_leaves_out_is_told(
+    layout: str, told: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("t.h").write_text("#pragma pack(1)\ntypedef struct { char a; double b; } T;")
+    code, out, err = run(capsys, "udt", "show", "t.h", "--layout", layout)
+    assert code == 0 and out.startswith("T: ")
+    assert ("T: its packing (1) is not applied" in err) is told
+
+
 def test_the_form_of_text_is_chosen_like_the_byte_order(capsys: pytest.CaptureFixture[str]) -> None:
     given = "02 00 00 00 41 42 43 00 00 00"
     Path("text.st").write_text("TYPE T : STRUCT a : DINT; s : STRING[4]; END_STRUCT END_TYPE")
@@ -141,6 +206,18 @@ def test_differing_rows_are_marked_and_exit_1(capsys: pytest.CaptureFixture[str]
         ["*", "x", "8", "5", "place"],
         ["*", "name", "16", "13", "place"],
     ]
+
+
+def test_a_stored_form_that_differs_is_exit_1(capsys: pytest.CaptureFixture[str]) -> None:
+    argv = "udt compare types.st --type Mixed --text s7 --text cstr"
+    code, out, err = run(capsys, *argv.split())
+    assert (code, err) == (1, "")
+    assert [line.split() for line in out.splitlines() if line.startswith("*")] == [
+        ["*", "name", "16", "16", "form"]
+    ]
+    assert "1 of 4 members differs, the first at byte 16" in out
+    code, out, _ = run(capsys, *argv.split(), "--format", "json")
+    assert (code, json.loads(out)["equal"]) == (1, False)
 
 
 def test_bytes_behind_the_options_are_compared_as_values(capsys: pytest.CaptureFixture[str]) -> None:

@@ -129,3 +129,13 @@ def test_a_row_says_what_it_means_and_what_to_look_at_next(row: StatusRow) -> No
 )
 def test_what_plain_traffic_cannot_bring_about_is_marked(reach: Reach, codes: list[int]) -> None:
     assert [row.code for row in STATUS if row.reach is reach] == codes
+
+
+def test_what_concerns_another_block_is_not_among_the_checks_of_one() -> None:
+    row = next(row for row in STATUS if row.code == 0x7004)
+    assert any(line.startswith("TRCV_C: ") for line in row.checks_of("TRCV_C"))
+    assert not any("TSEND_C" in line for line in (*row.checks_of("TRCV_C"), *row.causes_of("TRCV_C")))
+    assert any(line.startswith("TSEND_C: ") for line in row.checks_of("TSEND_C"))
+    idle = next(row for row in STATUS if row.code == 0x7000)
+    assert any(line.startswith("TCON: ") for line in idle.causes_of("TSEND"))
+    assert not any(line.startswith("TCON: ") for line in idle.causes_of("TRCV_C"))

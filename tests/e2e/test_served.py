@@ -60,6 +60,11 @@ def test_the_page_is_there_on_loopback_alone_and_for_nobody_elses_page(tmp_path:
         assert status == 200
         assert "textual" in page and "trcvtui passive.toml" in page
         assert fetched(address, Host="evil.example")[0] == 403
+        assert fetched(address, Host=f"LOCALHOST:{address.rpartition(':')[2]}")[0] == 200
+        outside = re.compile(r"(?:https?:)?//(?!127\.0\.0\.1:)(?!www\.w3\.org/2000/svg)[\w.-]+\.[a-z]")
+        css = fetched(re.findall(r'href="([^"]*xterm\.css)"', page)[0])[1]
+        for text in (page, re.sub(r"/\*.*?\*/", "", css, flags=re.DOTALL)):
+            assert outside.findall(text) == [], "no other host is asked for anything"
         assert fetched(f"{address}/ws", Origin="http://evil.example")[0] == 403
 
 

@@ -61,7 +61,7 @@ def test_at_80x24_en_r_is_toggled_and_7006_becomes_a_7008_that_stays_visible(pro
     say(terminal, "peer P1 send hex 06 07 08", "0/8")
     assert "DONE ◂" in terminal.wait("last    DONE 8 B in scan"), "one scan long, and still to be seen"
     terminal.keys("4")
-    terminal.wait("16#7008 received            ■ DONE 8 B")
+    terminal.wait("16#7008 received         ■ DONE 8 B")
     terminal.keys("n")
     terminal.wait("7004 connected")
 

@@ -21,7 +21,7 @@ SITUATIONS = [
     ),
     pytest.param(
         (*UP, "set X LEN=0", "peer P1 send random 96 seed=1", "run 30"), "X",
-        "armed for 96 bytes: none is here yet, the last one came 0.2 s ago",
+        "armed for 96 bytes: none is here yet; the last byte before them came 0.2 s ago",
         "not stuck: the last frame (96 bytes) was delivered in scan",
         id="armed between two frames is not stuck",
     ),
@@ -97,7 +97,7 @@ SITUATIONS = [
         (*UP, "peer P1 send random 64 seed=1", "run 3", "set X EN_R=0 ADHOC=1", "run 2", "set X EN_R=1",
          "run 9"),
         "X",
-        "armed for up to 96 bytes (ADHOC): none is here yet, the last one came 0.1 s ago",
+        "armed for up to 96 bytes (ADHOC): none is here yet; the last byte before them came 0.1 s ago",
         "",
         id="an ad-hoc job wants up to its limit",
     ),
@@ -154,7 +154,7 @@ SITUATIONS = [
     ),
     pytest.param(
         ("set U CONT=1 EN_R=1", "run 4", "peer P5 send hex 01 02 03", "run 200"), "U",
-        "armed for one datagram of at most 96 bytes: none is here yet, the last one came 1.9 s ago",
+        "armed for one datagram of at most 96 bytes: none is here yet; the one before came 1.9 s ago",
         "not stuck: the last datagram (3 bytes) was delivered in scan 5",
         id="a datagram is whole, whatever its size",
     ),
@@ -299,6 +299,32 @@ def test_a_partner_that_is_no_peer_is_known_by_its_bursts() -> None:
         "LEN is 0 and DATA (rx) has 96 bytes, bytes came once, 64: if that is the sender's message, LEN or "
         "DATA is 32 too large" in checks
     )
+
+
+def test_a_stream_without_a_pause_is_not_called_a_message() -> None:
+    told = Told(*UP, "peer P1 send random 960 seed=1 repeat=40 every=T#10ms", "run 20")
+    known = told.evidence("X")
+    stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
+    checks = " ".join(advice_on(stranger).checks)
+    assert "bytes came without a pause: a stream does not show where a message ends" in checks
+    assert "if that is the sender's message" not in checks
+
+
+def test_of_a_burst_that_is_over_the_bytes_behind_its_last_frame_are_counted() -> None:
+    told = Told(*UP, "peer P1 send random 200 seed=1", "run 200")
+    known = told.evidence("X")
+    stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
+    assert any(
+        check.endswith(
+            "bytes came once, 200: if that is the sender's message, its last 8 bytes begin a next frame"
+        )
+        for check in advice_on(stranger).checks
+    )
+
+
+def test_a_frame_that_is_all_here_is_complete_and_not_filling() -> None:
+    known = replace(Told(*UP, "peer P1 send random 40 seed=1", "run 3").evidence("X"), have=96)
+    assert advice_on(known).why == "complete: all 96 bytes are here, DONE comes with the next scan"
 
 
 def test_a_slow_sender_is_not_called_stuck() -> None:

@@ -80,7 +80,7 @@ SITUATIONS = [
     ),
     pytest.param(
         (*UP, "peer P send random 20 seed=1", "run 100"), 2000, "R",
-        f"{SIXTEEN}, the last one came 0.9 s ago",
+        f"{SIXTEEN}; the one before came 0.9 s ago",
         "LEN is 0 and DATA (rx) has 16 bytes, the only datagram had 20 bytes: 4 bytes of it did not fit and "
         "are lost",
         id="a datagram larger than DATA",
@@ -88,7 +88,7 @@ SITUATIONS = [
     pytest.param(
         ("set R LEN=8", *UP, "peer P send random 5 seed=1", "run 9", "peer P send random 5 seed=2", "run 9"),
         2000, "R",
-        "armed for one datagram of at most 8 bytes: none is here yet, the last one came 0.0 s ago",
+        "armed for one datagram of at most 8 bytes: none is here yet; the one before came 0.0 s ago",
         "LEN is 8, the last 2 datagrams had 5 bytes: a datagram is a whole job whatever its size, RCVD_LEN "
         "says 5, and DATA keeps older bytes from byte 5 on",
         id="datagrams shorter than LEN",

@@ -183,7 +183,9 @@ def test_every_form_goes_into_a_line_and_back(project: Project, line: str) -> No
         ("add message hello hex 01", "w: message hello: name: found 'hello', the name of another message"),
         ("add message m hex 0z", "w: message m: hex, position 2: found 'z', expected hex bytes such as 0"),
         ("add message m peer=P9 hex 01", "w: message m: peer: found 'P9', expected one of P1, P2"),
-        ("add message m", "w: found nothing more, expected what stands behind `peer P1 send`, such as he"),
+        ('add message m text "hi" split=99', "w: message m: found split=99 of 2 bytes, expected cut"),
+        ("add peer P3", "w: peer P3: found neither remote nor local, expected remote=@C1 (it connec"),
+        ("add message m", "w: found nothing more, expected what stands after `peer P1 send`, such as he"),
         ("add sequence s hullo", "w: sequence s: steps #1: found 'hullo', expected hello, or a pause suc"),
     ],
 )  # fmt: skip

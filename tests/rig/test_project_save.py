@@ -98,7 +98,7 @@ def test_another_file_gets_the_whole_project_and_finds_its_types(driver: LocalDr
     before = own.read_bytes()
     other = own.parent / "saved" / "other.toml"
     other.parent.mkdir()
-    picture = say(driver, *ADD, f"save project {other.with_suffix('')}")
+    picture = say(driver, *ADD, f"save project {other}")
     assert own.read_bytes() == before
     assert picture.project is not None and picture.project.path == other
     assert load_bench(other).data[0].size == load_bench(own).data[0].size
@@ -188,8 +188,32 @@ def test_a_session_with_additions_is_a_scenario_on_the_old_project(driver: Local
     assert "commands" in answer(driver, *ADD, "peer P7 send message hello", f"save scenario {file}")
     played = play(file, "sim")
     assert played.verdict.passed, failures(played.verdict)
-    told = answer(driver, "save project", f"save scenario {own.parent / 'late.toml'}")
-    assert told.startswith("prompt: found a project file that does not say what this session began with")
+    late = own.parent / "late.toml"
+    assert "commands" in answer(driver, "save project", f"save scenario {late}")
+    assert 'project = "' not in late.read_text(), "the file says more by now than the session began with"
+    again = play(late, "sim")
+    assert again.verdict.passed, failures(again.verdict)
+
+
+@pytest.mark.parametrize("name", ["passwd", "a.txt", "mine.toml.bak"])
+def test_a_project_is_saved_under_the_name_that_was_given_or_not_at_all(
+    driver: LocalDriver, own: Path, name: str
+) -> None:
+    (own.parent / "passwd").write_text("theirs")
+    before = sorted(own.parent.iterdir())
+    assert "expected a name that ends in .toml" in answer(driver, *ADD, f"save project {own.parent / name}")
+    assert sorted(own.parent.iterdir()) == before
+    assert answer(driver, "save project") == f"the project with 6 additions in {own}"
+
+
+def test_a_session_of_the_demo_names_no_file_of_the_installation(tmp_path: Path) -> None:
+    for driver in driven(demo_path()):
+        driver.scan(60)
+        assert "scans in" in answer(driver, f"save scenario {tmp_path / 'demo.toml'}")
+    text = (tmp_path / "demo.toml").read_text()
+    assert "project = " not in text and 'name = "Sensor"' in text
+    played = play(tmp_path / "demo.toml", "sim")
+    assert played.verdict.passed, failures(played.verdict)
 
 
 def test_an_order_mark_of_windows_stays_at_the_beginning(own: Path) -> None:

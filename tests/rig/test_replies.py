@@ -109,7 +109,8 @@ def test_a_pattern_that_no_stream_can_be_asked_for_is_refused_in_one_line(projec
     with pytest.raises(UserError) as caught:
         rule('regex "^id" send hex 06', project)
     assert caught.value.lines() == [
-        "w: found '^id': a place in the stream, expected a pattern that a stream can be asked for"
+        "w: found '^id': its ^ asks for the beginning of a text, which a stream has not, "
+        "expected a pattern that a stream can be asked for"
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 
 import pytest
@@ -114,4 +115,23 @@ def test_each_stretch_of_frames_ends_in_anything_and_an_error_between_them_stays
     for status in (0x7002, 0x7004, 0x7006, 0x7008):
         seen.add((status, False))
     turns = (0x7004, 0x7006, 0x7008)
-    assert seen.pattern(turns, 0x7008) == "7004+ 7006+ 7008 ... 80C5! 7002 7004+ 7006+ 7008 ..."
+    assert seen.pattern(turns, (0x7008,)) == "7004+ 7006+ 7008 ... 80C5! 7002 7004+ 7006+ 7008 ..."
+
+
+def test_a_partner_outside_the_bench_is_named_and_nothing_is_expected_of_it(tmp_path: Path) -> None:
+    project, file = tmp_path / "told.toml", tmp_path / "saved.toml"
+    project.write_text(BENCH)
+    console = Console(fresh_bench(load_project(project), "live"))
+    drifting(console, 6)
+    port = int(console.bench.runtime.snapshot().connections[0].local.rpartition(":")[2])
+    with socket.create_connection(("127.0.0.1", port)) as outside:
+        outside.sendall(b"123456")
+        name = f"127.0.0.1:{outside.getsockname()[1]}"
+        drifting(console, 6)
+        told = answers(console, f"save scenario {file}")[0]
+    console.bench.close()
+    assert told.endswith(f"; {name} is no peer of this bench and will not be replayed")
+    scenario = load_scenario(file)
+    assert f"A partner outside the bench took part ({name}): nothing is expected on C1." in scenario.about
+    assert scenario.steps[-1].line == "expect TRCV_C_1 trace ..."
+    assert main(["scenario", str(file)]) == 0

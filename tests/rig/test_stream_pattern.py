@@ -68,7 +68,8 @@ def test_a_pattern_remembers_a_bounded_number_of_steps() -> None:
 @pytest.mark.parametrize(
     ("pattern", "named"),
     [
-        (b"^id", "a place in the stream"),
+        (b"^id", "its ^ asks for the beginning of a text, which a stream has not"),
+        (b"(a+)+$", "its $ asks for the end of a text, which a stream has not"),
         (rb"id\b", "a place in the stream, or what a group has found"),
         (rb"(a)\1", "a place in the stream, or what a group has found"),
         (b"(?=a)b", "a group that looks around or sets a flag"),

@@ -120,7 +120,7 @@ def test_what_is_in_the_way_is_said(driver: LocalDriver, lines: list[str], probl
 def test_a_message_that_leaves_a_rest_in_the_job_ends_the_trial(driver: LocalDriver) -> None:
     say(driver, "peer P1 try-splits hex 01 02 03 on TRCV_C_1")
     driver.scan(300)
-    problem = "behind a message of 3 bytes the job of TRCV_C_1 holds 3: it waits for more"
+    problem = "after a message of 3 bytes the job of TRCV_C_1 holds 3: it waits for more"
     assert (tried(driver).runs, tried(driver).problem) == (1, problem)
 
 

@@ -139,7 +139,7 @@ async def test_a_job_without_bytes_is_no_news_for_the_title() -> None:
 
 
 async def test_the_bytes_of_the_job_stand_right_under_those_of_data() -> None:
-    async with looking(WIDE) as looker:
+    async with looking((140, 60)) as looker:
         rows = looker.pane("received").splitlines()
         job = next(n for n, line in enumerate(rows) if "── job" in line)
         assert rows[job - 1] == ""
@@ -169,7 +169,7 @@ async def test_no_byte_changes_anything_but_the_bytes(size: tuple[int, int]) -> 
 @pytest.mark.parametrize("start", range(0, 256, 64))
 async def test_every_byte_has_one_character(start: int) -> None:
     piece = ALL[start : start + 64]
-    async with looking(WIDE, picture(data=piece, partial=b"")) as looker:
+    async with looking((140, 60), picture(data=piece, partial=b"")) as looker:
         rows = [line for line in looker.text.splitlines() if f" │ {0:04x}"[3:] in line]
         assert rows
         for offset in range(0, 64, 16):

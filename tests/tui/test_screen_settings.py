@@ -124,7 +124,10 @@ async def test_a_mistake_in_the_settings_is_shown_on_the_screen(config: Path) ->
     (config / "keys.toml").write_text('hold = "n"\nnothing = "f6"\n')
     async with looking(WIDE) as looker:
         words = " ".join(looker.text.split())
-        assert "hold: found 'n', which pins and panes have, expected another key (and 1 more)" in words
+        assert (
+            "hold: found 'n', which pins and panes have, expected another key (and 1 more: ? lists all)"
+            in words
+        )
         await looker.press("n")
         assert looker.lines == ["set TRCV_C_1 EN_R=0"]
 
@@ -254,7 +257,7 @@ async def test_a_project_with_a_wide_name_fits_its_header() -> None:
     [
         ("2", "Here: Block", "walk the pins of the block"),
         ("5", "Here: Bytes and past", "byte by byte"),
-        ("7", "Here: Peer", "walk the buttons"),
+        ("7", "Here: Peer", "in the payload: send it"),
         ("8", "Here: Timing", "edge by edge"),
     ],
 )

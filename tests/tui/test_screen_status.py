@@ -115,7 +115,7 @@ async def test_an_error_of_one_scan_glows_with_its_status(size: tuple[int, int])
 
 async def test_two_pulses_between_two_pictures_are_both_in_the_history() -> None:
     both = written((902, received(8)), (903, armed()), (904, received(8)), (905, armed()))
-    async with looking(WIDE, picture(lines=both)) as looker:
+    async with looking((140, 60), picture(lines=both)) as looker:
         for scan in ("902", "903", "904", "905"):
             assert scan in looker.text
         assert looker.text.count("■ DONE 8 B") == 2

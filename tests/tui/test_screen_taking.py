@@ -217,7 +217,7 @@ async def test_a_state_folder_that_cannot_be_written_is_told(
     (state / "trcvtui").write_text("a file stands where the folder should be")
     async with looking(WIDE) as looker:
         assert (await _yanked(looker, "y", "c")).startswith("(* VAR")
-        assert "to no file: " in looker.text
+        assert "no file was written: " in looker.text
 
 
 # -- picture, mouse, mark --------------------------------------------------------------------------------

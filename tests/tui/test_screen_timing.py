@@ -17,6 +17,7 @@ from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
+from trcvtui.tui.formatting import duration
 from trcvtui.tui.theme import LIGHT
 from trcvtui.tui.widgets.timing import Timing
 from trcvtui.tui.widgets.timing_view import LABEL
@@ -98,7 +99,8 @@ async def analysing(size: tuple[int, int] = WIDE, jobs: int = 3) -> AsyncIterato
 async def test_a_done_of_one_scan_stands_out_at_every_size_and_zoom(size: tuple[int, int]) -> None:
     async with analysing(size) as look:
         assert look.row("DONE").count("█") == min(3, look.row("DONE").count("█")) > 0
-        assert look.row("EN_R").endswith("▔▔▔▔▔")
+        beside_the_scrollbar = look.row("EN_R").rstrip(" ▁▂▃▄▅▆▇█")
+        assert beside_the_scrollbar.endswith("▔▔▔▔▔")
         assert "╵7008" in look.row("codes")
         for _ in range(15):
             await look.press("minus")
@@ -120,11 +122,11 @@ async def test_a_pulse_between_two_frames_is_drawn_and_the_ghost_row_misses_it()
 
 
 async def test_history_and_timing_share_one_place_and_both_stand_where_there_is_room() -> None:
-    async with analysing(WIDE) as look:
+    async with analysing((130, 40)) as look:
         assert _shown(look) == {"timing"}
         await look.press("4")
         assert _shown(look) == {"history"}
-    for size in ((140, 60), (200, 60)):
+    for size in (WIDE, (140, 60), (200, 60)):
         async with analysing(size) as look:
             assert _shown(look) == {"timing", "history"}
     async with analysing(SMALL) as look:
@@ -204,7 +206,7 @@ async def test_an_edge_chosen_here_is_explained_in_the_card_and_chosen_in_the_hi
 
 
 async def test_bang_goes_to_the_newest_error_and_round() -> None:
-    async with analysing() as look:
+    async with analysing((140, 60)) as look:
         await look.press("exclamation_mark")
         assert "no ERROR in what is known of TRCV_C_1" in look.text
         for line in ("peer P1 rst", "peer P1 connect", "peer P1 rst"):
@@ -252,6 +254,25 @@ async def test_c_draws_the_other_instances_of_this_connect_below() -> None:
         await look.say("set TSEND_C_1 CONT=1", 3)
         await look.press(*["down"] * 30)
         assert "TSEND_C_1" in look.text and look.row("REQ").endswith("▁")
+
+
+async def test_a_column_of_many_scans_is_said_in_readable_time_and_zoom_ends_where_all_is_in_view() -> None:
+    async with analysing() as look:
+        look.driver.scan(60_000)
+        await look.pilot.pause(0.15)
+        await look.press(*["minus"] * 12)
+        columns = look.pane.size.width
+        assert look.pane.view.zoom * columns >= 60_000 > look.pane.view.zoom * columns / 3
+        assert f"{look.pane.view.zoom} scans a column, {look.pane.view.zoom // 100} s" in look.text
+
+
+@pytest.mark.parametrize(
+    ("ns", "text"),
+    [(10_000, "0.01 ms"), (10_000_000, "10 ms"), (2_500_000_000, "2.5 s"), (20_000_000_000, "20 s"),
+     (1_000_000_000_000, "16 min 40 s"), (7_200_000_000_000, "2 h")],
+)  # fmt: skip
+def test_a_planned_time_is_readable(ns: int, text: str) -> None:
+    assert duration(ns) == text
 
 
 # -- mouse --------------------------------------------------------------------------------------------------

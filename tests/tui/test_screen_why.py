@@ -144,11 +144,11 @@ async def test_f_freezes_the_view_while_the_plc_runs_on(size: tuple[int, int]) -
         assert "FROZEN at scan 8" in desk.header
         assert desk.scan == 108, "the PLC has run on"
         assert "none is here yet" in desk.words("status")
-        assert "none is here yet, the last one" not in desk.words("status")
+        assert "none is here yet; the last byte" not in desk.words("status")
         await desk.press("F")
         await desk.see()
         assert "FROZEN" not in desk.header
-        assert "the last one came 0.9 s ago" in desk.words("status")
+        assert "the last byte before them came 0.9 s ago" in desk.words("status")
 
 
 @BOTH

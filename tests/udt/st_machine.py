@@ -27,7 +27,8 @@ class Machine:
     def run(self, code: str) -> None:
         """Carry out the statements of a text."""
         self.is_scl = re.search(LOCAL, code) is not None
-        lines = [re.sub(LOCAL, "", line.split("//")[0]).strip() for line in code.splitlines()]
+        unmarked = rf'{LOCAL}|"' if self.is_scl else LOCAL  # in SCL a name may stand in quotes
+        lines = [re.sub(unmarked, "", line.split("//")[0]).strip() for line in code.splitlines()]
         self._block([line for line in lines if line])
 
     def _block(self, lines: list[str]) -> None:
@@ -97,6 +98,14 @@ class Machine:
 
     def _value(self, text: str) -> tuple[int, int]:
         """Return the bits of an expression, and their bytes."""
+        if " OR " in text and text.startswith(("BYTE_TO_", "SHL(")):
+            found = [self._value(part) for part in text.split(" OR ")]
+            assert sum(number for number, _ in found) < 1 << 8 * found[0][1]
+            return sum(number for number, _ in found), found[0][1]
+        shift = re.fullmatch(r"SHL\(IN := (.+), N := (\d+)\)", text)
+        if shift:
+            number, size = self._value(shift[1])
+            return number << int(shift[2]), size
         call = re.fullmatch(r"(\w+)\((.+)\)", text)
         if call is None:
             (leaf,) = self._leaves(text)
@@ -110,7 +119,7 @@ class Machine:
         converted = re.fullmatch(r"([A-Z]+)_TO_([A-Z]+)", call[1])
         assert converted is not None, call[1]
         assert self.is_scl or "REAL" not in converted[1], "in CODESYS this rounds"
-        return number, size
+        return number, WIDTHS.get(converted[2], size)
 
     def _call(self, name: str, number: int) -> int:
         head = re.search(

@@ -32,6 +32,8 @@ def test_hex_is_one_line_and_comes_back() -> None:
 
 def test_the_iec_list_comes_back() -> None:
     assert parse_hex(written("iec")) == EVERY_BYTE
+    *lines, last = written("iec").splitlines()
+    assert lines and all(line.endswith(",") for line in lines) and not last.endswith(",")
 
 
 def test_base64_comes_back() -> None:

@@ -130,6 +130,12 @@ def test_typedefs_tags_and_macros_name_types() -> None:
     assert join([read], "H").problems == ()
 
 
+def test_the_layout_c_is_that_of_the_compiler_packed_or_not() -> None:
+    for pragma, size in (("", 16), ("#pragma pack(1)\n", 9)):
+        types = join([read_c(f"{pragma}typedef struct {{ char a; double b; }} T;", "H")], "H")
+        assert lay_out(types.named("T"), rules_for("c")).size == size
+
+
 @pytest.mark.parametrize(
     ("text", "packs"),
     [

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.udt.test_fit import TELEGRAMS, TYPES
+from tests.udt.udt_strategies import layout_of
 from trcvtui.udt.c_write import c_text
 from trcvtui.udt.layout import Layout, lay_out, rules_for
 
@@ -34,6 +35,21 @@ def test_the_gaps_are_members() -> None:
 
 def test_a_bit_has_no_member_in_c() -> None:
     assert c_text(wanted("Flags", "s7-standard")) is None
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_keywords_and_blanks_in_names_compile(tmp_path: Path) -> None:
+    members = '"int" : INT; "a b" : DINT; a_b : DINT; int16_t : BYTE; c : STRUCT "for" : INT; END_STRUCT;'
+    text = c_text(layout_of(members, "natural8"))
+    assert text is not None
+    for line in ("int16_t int_;", "int32_t a_b;", "int32_t a_b_2;", "uint8_t int16_t_;", "int16_t for_;"):
+        assert line in text
+    source = tmp_path / "check.c"
+    source.write_text(text)
+    compiled = subprocess.run(
+        ["gcc", "-fsyntax-only", str(source)], capture_output=True, text=True, check=False
+    )
+    assert compiled.returncode == 0, compiled.stderr
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")

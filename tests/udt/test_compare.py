@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.compare import Row, compare
+from trcvtui.udt.compare_report import compare_json, compare_text
 from trcvtui.udt.decode import decode
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.layout import LayoutRules, lay_out, rules_for
+from trcvtui.udt.profiles import shape
+from trcvtui.udt.types import Member, Struct, Text
 from trcvtui.udt.value_text import value_text
 
 MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"
@@ -87,6 +91,50 @@ def test_a_million_members_cost_the_rows_that_are_shown() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("members", "ours", "theirs", "said"),
+    [
+        ("s : STRING;", ("baosky", "little", "s7"), ("baosky", "little", "cstr"), ["s"]),
+        ("i : INT; t : TIME; lt : LTIME;", ("baosky",), ("codesys-4",), ["t", "lt"]),
+        ("d : DATE; i : INT;", ("baosky",), ("codesys-4",), ["d"]),
+        ("a : ARRAY[1..2] OF TIME;", ("baosky",), ("codesys-4",), ["a[1]", "a[2]"]),
+        ("i : INT; r : REAL; b : ARRAY[0..3] OF BYTE;", ("baosky",), ("codesys-4",), []),
+    ],
+)
+def test_layouts_that_differ_only_in_how_a_member_is_stored_are_not_equal(
+    members: str, ours: tuple[str, ...], theirs: tuple[str, ...], said: list[str]
+) -> None:
+    a = layout_of(members)
+    both = compare(lay_out(a.type, rules_for(*ours)), lay_out(a.type, rules_for(*theirs)))
+    assert [(row.path, row.differs) for row in both.rows(b"") if row.differs] == [
+        (path, ("form",)) for path in said
+    ]
+    assert compare_text(both, b"")[1] is compare_json(both, b"")[1] is (not said)
+
+
+@settings(max_examples=100, deadline=None)
+@given(structs(types, least=1), rules, rules)
+def test_layouts_are_equal_exactly_when_profiles_call_them_one(
+    type_: Struct, ours: LayoutRules, theirs: LayoutRules
+) -> None:
+    a, b = lay_out(type_, ours), lay_out(type_, theirs)
+    _, equal = compare_json(compare(a, b), b"")
+    if equal:
+        assert shape(a) == shape(b)
+    elif a.rules.byte_order == b.rules.byte_order:
+        assert shape(a) != shape(b)
+
+
+def test_text_json_and_exit_code_agree_however_far_the_first_difference_is() -> None:
+    members = "a : ARRAY[1..70000] OF BYTE; t : TIME;"
+    both = compare(layout_of(members), layout_of(members, "codesys-4"))
+    text, equal = compare_text(both, b"")
+    assert not equal
+    assert text.splitlines()[-1].endswith("; 1 of 70001 members differs, the first at byte 70000")
+    answer, equal = compare_json(both, b"")
+    assert answer["equal"] is equal is False
+
+
 @settings(max_examples=60, deadline=None)
 @given(structs(types, least=1), rules, rules, st.binary(max_size=200), st.data())
 def test_rows_agree_with_two_decodes_of_their_own(type_, ours, theirs, content, data) -> None:  # type: ignore[no-untyped-def]
@@ -105,3 +153,9 @@ def test_rows_agree_with_two_decodes_of_their_own(type_, ours, theirs, content, 
         assert ("place" in row.differs) == (
             (our.offset, our.size, our.bit) != (their.offset, their.size, their.bit)
         )
+
+
+def test_a_text_in_utf_8_and_one_in_latin_1_are_stored_in_two_forms() -> None:
+    plain, marked = (Struct("T", (Member("s", Text(8, utf8=utf8)),)) for utf8 in (False, True))
+    both = compare(lay_out(plain, rules_for()), lay_out(marked, rules_for()))
+    assert [row.differs for row in both.rows(b"")] == [("form",)]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.udt.corpus import FULL, OWN, cuts, files
+from tests.udt.corpus import FULL, OWN, cuts, files, of_others
 from trcvtui.errors import UserError
 from trcvtui.udt.formats import READERS, decode_text, read_file, read_files
 from trcvtui.udt.layout import lay_out, rules_for
@@ -54,7 +54,9 @@ def test_a_file_is_read_and_lacks_at_most_what_other_files_declare(path: Path) -
 
 
 @pytest.mark.parametrize(
-    "folder", sorted({path.parent for path in FILES if path.parent != OWN}), ids=lambda folder: folder.name
+    "folder",
+    of_others(sorted({path.parent for path in FILES if path.parent != OWN})),
+    ids=lambda folder: folder.name,
 )
 def test_the_files_of_one_project_complete_each_other(folder: Path) -> None:
     own = [path for path in FILES if path.parent == folder]

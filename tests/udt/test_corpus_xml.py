@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.udt.corpus import FULL, GIVEN, OWN, cuts, files
+from tests.udt.corpus import FULL, OWN, cuts, files, needs_given, of_others
 from tests.udt.xml_writer import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.declared import Declarations
@@ -44,12 +44,12 @@ PAIRS = [
 ]
 
 
-@pytest.mark.skipif(not GIVEN.is_dir(), reason=f"no type files of others in {GIVEN} (TRCVTUI_UDT_CORPUS)")
+@needs_given
 def test_the_corpus_holds_types_in_two_formats() -> None:
     assert len(PAIRS) >= 7
 
 
-@pytest.mark.parametrize(("xml", "source"), PAIRS, ids=lambda path: path.name)
+@pytest.mark.parametrize(("xml", "source"), of_others(PAIRS, 2), ids=lambda path: path.name)
 def test_a_type_in_two_formats_is_one_declaration_and_one_layout(xml: Path, source: Path) -> None:
     assert bare(declared(xml)) == bare(declared(source))
     (name,) = (type_.name for type_ in declared(xml).types)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from hypothesis import event, given, settings
 
@@ -10,10 +12,14 @@ from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.corrective import corrective, told
 from trcvtui.udt.formats.siemens import read_tia
 from trcvtui.udt.layout import LAYOUTS, Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.padding import Unreachable
 from trcvtui.udt.placed import Leaf
+from trcvtui.udt.proof import prove
 from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import Struct
+from trcvtui.udt.types import ELEMENTARY, Member, Struct, Text
+
+INDEX = r"\[[^\]]*\]"
 
 
 def places(layout: Layout) -> dict[str, tuple[int, int, int | None]]:
@@ -108,6 +114,74 @@ def test_a_member_that_cannot_be_reached_is_raw_bytes_at_its_place() -> None:
     assert (lies["b"], lies["i"], found.layout.size) == ((5, 1, None), (6, 2, None), 8)
 
 
+TEXTS = "a STRING with a NUL behind its characters in codesys-8, with two lengths before them in baosky"
+
+
+def test_a_union_that_cannot_be_declared_is_the_only_raw_member() -> None:
+    theirs = layout_of(
+        "a : INT; b : LREAL; u : UNION s : STRING[4]; i : INT; END_UNION; c : INT;", "codesys-8"
+    )
+    found = corrective(theirs, rules_for("baosky"))
+    assert told(found) == [f"u: not reached: u.s: {TEXTS}"]
+    lies = places(found.layout)
+    assert (lies["b"], lies["u[0]"], lies["c"]) == ((8, 8, None), (16, 1, None), (22, 2, None))
+
+
+def test_a_union_in_a_union_in_an_array_is_told_by_the_text_in_it() -> None:
+    inner = "UNION i : INT; v : UNION s : STRING[4]; END_UNION; END_UNION"
+    theirs = layout_of(f"n : DINT; a : ARRAY[1..2] OF {inner}; c : INT;", "codesys-8")
+    found = corrective(theirs, rules_for("baosky"))
+    assert told(found) == [f"a: not reached: a[1].v.s: {TEXTS}"]
+    assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.number_of("c")))
+
+
+def test_a_type_with_a_raw_member_may_be_used_twice() -> None:
+    text = "TYPE S : STRUCT s : STRING[4]; i : INT; END_STRUCT END_TYPE "
+    text += "TYPE T : STRUCT p : S; q : S; c : LREAL; END_STRUCT END_TYPE"
+    theirs = lay_out(types_of(text).named("T"), rules_for("codesys-8"))
+    found = corrective(theirs, rules_for("baosky"))
+    assert told(found) == [f"p.s: not reached: {TEXTS}", f"q.s: not reached: {TEXTS}"]
+    assert places(found.layout)["c"] == place_of(theirs.leaf(theirs.number_of("c")))
+
+
+def test_a_member_whose_name_begins_like_that_of_a_raw_one_is_proved() -> None:
+    theirs = layout_of("s : STRING[4]; s2 : INT; s_x : DINT;", "codesys-8")
+    found = corrective(theirs, rules_for("baosky"))
+    raw = [(id(theirs.root), "s")]
+    prove(theirs.root, found.layout.root, raw)
+    assert isinstance(found.type, Struct)
+    s, _, s_x = found.type.members
+    gap, small = Member("_pad", ELEMENTARY["BYTE"]), Member("s2", ELEMENTARY["BYTE"])
+    for members in ((s, small, s_x), (s, gap, small, s_x)):
+        wrong = lay_out(Struct("T", members), rules_for("baosky"))
+        with pytest.raises(Unreachable, match=r"^s2: "):
+            prove(theirs.root, wrong.root, raw)
+
+
+def test_a_member_that_would_make_the_whole_too_long_is_the_one_that_is_raw() -> None:
+    theirs = layout_of("d : DINT; w : WORD; i : INT; b : WORD;", "packed")
+    found = corrective(theirs, rules_for("baosky-pack4"))
+    assert told(found) == [
+        "d: not reached: DINT makes the size of its STRUCT a multiple of 4 under baosky-pack4"
+    ]
+    assert found.layout.size == 10
+
+
+def test_what_is_raw_as_a_whole_is_told_as_all() -> None:
+    (one,) = corrective(layout_of("a : INT; b : DINT;", "packed"), rules_for("baosky")).unreached
+    assert one == ("", "6 bytes: under baosky the size is a multiple of 4")
+
+
+def test_a_type_that_fails_in_every_use_is_tried_once() -> None:
+    text = "TYPE S0 : STRUCT a : INT; END_STRUCT END_TYPE\n"
+    for n in range(1, 19):
+        text += f"TYPE S{n} : STRUCT p : S{n - 1}; q : S{n - 1}; END_STRUCT END_TYPE\n"
+    theirs = lay_out(types_of(text).named("S18"), rules_for("packed"))
+    found = corrective(theirs, rules_for("baosky"))
+    assert found.layout.size == theirs.size
+    assert 0 < len(found.unreached) <= 1024
+
+
 def test_a_type_that_lies_right_already_stays_as_it_is() -> None:
     found = corrective(wanted("Report", "natural8"), rules_for("baosky"))
     assert found.type is TYPES.named("Report")
@@ -157,3 +231,19 @@ def test_a_corrective_type_that_is_called_possible_gives_the_others_offsets(
         assert {leaf.path: place_of(leaf) for leaf in sent.leaves()}.items() <= lies.items()
     else:
         assert all(one.why for one in found.unreached)
+        lies = {leaf.path: place_of(leaf) for leaf in laid_out.leaves()}
+        raw = [re.sub(INDEX, "", one.path) for one in found.unreached]
+        for leaf in sent.leaves():
+            path = re.sub(INDEX, "", leaf.path)
+            if not any(path == each or not each or path.startswith(each + ".") for each in raw):
+                assert lies[leaf.path] == place_of(leaf)
+
+
+def test_a_text_in_utf_8_stays_one() -> None:
+    sent = lay_out(Struct("T", (Member("w", ELEMENTARY["WORD"]), Member("s", Text(utf8=True)))), rules_for())
+    found = corrective(sent, rules_for("s7-standard"))
+    assert found.is_possible
+    assert found.layout.leaf(1).type == Text(80, utf8=True)
+    again = types_of(st_text(sent.type))
+    (_, text) = lay_out(again.named("T"), rules_for()).leaves()
+    assert text.type == Text(utf8=True)

@@ -11,13 +11,29 @@ from hypothesis import strategies as st
 
 from tests.udt.st_machine import Machine
 from tests.udt.test_fit import TELEGRAMS, TYPES, message
-from tests.udt.udt_strategies import rules, structs, types, types_of
+from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.cure import cure, cure_text
 from trcvtui.udt.decode import decode
 from trcvtui.udt.fit import fit, verdict
+from trcvtui.udt.formats.siemens import read_tia
+from trcvtui.udt.formats.st import read_st
 from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.renaming import ST_WORDS
+from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.swap import Language
-from trcvtui.udt.types import Array, Struct
+from trcvtui.udt.type_set import join
+from trcvtui.udt.types import Array, Member, Struct
+
+ODD_NAMES = """TYPE "T"
+VERSION : 0.1
+STRUCT
+    "struct" : Int; "Type" : Byte; "a b" : DInt; a_b : DInt; A_B_2 : Byte; "int" : Real;
+    "if" : Array[0..1] of Struct
+        "für 1" : LReal; "do" : Bool; "end_struct" : Word;
+    END_STRUCT;
+END_STRUCT;
+END_TYPE
+"""
 
 
 def unpacked(ours: Layout, theirs: Layout, content: bytes) -> bytes:
@@ -27,8 +43,12 @@ def unpacked(ours: Layout, theirs: Layout, content: bytes) -> bytes:
     unions = types_of(found.unpacking.types)
     variables = {f"u_{name[2:]}": lay_out(unions.named(name), ours.rules) for name in unions.names()}
     receiver = found.receiver.layout
-    machine = Machine(ours.rules, {"msg": receiver, "value": ours, **variables})
-    machine.memory["msg"][:] = content
+    is_scl, is_raw = ours.rules.name == "s7-standard", isinstance(found.receiver.type, Array)
+    msg = receiver
+    if is_scl and is_raw:  # the declaration that scl_text makes of it
+        msg = lay_out(Struct("T", (Member("raw", found.receiver.type),)), ours.rules)
+    machine = Machine(ours.rules, {"msg": msg, "value": ours, **variables})
+    machine.memory["msg"][: len(content)] = content
     values = dict(zip((leaf.path for leaf in receiver.leaves()), decode(receiver, content), strict=True))
     for leaf in ours.leaves():  # what lies right is read where it lies
         if leaf.path in values and not isinstance(found.receiver.type, Array):
@@ -39,11 +59,12 @@ def unpacked(ours: Layout, theirs: Layout, content: bytes) -> bytes:
     return bytes(machine.memory["value"])
 
 
+@pytest.mark.parametrize("receiver", ["baosky", "s7-standard"])
 @pytest.mark.parametrize("order", ["little", "big"])
 @pytest.mark.parametrize("name", TELEGRAMS)
-def test_what_cannot_be_declared_is_read_out_of_its_bytes(name: str, order: str) -> None:
+def test_what_cannot_be_declared_is_read_out_of_its_bytes(name: str, order: str, receiver: str) -> None:
     theirs = lay_out(TYPES.named(name), rules_for("packed", order))
-    ours = lay_out(theirs.type, rules_for("baosky"))
+    ours = lay_out(theirs.type, rules_for(receiver))
     content = message(theirs, random.Random(5))
     found = cure(ours, theirs)
     assert not found.receiver.is_possible
@@ -58,6 +79,14 @@ def test_what_cannot_be_declared_is_read_out_of_its_bytes(name: str, order: str)
     assert [
         path for path in left_out if "name" not in path and "label" not in path and "batch" not in path
     ] == []
+
+
+def test_many_raw_bytes_before_a_member_that_lies_right_do_not_hide_it() -> None:
+    theirs = layout_of("s : ARRAY[1..220] OF STRING; m : ARRAY[0..1, 0..1] OF BOOL;")
+    theirs = lay_out(theirs.type, rules_for("baosky", text="cstr"))
+    found = cure(lay_out(theirs.type, rules_for("baosky", text="s7")), theirs)
+    assert found.unpacking is not None
+    assert (found.unpacking.code, len(found.unpacking.left_out)) == ("", 220)
 
 
 def test_bits_are_read_out_of_their_byte() -> None:
@@ -91,6 +120,43 @@ def test_the_text_says_what_is_for_whom() -> None:
         "// Or the sender, under packed: lies as baosky, 16 bytes",
         "// Sender: bytes turned round, from big- to little-endian, with the type for the sender",
     ]
+
+
+def test_a_receiver_that_is_an_s7_gets_a_tia_type_and_scl() -> None:
+    theirs = layout_of("a : BYTE; n : DINT; t : TIME;", "packed")
+    text = cure_text(cure(lay_out(theirs.type, rules_for("s7-standard")), theirs))
+    receiver = text[: text.index("// Or the sender")]
+    assert 'TYPE "T_packed"\nVERSION : 0.1\n' in receiver
+    assert "UNION" not in receiver
+    assert "// msg : T_packed; value : T\n" in receiver
+    assert "#value.n := DWORD_TO_DINT(BYTE_TO_DWORD(#msg.raw[1]) OR SHL(IN := " in receiver
+    types = join([read_tia(receiver[: receiver.index("// msg")], "x.udt")], "x.udt")
+    assert types.problems == ()
+
+
+def test_the_variables_of_the_code_are_declared_in_its_head() -> None:
+    theirs = layout_of("a : BYTE; n : INT; r : REAL;", "packed")
+    found = cure(lay_out(theirs.type, rules_for("baosky-pack4")), theirs)
+    assert found.unpacking is not None
+    assert found.unpacking.code.splitlines()[0] == (
+        "// msg : T_packed; value : T; i : DINT; u_INT : U_INT; u_REAL : U_REAL"
+    )
+
+
+def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
+    types = join([read_tia(ODD_NAMES, "x.udt")], "x.udt")
+    type_ = types.named("T")
+    for ours, theirs in (("baosky", "natural8"), ("natural8", "codesys-1"), ("s7-standard", "natural8")):
+        found = cure(lay_out(type_, rules_for(ours)), lay_out(type_, rules_for(theirs)))
+        for side in (found.receiver, found.sender):
+            plain = join([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
+            scl = join([read_tia(scl_text(side.type, side.layout.name), "x.udt")], "x.udt")
+            assert plain.problems == scl.problems == ()
+            again = lay_out(plain.named(plain.names()[-1]), side.layout.rules)
+            assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in side.layout.leaves()]
+            words = {part for leaf in again.leaves() for part in re.findall(r"[^.\[\]]+", leaf.path)}
+            assert not {word for word in words if word.upper() in ST_WORDS}
+            assert all(word.isascii() and " " not in word for word in words)
 
 
 def test_profiles_that_agree_need_no_cure() -> None:

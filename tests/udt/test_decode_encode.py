@@ -14,7 +14,8 @@ from trcvtui.errors import UserError
 from trcvtui.udt.decode import decode, decode_leaf, decode_leaves
 from trcvtui.udt.encode import encode, put
 from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
-from trcvtui.udt.types import ROWS, Type
+from trcvtui.udt.types import ROWS, Text, Type
+from trcvtui.udt.value_text import value_text
 
 
 def telegram() -> Layout:
@@ -161,6 +162,7 @@ def test_one_leaf_is_written_in_place() -> None:
         ("LWORD", 2**64),
         ("REAL", 3.5e38),
         ("REAL", "fast"),
+        ("LREAL", "1e400"),
         ("REAL", False),
         ("LREAL", 10**400),
         ("CHAR", "ab"),
@@ -234,3 +236,39 @@ def test_the_next_leaf_is_the_first_that_is_not_wholly_there(layout: Layout, dat
     length = data.draw(st.integers(0, layout.size + 1))
     ends = [leaf.offset + leaf.size for leaf in layout.leaves()]
     assert layout.next_leaf(length) == next((n for n, end in enumerate(ends) if end > length), None)
+
+
+@pytest.mark.parametrize("members", ["d : DWORD; b : BOOL;", "b : BOOL; d : DWORD;"])
+def test_members_of_a_union_are_encoded_to_the_bytes_they_were_decoded_from(members: str) -> None:
+    types = types_of(f"TYPE U : UNION {members} END_UNION END_TYPE")
+    layout = lay_out(types.named("U"), rules_for())
+    values = dict(zip([leaf.path for leaf in layout.leaves()], decode(layout, b"\2\0\0\0"), strict=True))
+    assert encode(layout, values) == b"\2\0\0\0"
+
+
+def test_a_string_whose_own_longest_length_is_another_is_marked() -> None:
+    (leaf,) = layout_of("STRING[3]", "s7-standard").leaves()
+    assert value_text(leaf, "A", b"\3\1A\0\0") == "'A'"
+    assert value_text(leaf, "A", b"\4\1A\0\0") == "'A' (longest 4, not 3)"
+    assert value_text(leaf, "ABC", b"\4\5ABC") == "'ABC' (length 5 of 3)"
+
+
+UTF_8 = """TYPE T : STRUCT a : BYTE; {attribute 'TcEncoding':='UTF-8'} s : STRING[4]; t : STRING[4];
+END_STRUCT END_TYPE"""
+
+
+def test_a_string_marked_as_utf_8_is_read_and_written_so() -> None:
+    types = types_of(UTF_8)
+    layout = lay_out(types.named("T"), rules_for("codesys-8"))
+    raw = b"\1" + "€".encode() + b"\0\0" + "€".encode() + b"\0\0"
+    assert decode(layout, raw) == (1, "€", "â\x82¬")
+    assert encode(layout, {"a": 1, "s": "€", "t": "â\x82¬"}) == raw
+    with pytest.raises(UserError, match="at most 4 bytes in UTF-8"):
+        encode(layout, {"s": "€€"})
+
+
+@given(st.binary(min_size=5, max_size=5))
+def test_bytes_that_are_no_utf_8_come_back_the_same(raw: bytes) -> None:
+    layout = lay_out(Text(4, utf8=True), rules_for("codesys-8"))
+    (value,) = decode(layout, raw)
+    assert encode(layout, {"": value}) == raw[:4].split(b"\0")[0].ljust(5, b"\0")

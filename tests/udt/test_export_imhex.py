@@ -12,7 +12,8 @@ from tests.udt.export_types import EVERY_LAYOUT, plant
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.udt.exports import export
 from trcvtui.udt.exports.outline import fields_of, structs_of
-from trcvtui.udt.layout import Layout
+from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.types import ELEMENTARY, Member, Struct
 
 SIZES = {
     "bool": 1, "char": 1, "char16": 2, "float": 4, "double": 8, "padding": 1,
@@ -100,3 +101,10 @@ def test_words_of_the_language_are_escaped_and_kept_as_shown_name() -> None:
 def test_the_byte_order_is_that_of_the_layout() -> None:
     assert "#pragma endian big" in export(layout_of("a : INT;", "s7-standard"), "imhex")
     assert "#pragma endian little" in export(layout_of("a : INT;", "baosky"), "imhex")
+
+
+def test_a_name_that_got_a_number_is_kept_as_shown_name() -> None:
+    members = tuple(Member(name, ELEMENTARY["INT"]) for name in ("Größe", "Gro_e"))
+    pattern = export(lay_out(Struct("S", members), rules_for()), "imhex")
+    assert 's16 Gro_e [[name("Größe")]];' in pattern
+    assert 's16 Gro_e_2 [[name("Gro_e")]];' in pattern

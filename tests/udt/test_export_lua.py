@@ -21,11 +21,12 @@ from trcvtui.rig import clock, demo_path
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.live_pace import LivePace
 from trcvtui.udt.decode import decode
+from trcvtui.udt.encode import encode
 from trcvtui.udt.exports import export
 from trcvtui.udt.exports.lua import filter_name
 from trcvtui.udt.formats import read_file
 from trcvtui.udt.layout import Layout, Leaf, lay_out, rules_for
-from trcvtui.udt.types import Kind, Pointer, Text
+from trcvtui.udt.types import Kind, Member, Pointer, Struct, Text
 
 PORT = 2000
 with_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
@@ -87,6 +88,26 @@ def test_tshark_shows_what_udt_decode_shows(name: str, more: dict[str, str], tmp
     data = plant_bytes(layout)
     [shown] = dissected(layout, [data], tmp_path)
     assert_same(layout, shown, data)
+
+
+@with_tshark
+def test_what_a_literal_leaves_out_is_beside_it_as_in_udt_decode(tmp_path: Path) -> None:
+    layout = layout_of("a : ARRAY[0..2] OF LDATE; s : ARRAY[0..3] OF S5TIME; d : DATE;", "codesys-8")
+    days = b"".join(n.to_bytes(8, "little", signed=True) for n in (-1, 86_400 * 10**9, 3_600_000_000_001))
+    words = b"".join(n.to_bytes(2, "little") for n in (0x1015, 0x8150, 0x0150, 0x3999))
+    data = days + words + (86_401).to_bytes(4, "little") + bytes(4)
+    [shown] = dissected(layout, [data], tmp_path)
+    assert [value for _, value in shown] == [str(value) for value in decode(layout, data[: layout.size])]
+
+
+@with_tshark
+@pytest.mark.parametrize("form", ["nul", "s7"])
+def test_a_string_in_utf_8_is_shown_so(form: str, tmp_path: Path) -> None:
+    members = (Member("u", Text(6, utf8=True)), Member("l", Text(6)))
+    layout = lay_out(Struct("S", members), rules_for("baosky", None, form))
+    data = encode(layout, {"u": "€é", "l": "é"})
+    [shown] = dissected(layout, [data], tmp_path)
+    assert [value for _, value in shown] == ["€é", "é"]
 
 
 @with_tshark

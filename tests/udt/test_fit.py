@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.udt.udt_strategies import types_of
+from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
+from trcvtui.udt.difference import difference
 from trcvtui.udt.encode import encode
 from trcvtui.udt.fit import fit, leaders, verdict
-from trcvtui.udt.layout import Layout, Leaf, lay_out, rules_for
-from trcvtui.udt.profiles import Profile, profiles_for, same_layouts
-from trcvtui.udt.types import Elementary, Enumeration, Kind, Text
+from trcvtui.udt.layout import Layout, LayoutRules, Leaf, lay_out, rules_for
+from trcvtui.udt.profiles import Profile, has_text, profiles_for, same_layouts, shape
+from trcvtui.udt.types import Elementary, Enumeration, Kind, Struct, Text
 
 TYPES = types_of("""
 TYPE E_Mode : (Idle := 0, Run := 1, Fault := 2) INT; END_TYPE
@@ -100,6 +101,63 @@ def test_zeros_cannot_be_told_apart_and_the_difference_is_named() -> None:
         "baosky, little-endian and baosky, big-endian cannot be told apart by these bytes: "
         "the first two differ only in the byte order"
     )
+
+
+SIGN = "(TIME in ms, with a sign and TIME in ms, without a sign)"
+
+
+@pytest.mark.parametrize(
+    ("members", "content", "said"),
+    [
+        ("a : DINT; t : TIME;", "01000000 05000000", f"the stored form of t {SIGN}"),
+        (
+            "d : DATE; i : INT; k : INT;",
+            "00000000 0000 0000",
+            "the stored form of d (DATE in days since 1970 and DATE in s since 1970)",
+        ),
+        (
+            "a : ARRAY[1..300] OF DINT; t : ARRAY[1..2] OF TIME;",
+            "01000000" * 302,
+            f"the stored form of t[1] {SIGN}",
+        ),
+    ],
+)
+def test_a_tie_is_told_with_what_differs_and_with_nothing_else(members: str, content: str, said: str) -> None:
+    type_ = types_of(f"TYPE T : STRUCT {members} END_STRUCT END_TYPE").named("T")
+    asked = [Profile("baosky", "little"), Profile("codesys-4", "little")]
+    assert verdict(fit(type_, [bytes.fromhex(content)], profiles=asked)).endswith(
+        f"cannot be told apart by these bytes: the first two differ only in {said}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("members", "theirs", "said"),
+    [
+        ("s : STRING[4]; i : INT;", Profile("baosky", "little", "cstr"), "the STRING form, s7 and cstr"),
+        ("a : BYTE; i : INT;", Profile("baosky", "little", "cstr"), "nothing"),
+        (
+            "a : ARRAY[1..600] OF BYTE; e : ARRAY[1..2] OF STRUCT f : BYTE; END_STRUCT;",
+            Profile("packed", "little"),
+            "the size, 608 and 602 bytes; the place of e[2].f (604 and 601)",
+        ),
+    ],
+)
+def test_the_difference_is_looked_for_in_the_whole_declaration(
+    members: str, theirs: Profile, said: str
+) -> None:
+    ours = layout_of(members)
+    assert difference(ours, lay_out(ours.type, theirs.rules)) == said
+
+
+@settings(max_examples=100, deadline=None)
+@given(structs(types, least=1), rules, rules)
+def test_two_readings_that_are_not_one_have_a_difference(
+    type_: Struct, ours: LayoutRules, theirs: LayoutRules
+) -> None:
+    a, b = lay_out(type_, ours), lay_out(type_, theirs)
+    told = difference(a, b)
+    assert ("STRING form" not in told) or has_text(type_)
+    assert (told == "nothing") <= (shape(a) == shape(b))
 
 
 def test_two_bools_of_which_the_second_is_false_may_be_bits() -> None:

@@ -75,3 +75,13 @@ def test_several_files_are_read_as_one_set(tmp_path: Path) -> None:
     with pytest.raises(UserError) as refused:
         read_files([tmp_path / "c.st", tmp_path / "a.st", tmp_path / "d.st"])
     assert len(refused.value.lines()) == 2
+
+
+@pytest.mark.parametrize("codec", ["utf-16-le", "utf-16-be"])
+def test_utf_16_without_its_mark_is_answered_with_a_word_about_the_encoding(
+    codec: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "t.st"
+    path.write_bytes("TYPE T : INT; END_TYPE".encode(codec))
+    with pytest.raises(UserError, match="zero bytes, as in UTF-16 without a byte order mark, expected UTF-8"):
+        read_file(path)

@@ -82,6 +82,21 @@ def test_a_file_that_is_not_there_or_a_directory_is_a_mistake(name: str, reason:
     assert refusal(given_values, path) == expected
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ('{"a": 1e400}', "1e400, expected a number in the range of LREAL"),
+        ('{"a": 1, "a": 2}', "'a' a second time, expected each path once"),
+        ('{"values": {"b": 1, "b": 1}}', "'b' a second time, expected each path once"),
+    ],
+)
+def test_json_that_python_would_change_is_a_mistake(
+    text: str, found: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put_on_stdin(monkeypatch, text.encode())
+    assert refusal(given_values, "-").startswith(f"stdin: found {found}")
+
+
 def test_a_file_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(given, "LARGEST", 1000)
     assert (

@@ -14,7 +14,7 @@ from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, typ
 from trcvtui.errors import UserError
 from trcvtui.udt.decode import decode
 from trcvtui.udt.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for
-from trcvtui.udt.types import ELEMENTARY, ROWS, Array, Elementary, Kind, Member, Struct, Text
+from trcvtui.udt.types import ELEMENTARY, ROWS, Array, Elementary, Kind, Member, Struct, Text, Unplaced
 
 READINGS = ("baosky", "baosky-slot4", "baosky-pack4", "natural8")
 Vector = tuple[int, list[int]]
@@ -184,7 +184,7 @@ def test_members_lie_on_their_alignment(layout: Layout) -> None:
         assert rules.takes_pack or leaf.offset % min(natural, rules.cap) == 0
 
 
-@given(layouts())
+@given(layouts().filter(lambda layout: layout.size <= 2000))
 def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
     covered: dict[tuple[int, int], int] = {}
     for number, leaf in enumerate(layout.leaves()):
@@ -222,6 +222,29 @@ def test_plain_pack_agrees_with_the_c_compiler_rules_of_ctypes(rows: list[Elemen
         layout = lay_out(struct, LAYOUTS[name])
         assert layout.size == ctypes.sizeof(oracle)
         assert [leaf.offset for leaf in layout.leaves()] == [getattr(oracle, f).offset for f, _ in fields]
+
+
+def test_a_quoted_name_is_quoted_in_its_path_and_found_by_it() -> None:
+    named = ("a.b", "a", 'x"y', "Pump data", "[1]", "größe")
+    inner = Struct("", (Member("b", ELEMENTARY["INT"]), Member("c d", ELEMENTARY["INT"])))
+    members = tuple(Member(name, inner if name == "a" else ELEMENTARY["INT"]) for name in named)
+    layout = lay_out(Struct("S", members), rules_for())
+    paths = [leaf.path for leaf in layout.leaves()]
+    assert paths == ['"a.b"', "a.b", "a.c d", '"x""y"', "Pump data", '"[1]"', "größe"]
+    assert [layout.number_of(path) for path in paths] == list(range(len(paths)))
+
+
+def test_everything_that_cannot_be_laid_out_is_told_at_most_ten_of_it() -> None:
+    types = types_of("TYPE T : STRUCT a : FB(1); b : INT; c : ARRAY[0..1] OF FC(x := 2); END_STRUCT END_TYPE")
+    with pytest.raises(UserError) as refused:
+        lay_out(types.named("T"), rules_for(), "T")
+    assert [line.split(",")[0] for line in refused.value.lines()] == ["T.a: found FB", "T.c: found FC"]
+    many = Struct("M", tuple(Member(f"m{n}", types.named("T")) for n in range(50)))
+    wide = Struct("W", tuple(Member(f"m{n}", Unplaced(f"F{n}", "no")) for n in range(50)))
+    for type_, count in ((many, 2), (wide, 10)):
+        with pytest.raises(UserError) as refused:
+            lay_out(type_, rules_for())
+        assert len(refused.value.problems) == count
 
 
 def test_an_unknown_path_names_the_step_that_fails() -> None:

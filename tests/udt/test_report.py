@@ -14,6 +14,7 @@ from trcvtui.errors import UserError
 from trcvtui.udt.layout import Layout, lay_out, rules_for
 from trcvtui.udt.report import decode_json, decode_text, encode_values, show_json, show_text
 from trcvtui.udt.type_set import TypeSet
+from trcvtui.udt.types import Text
 from trcvtui.udt.value_text import real_text
 
 TELEGRAM = """TYPE Mode : (Stop, Run := 5); Telegram : STRUCT
@@ -143,12 +144,21 @@ def test_encode_refuses_an_unknown_member() -> None:
         encode_values(telegram(), {"sped": 1})
 
 
+def texts_overlap(layout: Layout) -> bool:
+    """Return whether texts share bytes with other texts: their values alone do not always tell the bytes."""
+    if not layout.root.overlaps:
+        return False
+    places = [
+        range(leaf.offset, leaf.offset + leaf.size) for leaf in layout.leaves() if isinstance(leaf.type, Text)
+    ]
+    return sum(map(len, places)) > len({at for place in places for at in place})
+
+
 @given(layouts(), st.data())
 def test_what_decode_prints_encode_takes_and_gives_the_same_again(
     layout: Layout, data: st.DataObject
 ) -> None:
-    # Of the members of a union the last one is taken, and it may say less than the others.
-    assume(not layout.root.overlaps)
+    assume(not texts_overlap(layout))
     raw = data.draw(st.binary(max_size=layout.size))
     printed = json.loads(json.dumps(decode_json(layout, raw), allow_nan=False))
     again = decode_json(layout, encode_values(layout, printed))["values"]

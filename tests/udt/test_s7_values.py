@@ -67,7 +67,7 @@ def test_a_dtl_of_a_little_endian_partner() -> None:
         ("DTL", "07EA 0B 15 03 0A 1E 00 00000000", "DTL#2026-11-21-10:30:00 (weekday 3, not 7)"),
         ("DTL", "07EA 0B 15 07 0A 1E 00 3B9ACA00", "16#07EA0B15070A1E003B9ACA00 (no date)"),
         ("S5TIME", "015A", "16#015A (no S5TIME)"),
-        ("S5TIME", "8150", "16#8150 (no S5TIME)"),
+        ("S5TIME", "8150", "S5T#1s500ms (16#8150)"),
         ("S5TIME", "1015", "S5T#1s500ms (16#1015)"),
     ],
 )
@@ -148,6 +148,31 @@ def test_codesys_durations_have_no_sign_and_dates_count_seconds() -> None:
     date = layout_of("DATE", "codesys-8")
     assert encode(date, {"": "D#1970-01-02"}) == (86_400).to_bytes(4, "little")
     assert shown(date, (86_401).to_bytes(4, "little")) == "D#1970-01-02 (and T#1s)"
+    assert encode(date, {"": "D#1970-01-02 (and T#1s)"}) == (86_401).to_bytes(4, "little")
+    for wrong in ("D#1970-01-02 (and T#1s", "D#1970-01-02 (and T#24h)", "D#1970-01-02 (and T#1ms)"):
+        with pytest.raises(UserError):
+            encode(date, {"": wrong})
+
+
+@given(st.binary(min_size=8, max_size=8))
+def test_no_ldate_loses_its_part_of_the_day(raw: bytes) -> None:
+    layout = layout_of("LDATE")
+    assert encode(layout, {"": decode(layout, raw)[0]}) == raw
+    edge = bytes(7) + b"\x80"
+    assert encode(layout, {"": decode(layout, edge)[0]}) == edge
+
+
+@given(st.integers(0, 0xFFFF))
+def test_an_s5time_comes_back_bit_for_bit(word: int) -> None:
+    layout = layout_of("S5TIME")
+    raw = word.to_bytes(2, "little")
+    assert encode(layout, {"": decode(layout, raw)[0]}) == raw
+
+
+@pytest.mark.parametrize("value", ["S5T#1s (16#1011)", "S5T#1s (16#1010", "S5T#1s (x)"])
+def test_an_s5time_with_another_word_beside_it_is_refused(value: str) -> None:
+    with pytest.raises(UserError):
+        encode(layout_of("S5TIME"), {"": value})
 
 
 def test_an_address_is_hex() -> None:

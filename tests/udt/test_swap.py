@@ -7,12 +7,14 @@ import random
 import pytest
 
 from tests.udt.st_machine import Machine
+from tests.udt.test_cure import ODD_NAMES
 from tests.udt.test_fit import TELEGRAMS, TYPES, message
 from tests.udt.udt_strategies import layout_of, types_of
 from trcvtui.udt.decode import decode
 from trcvtui.udt.encode import encode
 from trcvtui.udt.formats.siemens import read_tia
 from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.renaming import st_renamed
 from trcvtui.udt.swap import Language, swap_code
 from trcvtui.udt.type_set import join
 
@@ -22,7 +24,8 @@ OTHER = {"little": "big", "big": "little"}
 def swapped(sent: Layout, content: bytes, language: Language) -> bytes:
     """Return what the swap code makes of a message."""
     swap = swap_code(sent, language)
-    machine = Machine(sent.rules, {"msg": sent, "wire": lay_out(swap.type, sent.rules)}, swap.helpers)
+    msg = lay_out(st_renamed(sent.type), sent.rules) if language == "st" else sent
+    machine = Machine(sent.rules, {"msg": msg, "wire": lay_out(swap.type, sent.rules)}, swap.helpers)
     machine.memory["msg"][:] = content
     machine.run(swap.code)
     return bytes(machine.memory["wire"])
@@ -100,6 +103,27 @@ def test_the_swapped_telegram_is_a_declaration_that_is_read_again() -> None:
         assert types.problems == ()
         again = lay_out(types.named("Line_swapped"), sent.rules)
         assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in sent.leaves()]
+
+
+@pytest.mark.parametrize("language", ["st", "scl"])
+def test_names_that_are_keywords_or_hold_blanks_are_written_as_the_language_takes_them(
+    language: Language,
+) -> None:
+    type_ = join([read_tia(ODD_NAMES, "x.udt")], "x.udt").named("T")
+    sent = lay_out(type_, rules_for("natural8"))
+    swap = swap_code(sent, language)
+    wanted = {
+        "st": [
+            "wire.struct_ := SWAP2(INT_TO_WORD(msg.struct_));",
+            "wire.a_b_2 := SWAP4(",
+            "wire.A_B_2_2 := ",
+        ],
+        "scl": ['#wire."a b" := SWAP(DINT_TO_DWORD(#msg."a b"));', '#wire."if"[#i1]."für 1" := SWAP('],
+    }
+    assert all(line in swap.code for line in wanted[language])
+    content = bytes(range(1, sent.size + 1))
+    ours = lay_out(type_, rules_for("natural8", "big"))
+    assert decode(ours, swapped(sent, content, language)) == decode(sent, content)
 
 
 def test_what_is_no_single_number_is_left_out_and_told() -> None:

@@ -128,3 +128,16 @@ def test_a_bad_udt_in_one_line_tells_where_its_file_is_wrong() -> None:
     assert lines_of(lambda: parse_type("ARRAY[0..1] OF bad", types)) == [
         "test.st:1:23: found 'Nope', expected a known type"
     ]
+
+
+def test_a_circle_of_names_is_told_from_end_to_end() -> None:
+    types = types_of("TYPE A : B; B : C; C : A; END_TYPE")
+    assert [str(problem) for problem in types.problems] == [
+        "test.st:1:24: found 'A' in a circle: C, A, B, C, expected a type that does not contain itself"
+    ]
+
+
+def test_a_type_in_a_namespace_is_named_with_it_or_without() -> None:
+    types = types_of("NAMESPACE A.B TYPE T : INT; Bad : Nope; END_TYPE END_NAMESPACE")
+    assert types.named("A.B.T") is types.named("t") is ELEMENTARY["INT"]
+    assert "Nope" in lines_of(lambda: types.named("a.b.bad"))[0]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from hypothesis import strategies as st
 
 from trcvtui.udt.codec import Values
-from trcvtui.udt.coding import Value
+from trcvtui.udt.coding import Value, coding_of
 from trcvtui.udt.formats.st import read_st
 from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout import LAYOUTS, Layout, LayoutRules, Leaf, lay_out, rules_for
@@ -168,9 +168,9 @@ def _elementary(row: Elementary) -> st.SearchStrategy[Value]:
         case Kind.ADDRESS:
             return st.integers(*row.limits).map(lambda address: f"16#{address:0{2 * row.size}X}")
         case Kind.DATE:
-            days = DAY // row.unit_ns
-            low, high = row.limits
-            return st.integers(-(-low // days), high // days).map(lambda n: format_literal(row, n * days))
+            to_value = coding_of(row, rules_for()).to_value
+            assert to_value is not None
+            return st.integers(*row.limits).map(to_value)
         case _:
             return st.integers(*row.limits).map(lambda count: format_literal(row, count))
 

@@ -42,7 +42,8 @@ class Course:
     `let_go`: what a block shows whose connection another block has closed or reset.
     `idle_loss`: the error of a loss while no job runs; None: no error, but for a dead link.
     `job_loss`: the error that ends a job, by kind of loss; a kind that is not named fails the job itself.
-    `still_asked`: the error of EN_R = 1 in the scan behind a loss.
+    `still_asked`: the error of EN_R = 1 in the scan behind a loss that ended a job, and of a TRCV of its own
+    while its connection is being built again.
     `teardown`: "closing" shows before the error of a loss that ends a job.
     `silent_connect`: an attempt to connect that fails shows no error.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.

@@ -17,13 +17,14 @@ class Direction(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Pin:
-    """One pin. `edge` pins act on their rising edge."""
+    """One pin. `edge` pins act on their rising edge; `label`: how the manual draws it, if otherwise."""
 
     name: str
     direction: Direction
     iec_type: str
     text: str
     edge: bool = False
+    label: str = ""
 
     @property
     def is_bool(self) -> bool:

@@ -50,6 +50,9 @@ class Rules:
     course: Course = field(default_factory=Course)
     area: AreaRules = field(default_factory=AreaRules)
     lacks: frozenset[str] = frozenset()  # pins that this vendor's blocks do not have
+    labels: Mapping[str, Mapping[str, str]] = field(
+        default_factory=dict
+    )  # block -> pin -> what this vendor calls it
     also_busy: frozenset[Condition] = frozenset()  # BUSY shows here, too
     receiving_part: Condition = Condition.RECEIVING  # the job has some bytes
     datagram_too_long: Condition = Condition.RECEIVE_FAILED

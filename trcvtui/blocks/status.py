@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Final
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.parameters import PINS
+
+_NAMED: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
 
 
 class Reach(StrEnum):
@@ -48,6 +53,20 @@ class StatusRow:
     def word(self) -> str:
         """Return `16#7006`."""
         return status_word(self.code)
+
+    def checks_of(self, block: str) -> tuple[str, ...]:
+        """Return what to check at this block: a line that begins with other blocks' names is theirs."""
+        return tuple(line for line in self.checks if _is_of(line, block))
+
+    def causes_of(self, block: str) -> tuple[str, ...]:
+        """Return the causes that this block can have."""
+        return tuple(line for line in self.causes if _is_of(line, block))
+
+
+def _is_of(line: str, block: str) -> bool:
+    named = [set(names.split(", ")) for names in _NAMED.findall(line)]
+    begins = _NAMED.match(line) is not None and named[0] <= PINS.keys()
+    return not begins or any(block in names for names in named)
 
 
 def status_word(code: int) -> str:

@@ -21,6 +21,8 @@ from trcvtui.net.policy import Policy
 from trcvtui.net.set_up import Stage
 
 SECOND: Final = 1_000_000_000  # ns
+# A22: the help has DONE at TRCV_C, the FAQ NDR at both.
+LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
 
 SWITCHES: Final = (
     Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
@@ -126,6 +128,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
         ),
+        labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
         max_len=cpu.max_len,
@@ -173,7 +176,7 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         switches=SWITCHES,
         models={"CPU": cpu.connections},
         default_model="CPU",
-        layout="baosky",
+        layout="s7-standard",
         describes_connects=True,
         folder="siemens",
         answer=lambda values: answer(defaults | dict(values), cpu),

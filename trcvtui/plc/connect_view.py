@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.connect_config import ConnectConfig as ConnectConfig
 from trcvtui.net.description import Field, FieldType, Value, rows
 from trcvtui.net.description import Row as Row
 from trcvtui.net.description_check import Protocol, meaning

@@ -184,7 +184,14 @@ class Project:
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""
-        return tuple([pin for pin in PINS[block] if pin.name not in self.rules.lacks])
+        labels = self.rules.labels.get(block, {})
+        return tuple(
+            [
+                replace(pin, label=labels[pin.name]) if pin.name in labels else pin
+                for pin in PINS[block]
+                if pin.name not in self.rules.lacks
+            ]
+        )
 
     def instance(self, name: str) -> InstanceDecl | None:
         """Return the instance of that name."""

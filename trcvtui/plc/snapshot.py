@@ -7,7 +7,7 @@ from operator import attrgetter
 from typing import Any, Final
 
 from trcvtui.blocks.cause import Cause
-from trcvtui.blocks.parameters import MOVES_BYTES, SENDS
+from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES, SENDS
 
 SENDERS: Final = SENDS | {"USEND_C", "TUSEND"}
 
@@ -96,6 +96,11 @@ class InstanceSnapshot:
     def moves_bytes(self) -> bool:
         """Return whether this block has a DATA pin."""
         return self.block in MOVES_BYTES
+
+    @property
+    def data_pin(self) -> str:
+        """Return what the manual calls the pin of DATA, "" where the block has none."""
+        return DATA_PIN.get(self.block, "DATA") if self.block in HAS_DATA else ""
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of an input or output by its manual's name, None where it has none."""

@@ -39,6 +39,8 @@ def read_text(path: Path) -> str:
             content = file.read(LARGEST_FILE + 1)
     except (OSError, ValueError) as failed:
         reason = getattr(failed, "strerror", None) or str(failed)
+        if isinstance(failed, FileNotFoundError) and not path.parent.is_dir():
+            reason = f"no folder {path.parent}"
         raise mistake(str(path), reason, "a TOML file that can be read") from None
     if len(content) > LARGEST_FILE:
         raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes")

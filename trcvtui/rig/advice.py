@@ -9,12 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import SENDERS
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig import advice_receive as receive
+from trcvtui.rig import advice_refusal as refusal
 from trcvtui.rig import advice_udp as udp
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.wording import count
@@ -45,6 +46,7 @@ _LOST: Final = dict.fromkeys(
     link.LOST,
 )
 NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
+    **refusal.NEXT,
     Condition.RECEIVING: (*receive.RECEIVING, link.second_client),
     Condition.RECEIVED: receive.RECEIVED,
     Condition.ESTABLISHING: link.ESTABLISHING,
@@ -95,7 +97,9 @@ def why(e: Evidence) -> str:
 def because(cause: Cause, block: str) -> str:
     """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
     text = cause.name
-    if cause.call and cause.call in text:
+    if cause.call and cause.why is Why.PARAMETER:  # no call was made
+        text += "" if cause.detail else f" ({cause.error})"
+    elif cause.call and cause.call in text:
         text = f"{cause.call} gave {cause.error or 'an error'}"
     elif cause.call:
         text += f" ({cause.call} gave {cause.error or 'an error'})"

@@ -9,7 +9,7 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.evidence import Evidence
-from trcvtui.rig.facts import Drop
+from trcvtui.rig.facts import PAUSE_SCANS, Drop
 from trcvtui.rig.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
@@ -39,10 +39,14 @@ def how_it_stands(e: Evidence) -> str:
     wanted = f"up to {count(e.need, 'byte')} (ADHOC)" if e.adhoc else count(e.need, "byte")
     if e.is_past:
         return f"{e.have} of {wanted} were here"
-    since = "" if e.quiet_ns is None else f", the last one came {age(e.quiet_ns)} ago"
+    since = "" if e.quiet_ns is None else f"{age(e.quiet_ns)} ago"
     if not e.have:
-        return f"armed for {wanted}: none is here yet{since}{_since_up(e)}"
-    return f"{state(e)}: {e.have} of {wanted} are here{since}{_rate(e)}"
+        before = f"; the last byte before them came {since}" if since else ""
+        return f"{ARMED} for {wanted}: none is here yet{before}{_since_up(e)}"
+    if e.have >= e.need and not e.adhoc:
+        return f"complete: all {wanted} are here, DONE comes with the next scan"
+    came = f", the last one came {since}" if since else ""
+    return f"{state(e)}: {e.have} of {wanted} are here{came}{_rate(e)}"
 
 
 def _since_up(e: Evidence) -> str:
@@ -207,11 +211,20 @@ def bursts_do_not_fill(e: Evidence) -> str:
         return ""  # a datagram is whole, whatever its size
     if e.need % size == 0 and state(e) != STUCK:
         return ""
+    if facts.bursts.count == 1 and size > e.need and _goes_on(e):
+        return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
     each = "" if facts.bursts.count == 1 else "each time "
     came = f"bytes came {times(facts.bursts.count)}, {each}{size}: if that is the sender's message,"
     if size < e.need:
         return f"{limit(e)}, {came} LEN or DATA is {e.need - size} too large"
-    return f"{limit(e)}, {came} {size - e.need} of it begin a next frame"
+    if size % e.need:
+        return f"{limit(e)}, {came} its last {count(size % e.need, 'byte')} begin a next frame"
+    return f"{limit(e)}, {came} it comes as {size // e.need} frames"
+
+
+def _goes_on(e: Evidence) -> bool:
+    """Return whether bytes still come: no pause has shown yet that would end a burst."""
+    return e.quiet_ns is not None and e.quiet_ns <= PAUSE_SCANS * e.interval_ns
 
 
 def ad_hoc_hint(e: Evidence) -> str:

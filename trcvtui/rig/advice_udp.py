@@ -31,7 +31,7 @@ def how_it_stands(e: Evidence) -> str:
     if e.is_past:
         return f"{armed}: none was here yet"
     if e.quiet_ns is not None:
-        return f"{armed}: none is here yet, the last one came {age(e.quiet_ns)} ago"
+        return f"{armed}: none is here yet; the one before came {age(e.quiet_ns)} ago"
     since = e.facts.open_since
     opened = f"; the socket is open since scan {since.scan}, {age(e.age_of(since))}" if since else ""
     return f"{armed}: none is here yet{opened}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import DataDecl, MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.plc.project_edit import FIELDS, given, read_entry, with_entry
@@ -16,9 +16,11 @@ from trcvtui.plc.project_keys import KIND_OF, KeyValue, keys_of
 from trcvtui.plc.tables import shown
 from trcvtui.rig.bench_library import check_message, check_sequence
 from trcvtui.rig.bench_routine import check_routine
+from trcvtui.rig.bench_send import read_send
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.edit_words import Add, AddData
 from trcvtui.rig.member_values import quoted, unquoted
+from trcvtui.rig.wording import count
 
 KINDS: Final = tuple(FIELDS)
 LISTS: Final = ("says", "replies")  # given once for each
@@ -39,13 +41,29 @@ def read_add(words: Words, project: Project) -> Add | AddData:
             return AddData(decl.name, decl.type_name, decl)
         case MessageDecl():
             check_message(decl, project, where)
+            _check_cuts(decl, project, where)
         case SequenceDecl():
             check_sequence(decl, project, where)
         case PeerDecl():
+            if not content.keys() & {"remote", "local", "active", "udp"}:
+                found = "neither remote nor local"
+                raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
             check_routine(decl, with_entry(project, decl), where)
         case _:
             pass
     return Add(decl)
+
+
+def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
+    """Refuse cuts behind the end: such a message would go uncut."""
+    peer = decl.peer or next((peer.name for peer in project.peers), "")
+    send = read_send(Words(decl.text, where), project, peer)
+    size = len(send.payload)
+    if send.split and sum(send.split) >= size:
+        cuts = ",".join(map(str, send.split))
+        raise mistake(
+            where, f"split={cuts} of {count(size, 'byte')}", f"cuts that add up to less than {size}"
+        )
 
 
 def _pairs(words: Words) -> dict[str, Any]:
@@ -64,7 +82,7 @@ def _pairs(words: Words) -> dict[str, Any]:
 
 def _message(words: Words) -> dict[str, Any]:
     peer = words.next("").partition("=")[2] if words.peek().startswith("peer=") else ""
-    text = words.rest_text("what stands behind `peer P1 send`, such as hex 01 02")
+    text = words.rest_text("what stands after `peer P1 send`, such as hex 01 02")
     return {"text": text, **({"peer": peer} if peer else {})}
 
 

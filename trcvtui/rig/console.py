@@ -28,6 +28,7 @@ from trcvtui.rig.trial import Trials
 from trcvtui.rig.watching import Watching
 from trcvtui.rig.wave_news import WaveNews
 from trcvtui.rig.waves import Waves
+from trcvtui.rig.wording import count
 
 MOST_ANSWERS: Final = 64
 MOST_DATA: Final = (
@@ -164,7 +165,7 @@ class Console:
 
     def _mark(self) -> str:
         self.session.mark()
-        self._told = f"marked behind scan {self.session.marked_at}"
+        self._told = f"marked after scan {self.session.marked_at}"
         return ""
 
     def _save(self, rest: str) -> str:
@@ -183,17 +184,17 @@ class Console:
             saved = self._edits.project
             self.bench.project = replace(self.bench.project, path=saved.path, base=saved.base)
             return ""
+        before = None
         if self._edits.saved != self._begun_with:
-            found = "a project file that does not say what this session began with"
-            raise mistake(
-                "prompt", found, "`save scenario` before `save project`, or a session begun behind it"
-            )
+            before = self._edits.before
+            if before is None:
+                found = "a session that began with additions which were in no file"
+                raise mistake("prompt", found, "a session begun after `save project`: open the file again")
         path = target(name)
-        text = scenario_text(self.session, self.bench, path)
+        text = scenario_text(self.session, self.bench, path, before)
         self._saved.add(write_new(path, text, self._saved, "prompt"))
-        self._told = (
-            f"{self.session.commands} commands, {self.bench.runtime.scans} scans in {path.absolute()}"
-        )
+        size = f"{count(self.session.commands, 'command')}, {count(self.bench.runtime.scans, 'scan')}"
+        self._told = f"{size} in {path.absolute()}{self.session.outsiders().told}"
         return ""
 
     # -- a scenario ------------------------------------------------------------------------------------
@@ -235,6 +236,7 @@ class Console:
         self.bench.close()
         self._enter(fresh_bench(self._edits.project, self._home_kernel))
         self._begun_with = self._edits.done
+        self._edits.begin()
 
     def _enter(self, bench: Bench) -> None:
         self.bench, self.player, self.session = bench, None, Session(bench)

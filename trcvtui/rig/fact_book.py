@@ -14,14 +14,13 @@ from typing import Any, Final
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.notes import BytesReceived, ConnectionNote, What
 from trcvtui.plc.ledger import Event, Line, PeerSent, StatusEdge
-from trcvtui.rig.facts import Drop, Facts, Failures, Loss, Message, Moment, Sizes, TurnedAway
+from trcvtui.rig.facts import PAUSE_SCANS, Drop, Facts, Failures, Loss, Message, Moment, Sizes, TurnedAway
 
 KEPT_SIZES: Final = 40
 KEPT_MESSAGES: Final = 512
 KEPT_ENDS: Final = 256  # pairs of ends whose messages are known
 KEPT_ERRORS: Final = 8
 KEPT_GAPS: Final = 8
-PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
 
 ENDINGS: Final = frozenset(
     {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET, What.STOPPED, What.REPLACED}

@@ -6,6 +6,9 @@ Rule: only what was seen stands in here; a field that is empty or None is not kn
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
+
+PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
 
 
 @dataclass(frozen=True, slots=True)

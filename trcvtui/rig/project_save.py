@@ -18,10 +18,11 @@ from trcvtui.plc.project_edit import FIELDS
 from trcvtui.plc.project_file import read_project
 from trcvtui.plc.project_keys import KIND_OF, Declaration, keys_of
 from trcvtui.plc.project_text import with_constants, with_entries, with_files_from
+from trcvtui.plc.tables import shown
 from trcvtui.plc.toml_file import parse_toml, read_text
 from trcvtui.rig import configs_path, demo_path
 from trcvtui.rig.scenario import check_bench
-from trcvtui.rig.session_file import target
+from trcvtui.rig.session_file import SUFFIX, target
 
 FORCE: Final = "!"
 
@@ -35,6 +36,8 @@ def target_of(words: str, own: Path, written: Collection[str], where: str) -> Pa
         _refuse_what_came_along(own, where)
         return own
     path = target(name)
+    if path.suffix != SUFFIX or not name.strip("\"'").endswith(SUFFIX):
+        raise mistake(where, shown(name), f"a name that ends in {SUFFIX}")
     whole = os.path.realpath(path)
     is_ours = whole in written or whole == os.path.realpath(own)
     if is_ours:

@@ -5,19 +5,21 @@ take each step together and let scans pass together: a command reaches all of th
 
 Rule 1: nothing is aligned. A row is one scan; who is later is later.
 Rule 2: `expect` is left out. A `wait` is over when it holds in every dialect, at the latest PATIENCE_SCANS
-after the first; in whom it did not hold is noted, and whose block lacks that STATUS is not waited for.
-Rule 3: a partner sends what it sends in the scenario's own dialect, also where a layout is another one.
+after the first; in whom it did not hold is noted. A STATUS that says something else there, or nothing, is not
+waited for: 0001 of one vendor is no 0001 of another.
+Rule 3: a step lets a partner send the bytes that it sends in the scenario's own dialect, whatever the layout.
 Bounds: MOST_ROWS runs of equal scans an instance, MOST_NOTES notes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from hashlib import blake2s
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError, mistake
@@ -27,104 +29,19 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.tables import shown
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.rig.bench import parse_line, parse_script
 from trcvtui.rig.bench_instances import after
-from trcvtui.rig.scenario import Scenario, load_scenario
+from trcvtui.rig.race_result import InstanceRace, Note, Race, Row, Shown
+from trcvtui.rig.scenario import Scenario, load_scenario, start_steps
 from trcvtui.rig.stage import Stage
 
 PATIENCE_SCANS: Final = 20
 MOST_ROWS: Final = 100_000
 MOST_NOTES: Final = 1000
 HASH_BYTES: Final = 4
-CALLED: Final = "called"
 EXPECTATIONS: Final = (words.Expect, words.ExpectTrace)
 TRAFFIC: Final = (words.PeerSend, words.PeerPlay, words.ReplyOn)
 _OVER: Final = object()
-
-
-# -- what is told --------------------------------------------------------------------------------------------
-
-
-class Shown(NamedTuple):
-    """What one instance shows in one scan. `data` is a short hash of all of DATA, "" without DATA."""
-
-    status: int
-    busy: bool
-    done: bool
-    error: bool
-    rcvd_len: int | None
-    data: str
-
-
-FIELDS: Final = ("STATUS", "BUSY", "DONE", "ERROR", "RCVD_LEN", "DATA")
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """`scans` equal scans from `scan` on, one entry a dialect; None: not called in that scan."""
-
-    scan: int
-    scans: int
-    shown: tuple[Shown | None, ...]
-
-    @property
-    def differs(self) -> tuple[str, ...]:
-        """Return in what the dialects differ here: outputs, DATA, or whether the block was called."""
-        if len(set(self.shown)) == 1:
-            return ()
-        called = [each for each in self.shown if each is not None]
-        if len(called) < len(self.shown):
-            return (CALLED,)
-        columns = zip(*called, strict=True)
-        return tuple(name for name, values in zip(FIELDS, columns, strict=True) if len(set(values)) > 1)
-
-
-@dataclass(frozen=True, slots=True)
-class InstanceRace:
-    """One instance in the dialects that have it; `is_cut`: later rows are not kept."""
-
-    instance: str
-    block: str
-    dialects: tuple[str, ...]
-    rows: tuple[Row, ...]
-    is_cut: bool = False
-
-    @property
-    def scans(self) -> int:
-        """Return of how many scans the rows tell."""
-        return sum(row.scans for row in self.rows)
-
-    @property
-    def differing(self) -> int:
-        """Return in how many of them the dialects differ."""
-        return sum(row.scans for row in self.rows if row.differs)
-
-    @property
-    def first(self) -> Row | None:
-        """Return the first row in which they differ."""
-        return next((row for row in self.rows if row.differs), None)
-
-
-@dataclass(frozen=True, slots=True)
-class Note:
-    """What a dialect did not do as the scenario says; `step` 0: before the first one."""
-
-    dialect: str
-    step: int
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Race:
-    """One race from its first scan to its last."""
-
-    name: str
-    dialects: tuple[str, ...]
-    interval_ns: int
-    scans: int
-    expectations: int  # `expect` steps that were left out
-    instances: tuple[InstanceRace, ...]
-    notes: tuple[Note, ...]
 
 
 # -- one dialect ---------------------------------------------------------------------------------------------
@@ -180,17 +97,28 @@ class _Lane:
             )
         return self._hashes[instance]
 
-    def lacks(self, condition: words.Condition) -> str:
-        """Return why a condition can never hold here, "" when it can."""
-        if not isinstance(condition, words.PinsAre):
+    def lacks(self, condition: words.Condition, own: Dialect) -> str:
+        """Return why a condition that was written for its own dialect has no sense here, "" when it has."""
+        decl = (
+            self.bench.project.instance(condition.instance) if isinstance(condition, words.PinsAre) else None
+        )
+        if decl is None or not isinstance(condition, words.PinsAre):
             return ""
-        decl = self.bench.project.instance(condition.instance)
-        block = decl.block if decl is not None else None
-        codes = {row.code for row in self.bench.project.dialect.status if block in row.blocks}
+        dialect = self.bench.project.dialect
         for pin, value in condition.pins:
-            if pin == "STATUS" and value not in codes:
-                return f"not waited for: {block} has no STATUS {value:04X} here"
+            if pin == "STATUS" and not _meaning(own, decl.block, value) & _meaning(
+                dialect, decl.block, value
+            ):
+                row = dialect.row(value, decl.block)
+                what = f"is '{row.title}'" if row is not None else f"is none of {decl.block}"
+                return f"not waited for: here {value:04X} {what}"
         return ""
+
+
+def _meaning(dialect: Dialect, block: str, code: int) -> frozenset[Condition]:
+    """Return what a block says with a code."""
+    rows = [row for row in dialect.status if row.code == code and block in row.blocks]
+    return frozenset(condition for row in rows for condition in row.conditions)
 
 
 # -- the race ------------------------------------------------------------------------------------------------
@@ -199,7 +127,8 @@ class _Lane:
 class _Race:
     """All lanes side by side, and what has been seen of them."""
 
-    def __init__(self, lanes: Sequence[_Lane], notes: list[Note]) -> None:
+    def __init__(self, own: Dialect, lanes: Sequence[_Lane], notes: list[Note]) -> None:
+        self._own = own  # that of the scenario
         self._lanes = lanes
         self._notes = notes
         self._blocks: dict[str, str] = {}
@@ -221,7 +150,7 @@ class _Race:
             self._finish(step, going)
 
     def _can_take(self, lane: _Lane, step: words.Step) -> bool:
-        why = lane.lacks(step.command.condition) if isinstance(step.command, words.Wait) else ""
+        why = lane.lacks(step.command.condition, self._own) if isinstance(step.command, words.Wait) else ""
         if why:
             self._note(lane, step, why)
         return not why
@@ -290,18 +219,32 @@ def _only(shown_all: tuple[Shown | None, ...], has: Sequence[bool]) -> tuple[Sho
     return tuple(each for each, here in zip(shown_all, has, strict=True) if here)
 
 
-def race_file(path: Path, names: Sequence[str]) -> Race:
-    """Race a scenario file through these dialects; raise UserError for mistakes of the file or the names.
+def known_dialects() -> tuple[tuple[str, str], ...]:
+    """Return the name and the title of each dialect that can take part."""
+    return tuple((dialect.name, dialect.title) for dialect in DIALECTS.values())
 
-    One name alone races against the scenario's own dialect, which is then the first.
-    """
+
+def race_file(path: Path, names: Sequence[str]) -> Race:
+    """Race a scenario file through these dialects; raise UserError for mistakes of the file or the names."""
     scenario = load_scenario(path)
-    own = scenario.project.dialect.name
+    return race(scenario, _chosen(names, scenario.project), path.parent)
+
+
+def race_lines(project: Project, lines: Iterable[str], names: Sequence[str]) -> Race:
+    """Race what was done on a bench, as a session keeps it; `project` is what it began with."""
+    steps = tuple(parse_script("\n".join(lines), project, "race"))
+    scenario = Scenario(project.path.stem, "", project, start_steps(project), steps)
+    return race(scenario, _chosen(names, project))
+
+
+def _chosen(names: Sequence[str], project: Project) -> list[Dialect]:
+    """Return the dialects; one name alone races against the project's own, which is then the first."""
+    own = project.dialect.name
     chosen = [_named(name) for name in ([own, *names] if len(names) == 1 else names)]
     if len({dialect.name for dialect in chosen}) < max(2, len(chosen)):
         found = ", ".join(dialect.name for dialect in chosen) or "none"
         raise mistake("--dialect", found, f"two different dialects, or one besides {own}")
-    return race(scenario, chosen, path.parent)
+    return chosen
 
 
 def _named(name: str) -> Dialect:
@@ -324,7 +267,7 @@ def race(scenario: Scenario, dialects: Sequence[Dialect], base: Path | None = No
             notes += [Note(dialect.name, 0, text) for text in said]
             project = project if base is None else replace(project, base=base)
             lanes.append(_Lane(dialect.name, project, _read_steps(steps, project, notes)))
-        course = _Race(lanes, notes)
+        course = _Race(scenario.project.dialect, lanes, notes)
         course.play(steps)
     finally:
         for lane in lanes:

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from trcvtui.dialects import DIALECTS
 from trcvtui.errors import one_line
-from trcvtui.rig.race import CALLED, FIELDS, InstanceRace, Race, Row, Shown, race_file
+from trcvtui.rig.race import race_file
+from trcvtui.rig.race_result import CALLED, FIELDS, InstanceRace, Race, Row, Shown
 from trcvtui.udt.literals import format_time
 
 NOT_CALLED: Final = "-"
+DIALECT_NAMES: Final = tuple(DIALECTS)
 LEAST_WIDTH: Final = 10  # of a column, in characters
 
 
@@ -61,6 +64,12 @@ def _cell(shown: Shown | None, with_data: bool) -> Cell:
     lamps = "B" * shown.busy + "D" * shown.done + "E" * shown.error
     size = f"{shown.rcvd_len} B" if shown.rcvd_len else ""
     return Cell(f"{shown.status:04X}", lamps, size, f"DATA {shown.data}" if with_data else "")
+
+
+def title_of(dialect: str, block: str, status: int) -> str:
+    """Return what a dialect's table calls a STATUS of a block, "" where it has none."""
+    found = DIALECTS[dialect].row(status, block) if dialect in DIALECTS else None
+    return found.title if found is not None else ""
 
 
 def summary(raced: InstanceRace) -> str:

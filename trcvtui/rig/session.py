@@ -17,6 +17,8 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.errors import mistake
+from trcvtui.net.notes import ConnectionNote, What
+from trcvtui.plc.ledger import BenchNote
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench_lines import to_line
@@ -35,6 +37,7 @@ OF_THE_WIRE: Final = (
 )
 ANYTHING: Final = str(ANY)
 SIMULATED: Final = "sim"
+MOST_NAMED: Final = 3
 # What a TRCV_C shows by turns while frames come.
 BY_TURNS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
 
@@ -66,7 +69,7 @@ class Seen:
             self._long.discard(self._count - NEWEST_RUNS)
         self._newest.append(scan)
 
-    def pattern(self, by_turns: Collection[int] = (), done: int = 0) -> str:
+    def pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
         """Return what was seen in the notation of a pattern, "" where nothing was.
 
         Behind a first `done` any number of scans `by_turns` may follow.
@@ -82,7 +85,7 @@ class Seen:
         return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
 
 
-def _any_number(atoms: list[Atom], by_turns: Collection[int], done: int) -> Iterator[Atom]:
+def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
     """Yield a pattern in which each stretch of scans by turns ends behind its first `done` with anything."""
     is_open = False
     for atom in atoms:
@@ -90,9 +93,31 @@ def _any_number(atoms: list[Atom], by_turns: Collection[int], done: int) -> Iter
             continue
         yield atom
         is_open = atom is ANY
-        if atom.scan is not None and atom.scan[0] == done:
+        if atom.scan is not None and atom.scan[0] in done:
             yield ANY
             is_open = True
+
+
+@dataclass(frozen=True, slots=True)
+class Outsiders:
+    """Partners that are no peers of the bench, and the CONNECTs that they were on: nobody can replay them."""
+
+    partners: tuple[str, ...] = ()
+    connects: frozenset[str] = frozenset()
+
+    @property
+    def about(self) -> str:
+        """Return what the file has to say of them."""
+        if not self.partners:
+            return ""
+        who, where = ", ".join(self.partners[:MOST_NAMED]), ", ".join(sorted(self.connects))
+        return f" A partner outside the bench took part ({who}): nothing is expected on {where}."
+
+    @property
+    def told(self) -> str:
+        """Return what the answer has to say of them."""
+        found = ", ".join(self.partners[:MOST_NAMED])
+        return f"; {found} is no peer of this bench and will not be replayed" if found else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +134,11 @@ class Session:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        status = bench.project.rules.status
-        self._of_the_wire = frozenset(status[each] for each in OF_THE_WIRE if each in status)
-        self._turns = {status[each] for each in BY_TURNS if each in status}
-        self._done = status.get(Condition.RECEIVED, 0)
+        rules = bench.project.rules
+        codes = (rules.status, *rules.status_of.values())
+        self._of_the_wire = frozenset(code[each] for code in codes for each in OF_THE_WIRE if each in code)
+        self._turns = {code[each] for code in codes for each in BY_TURNS if each in code}
+        self._done = {code[Condition.RECEIVED] for code in codes if Condition.RECEIVED in code}
         self._peers_by_the_clock = False  # by commands; those of the project are known from it
         self._entries: list[Entry] = []
         self._characters = 0
@@ -139,7 +165,7 @@ class Session:
     def _expect(self, instance: str) -> None:
         seen = self._seen.pop(instance, None)
         if seen is not None:
-            self._add(f"expect {instance} trace {self._pattern(seen)}", instance)
+            self._add(self._trace(instance, seen, self.outsiders().connects), instance)
 
     @property
     def is_by_the_clock(self) -> bool:
@@ -147,6 +173,24 @@ class Session:
         peers = self._bench.project.peers
         acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
         return acts and self._bench.kernel_name != SIMULATED
+
+    def outsiders(self) -> Outsiders:
+        """Return the partners that are no peers of this bench, as far back as the ledger goes."""
+        ledger = self._bench.runtime.ledger
+        ours, calls = set(), []
+        for _, _, event in ledger.stamped_since(0):
+            if isinstance(event, BenchNote) and event.what == "connected":
+                ours.add(event.detail.partition(" to ")[0])
+            elif isinstance(event, ConnectionNote) and event.what is What.CONNECTED:
+                calls.append(event)
+        strange = [call for call in calls if call.peer not in ours]
+        partners = tuple(dict.fromkeys(call.peer for call in strange))
+        return Outsiders(partners, frozenset(call.connection for call in strange))
+
+    def _trace(self, instance: str, seen: Seen, outside: frozenset[str]) -> str:
+        decl = self._bench.project.instance(instance)
+        is_outside = decl is not None and decl.connect in outside
+        return f"expect {instance} trace {ANYTHING if is_outside else self._pattern(seen)}"
 
     def _pattern(self, seen: Seen) -> str:
         return seen.pattern(self._turns, self._done) if self.is_by_the_clock else seen.pattern()
@@ -185,8 +229,9 @@ class Session:
             passed = entry.scans
             yield entry.line
         yield from _let_pass(self._bench.runtime.scans - passed)
+        outside = self.outsiders().connects
         for instance, seen in self._seen.items():
-            yield f"expect {instance} trace {self._pattern(seen)}"
+            yield self._trace(instance, seen, outside)
 
 
 def _let_pass(scans: int) -> Iterator[str]:

@@ -9,22 +9,50 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.plc.toml_file import parse_toml, read_text
+from trcvtui.rig import demo_path
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.session import Session
 
 SUFFIX: Final = ".toml"
+MARKED: Final = " since scan "
 FAR: Final = os.path.join(os.pardir, os.pardir, os.pardir)
 
 
-def scenario_text(session: Session, bench: Bench, path: Path) -> str:
-    """Return the text of a scenario file that shall stand at `path`."""
+def scenario_text(session: Session, bench: Bench, path: Path, before: str | None = None) -> str:
+    """Return the text of a scenario file that shall stand at `path`.
+
+    `before` is the project as the session began with it, where its file says something else by now. It comes
+    into the scenario, and so does a project that came with the program: no file names the installation.
+    """
     steps = "\n".join(session.steps()).replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
     about = f"A session of {bench.runtime.scans} scans on {bench.kernel_name}, saved with what was seen"
-    about += f" since scan {session.marked_at}." if session.marked_at else "."
+    about += f"{MARKED}{session.marked_at}." if session.marked_at else "."
+    about += session.outsiders().about
     head = {"name": path.stem, "about": about}
-    lines = [f"project = {_quoted(_way_to(bench.project.path, path.parent))}", "", "[scenario]"]
+    lines = [_project(bench.project.path, path.parent, before), "", "[scenario]"]
     lines += [f"{key} = {_quoted(text)}" for key, text in head.items()]
     return "\n".join([*lines, 'steps = """', steps, '"""', ""])
+
+
+def marked_scan(about: str) -> int:
+    """Return behind which scan a session was marked, as its text says; 0: it was not."""
+    _, mark, behind = about.partition(MARKED)
+    number = behind.partition(".")[0]
+    return int(number) if mark and number.isdecimal() else 0
+
+
+def _project(own: Path, folder: Path, before: str | None) -> str:
+    """Return the project's text with the files that it names as seen from a folder, or its name."""
+    inside = Path(os.path.realpath(own)).is_relative_to(os.path.realpath(demo_path().parents[1]))
+    if before is None and not inside:
+        return f"project = {_quoted(_way_to(own, folder))}"
+    from trcvtui.plc.project_text import with_files_from  # read when first asked for
+
+    text = with_files_from(read_text(own) if before is None else before, own.parent, folder, str(own))
+    if "scenario" in parse_toml(text, str(own)):
+        raise mistake("save scenario", f"{own}, which is a scenario itself", "a session of a project")
+    return text.rstrip()
 
 
 def _way_to(project: Path, folder: Path) -> str:
@@ -55,6 +83,8 @@ def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
     try:
         with open(whole, "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
+    except FileNotFoundError:
+        raise mistake(where, f"{path}: no folder {path.parent}", "a folder that is there") from None
     except (OSError, ValueError) as failed:
         reason = failed.strerror if isinstance(failed, OSError) else str(failed)
         raise mistake(where, f"{path}: {reason}", "a file that can be written") from None

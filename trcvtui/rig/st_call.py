@@ -79,7 +79,7 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
     for pin in _of(pins, Direction.IN_OUT):
         yield f"{pin.name}:={_variable(decl, pin)}"
     for pin in _of(pins, Direction.OUT):
-        yield f"{pin.name}=>{_variable(decl, pin)}"
+        yield f"{_written(pin)}=>{_variable(decl, pin)}"
 
 
 def _link_pin(decl: InstanceDecl) -> str:
@@ -97,6 +97,11 @@ def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
 
 def _of(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
     return [pin for pin in pins if pin.direction is direction]
+
+
+def _written(pin: Pin) -> str:
+    """Return the pin as a call has it: NDR, and `DONE` where `DONE (NDR)` is drawn."""
+    return pin.label.partition(" ")[0] or pin.name
 
 
 def _variable(decl: InstanceDecl, pin: Pin) -> str:

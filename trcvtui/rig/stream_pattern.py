@@ -22,8 +22,8 @@ ESCAPE: Final = re.compile(rb"\\(?:x[0-9a-fA-F]{2}|0[0-7]{0,2}|[1-7][0-7]{2}|[^0
 SET: Final = re.compile(rb"\[\^?\]?(?:\\.|[^\\\]])*\]", re.DOTALL)
 GROUP: Final = re.compile(rb"\((?:\?:|\?P<\w+>|(?!\?))")
 NOT_HERE: Final = {
-    b"^": "a place in the stream",
-    b"$": "a place in the stream",
+    b"^": "its ^ asks for the beginning of a text, which a stream has not",
+    b"$": "its $ asks for the end of a text, which a stream has not",
     b"\\": "a place in the stream, or what a group has found",
     b"(": "a group that looks around or sets a flag",
     b"+": "a repetition that keeps what it has",

@@ -156,7 +156,7 @@ class SplitTrial:
         held = len(self._bench.runtime.partial(self._command.instance))
         if held and self._runs < len(self._command.payload):
             name, size = self._command.instance, len(self._command.payload)
-            self._fail(f"behind a message of {size} bytes the job of {name} holds {held}: it waits for more")
+            self._fail(f"after a message of {size} bytes the job of {name} holds {held}: it waits for more")
 
     def _append(self, row: SplitRow) -> None:
         """Add a row; neighbours that are alike are one row."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from trcvtui.plc.ledger import InputEdge, StatusEdge
@@ -44,6 +44,16 @@ class WaveNews:
     changes: tuple[Change, ...]
     until_scan: int
     until_ns: int
+
+
+def up_to(news: WaveNews, scan: int, t_ns: int) -> WaveNews | None:
+    """Return the news as they were behind a scan of the past; None: what is left begins later."""
+    if news.before and news.before_scan > scan:
+        return None
+    changes = tuple(change for change in news.changes if change.scan <= scan)
+    if len(changes) == len(news.changes) and news.until_scan <= scan:
+        return news
+    return replace(news, changes=changes, until_scan=scan, until_ns=t_ns)
 
 
 def pins_of(event: StatusEdge | InputEdge | PinsAre) -> PinValues:

@@ -17,6 +17,7 @@ class WaveShelf:
 
     def __init__(self) -> None:
         self._waves: dict[str, Wave] = {}
+        self._too_late: set[str] = set()  # of what was asked for up to a scan: nothing is left of that time
 
     def of(self, instance: str) -> Wave:
         """Return the wave of an instance."""
@@ -28,12 +29,36 @@ class WaveShelf:
             del self._waves[next(iter(self._waves))]
         return wave
 
-    def asked(self, instances: Iterable[str]) -> tuple[tuple[str, int], ...]:
-        """Return what to ask the engine for: each instance with the last change that is known."""
+    def asked(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
+        """Return what to ask the engine for: each instance with the last change that is known.
+
+        With `scan` nothing behind it is wanted.
+        """
         known = self._waves
-        return tuple((name, known[name].number if name in known else 0) for name in instances)
+        wanted = instances if scan is None else [name for name in instances if self._lacks(name, scan)]
+        return tuple((name, known[name].number if name in known else 0) for name in wanted)
+
+    def _lacks(self, name: str, scan: int) -> bool:
+        wave = self._waves.get(name)
+        return name not in self._too_late and (wave is None or wave.until_scan < scan)
 
     def take(self, news: Iterable[WaveNews], interval_ns: int) -> None:
         """Append what is new."""
+        self._too_late.clear()
         for fresh in news:
             self.of(fresh.instance).take(fresh, interval_ns)
+
+    def take_up_to(self, news: Iterable[WaveNews], interval_ns: int, scan: int, t_ns: int) -> None:
+        """Append what is new and not behind a scan."""
+        from trcvtui.rig.wave_news import up_to
+
+        for fresh in news:
+            then = up_to(fresh, scan, t_ns)
+            if then is None:
+                self._too_late.add(fresh.instance)
+            else:
+                self.of(fresh.instance).take(then, interval_ns)
+
+    def is_too_late(self, instance: str) -> bool:
+        """Return whether an instance's wave was asked for when that time was no longer kept."""
+        return instance in self._too_late

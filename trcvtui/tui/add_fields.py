@@ -108,7 +108,7 @@ def _peer(project: Project) -> Sequence[AddField]:
 def _message(project: Project) -> Sequence[AddField]:
     return [
         AddField("peer", "one peer's alone, or nobody's", names_of("peer", project)),
-        AddField("text", "as behind `send`: hex 01 02 split=1"),
+        AddField("text", "as after `send`: hex 01 02 split=1"),
     ]
 
 

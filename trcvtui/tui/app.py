@@ -20,14 +20,16 @@ from trcvtui.rig.driver import Driver, EngineStopped
 from trcvtui.rig.wording import count
 from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.lab_words import LAB, is_for_lab
+from trcvtui.tui.messages import RaceWanted
 from trcvtui.tui.scene import Scene
-from trcvtui.tui.screens.main import SCENARIOS, MainScreen
+from trcvtui.tui.screens.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.settings import Settings, load_settings
 from trcvtui.tui.theme import THEMES
 
 if TYPE_CHECKING:
     from trcvtui.tui.lab import Lab
     from trcvtui.tui.screens.lab import LabScreen
+    from trcvtui.tui.screens.race import RaceScreen
     from trcvtui.tui.screens.scenarios import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
@@ -44,7 +46,10 @@ class BenchApp(App[None]):
     TITLE = "trcvtui"
     CSS_PATH = Path(__file__).with_name("styles.tcss")
     ENABLE_COMMAND_PALETTE: ClassVar[bool] = True
-    BINDINGS: ClassVar = [Binding("P", "picture", show=False, id="picture")]
+    BINDINGS: ClassVar = [
+        Binding("P", "picture", show=False, id="picture"),
+        Binding("D", "race", show=False, id="race"),
+    ]
 
     def __init__(
         self, driver: Driver, project: Project, settings: Settings | None = None, read_only: bool = False
@@ -52,7 +57,7 @@ class BenchApp(App[None]):
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
         self._settings = settings or Settings()
         self._read_only = read_only
-        self.key_names = self._settings.names
+        self.key_names, self.problems = self._settings.names, self._settings.problems
         self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
         self._home = project.path
@@ -61,6 +66,7 @@ class BenchApp(App[None]):
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last
         self.lab: LabScreen | None = None  # while it is open
+        self.race: RaceScreen | None = None  # while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
         self._told_unsaved = 0
@@ -106,7 +112,7 @@ class BenchApp(App[None]):
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self._settings.problems:
             first, *more = self._settings.problems
-            self.main.prompt.complain(first + (f" (and {len(more)} more)" if more else ""))
+            self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
         _quiet_collector()
 
     async def _obey_early(self, event: events.Key) -> None:
@@ -135,7 +141,7 @@ class BenchApp(App[None]):
             self._end(str(stopped))
 
     def _show(self, before: int) -> None:
-        above = self.scenarios or self.lab
+        above = self.race or self.scenarios or self.lab
         if above is not None:
             if above.is_mounted:
                 above.show()
@@ -161,6 +167,9 @@ class BenchApp(App[None]):
         if line == SCENARIOS:
             self._open_scenarios()
             return
+        if line == RACE:
+            self.open_race(None)
+            return
         if self.main.obeys(line):
             return
         number = self._say(line)
@@ -177,6 +186,8 @@ class BenchApp(App[None]):
 
     def _end(self, words: str) -> None:
         self.last_words = words
+        if self.race is not None and self.screen is self.race:
+            self.race.dismiss()
         if self.scenarios is not None:
             self.scenarios.dismiss(None)
         if self.lab is not None and self.screen is self.lab:
@@ -232,6 +243,40 @@ class BenchApp(App[None]):
         self.lab = None
         self.main.show()
 
+    def on_description_wanted(self) -> None:
+        """Show the connection description of the selected instance, where there is any."""
+        from trcvtui.tui.screens.description import DescriptionScreen  # read when first asked for
+
+        configs = [each for each in self.scene.project.connects if each.description is not None]
+        instance = self.scene.instance
+        if configs and instance is not None:
+            self.push_screen(DescriptionScreen(configs, instance.connect))
+        else:
+            self.main.prompt.complain("no CONNECT of this project has a connection description")
+
+    # -- the race -----------------------------------------------------------------------------------
+
+    def on_race_wanted(self, message: RaceWanted) -> None:
+        """Race a scenario that was chosen on its screen."""
+        self.open_race(message.path)
+
+    def action_race(self) -> None:
+        """Open the dialect race of the session."""
+        if self.screen is self.main:
+            self.submit(RACE)
+
+    def open_race(self, path: Path | None) -> None:
+        """Race a scenario file, or with None the session, through several dialects."""
+        from trcvtui.tui.screens.race import RaceScreen  # read when first asked for
+
+        if self.race is None and self.lab is None and not self.last_words:
+            self.race = RaceScreen(self.scene, self._say_allowed, path)
+            self.push_screen(self.race, self._race_left)
+
+    def _race_left(self, nothing: None) -> None:
+        self.race = None
+        self._show(self.scene.bench)
+
     # -- the project --------------------------------------------------------------------------------
 
     def action_add(self, kind: str) -> None:
@@ -259,7 +304,8 @@ class BenchApp(App[None]):
         """Save the screen as SVG and tell where."""
         from trcvtui.tui.taking import take_picture  # read when first asked for
 
-        take_picture(self, self.main.prompt.tell if self.screen is self.main else self._notify)
+        prompt, on_bench = self.main.prompt, self.screen is self.main
+        take_picture(self, *((prompt.tell, prompt.complain) if on_bench else (self._notify, self._notify)))
 
     def _with_the_users_key(self, command: SystemCommand) -> SystemCommand:
         about, mark, key = command.help.rpartition("key ")
@@ -272,7 +318,7 @@ class BenchApp(App[None]):
         """Yield everything that can be done, by name."""
         from trcvtui.tui.palette import Reach, commands  # read when first asked for
 
-        above = self.scenarios or self.lab
+        above = self.race or self.scenarios or self.lab
         if above is not None:
             yield from above.commands()
         else:

@@ -15,13 +15,14 @@ LAMP_STYLES: Final = {"ERROR": "error", "DONE": "done", "BUSY": "busy"}
 
 
 class DrawnPin(NamedTuple):
-    """A pin as the drawing needs it; `letter` toggles it, "" on an output."""
+    """A pin as the drawing needs it; `letter` toggles it, "" on an output. `label` is drawn as its name."""
 
     name: str
     text: str
     is_bool: bool
     edge: bool
     letter: str
+    label: str
 
 
 class Drawing(NamedTuple):
@@ -36,6 +37,11 @@ class Drawing(NamedTuple):
         return max((len(pin.name) for pin in self.inputs), default=4)
 
     @property
+    def label_width(self) -> int:
+        """Return the width of the longest output, as it is drawn."""
+        return max((len(pin.label) for pin in self.outputs), default=4)
+
+    @property
     def height(self) -> int:
         """Return the lines of the longer side."""
         return max(len(self.inputs), len(self.outputs))
@@ -46,7 +52,17 @@ def drawing_of(project: Project, block: str) -> Drawing:
     pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
     letters = letters_of(pin.name for pin in pins if pin.direction != "out")
     drawn = [
-        (pin.direction, DrawnPin(pin.name, pin.text, pin.is_bool, pin.edge, letters.get(pin.name, "")))
+        (
+            pin.direction,
+            DrawnPin(
+                pin.name,
+                pin.text,
+                pin.is_bool,
+                pin.edge,
+                letters.get(pin.name, ""),
+                pin.label or pin.name,
+            ),
+        )
         for pin in pins
     ]
     inputs = tuple(pin for direction, pin in drawn if direction != "out")
@@ -77,7 +93,8 @@ def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: After
         "STATUS": f"{error.status:04X}" if error and error.status else "",
     }
     text = texts.get(pin.name, "")
-    return f" ◂{text}" if text else ""
+    blank = "" if pin.name == "RCVD_LEN" and len(text) > 4 else " "  # the frame has no room for both
+    return f"{blank}◂{text}" if text else ""
 
 
 def _status_style(instance: InstanceSnapshot | None) -> str:

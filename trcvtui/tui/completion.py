@@ -14,8 +14,8 @@ from trcvtui.tui.add_fields import BARE, KINDS, fields_of, first_name
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
-    "scenarios", "export timing", "find", "create", "delete", "download", "resize", "mark", "save scenario",
-    "add", "save project", "lab", "udt", "feed",
+    "scenarios", "race", "export timing", "find", "create", "delete", "download", "resize", "mark",
+    "save scenario", "add", "save project", "lab", "udt", "feed",
 )  # fmt: skip
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")

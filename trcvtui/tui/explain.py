@@ -49,8 +49,13 @@ class Explainer:
         last, next_ = decl.layout.leaf(number - 1), decl.layout.leaf(number)
         if not last.path or last.path.startswith("["):
             return ""  # an array's index says no more than the number of bytes does
-        part = "the rest of " if next_.offset < e.have else ""
-        return f"; {plain(last.path)} is the last whole member, {part}{plain(next_.path)} is missing"
+        missing = f"{'the rest of ' if next_.offset < e.have else ''}{plain(next_.path)}"
+        behind = decl.layout.leaf_count - number - 1
+        if behind == 1:
+            missing += f" and {plain(decl.layout.leaf(number + 1).path)}"
+        elif behind:
+            missing += f" and the {behind} members behind it"
+        return f"; {plain(last.path)} is the last whole member, {missing} {'are' if behind else 'is'} missing"
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""

@@ -43,6 +43,17 @@ def short_time(ns: int) -> str:
     return f"{ns / MS:.1f} ms" if ns < 10 * MS else f"{ns // MS} ms"
 
 
+def duration(ns: int) -> str:
+    """Return a planned time, exact: `0.5 ms`, `10 ms`, `2.5 s`, `16 min 40 s`."""
+    if ns < SECOND:
+        return f"{ns / MS:.6g} ms"
+    seconds, rest = divmod(ns, SECOND)
+    if rest or seconds < 60:
+        return f"{ns / SECOND:.6g} s"
+    parts = (seconds // 3600, "h"), (seconds // 60 % 60, "min"), (seconds % 60, "s")
+    return " ".join(f"{number} {unit}" for number, unit in parts if number)
+
+
 def cells(text: str) -> int:
     """Return how many columns a text takes: a wide character two, a combining one none."""
     return len(text) if text.isascii() else cell_len(text)

@@ -19,6 +19,7 @@ EVERYWHERE: Final = (
     ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
     ("S or F2", "scenarios: read them, play them step by step"),
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
+    ("D", "dialect race: the session since the mark through several dialects, scan beside scan"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
     ("y", "yank: a menu of twelve formats; y y takes what the pane is about"),
@@ -33,10 +34,12 @@ EVERYWHERE: Final = (
 PINS: Final = (
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
+    ("C", "in pane 2: the connection description byte for byte; y takes it as hex, s as SCL"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
 )
 BYTES: Final = (
     ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("!, /", "in the history: the ERROR before; a code, as in `find 7004`"),
     ("v", "members of DATA, or of what the running job has collected so far"),
     ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
@@ -74,7 +77,17 @@ SCENARIOS: Final = (
     ("enter", "load it: a fresh bench stands in for the present one"),
     ("n or space", "the next step; during a run: stop after the running one"),
     ("r", "all steps that are left; simulated ones as fast as they go"),
+    ("D", "dialect race: the chosen scenario through several dialects, scan beside scan"),
     ("esc or q", "leave: the project that was opened begins afresh"),
+)
+RACE: Final = (
+    ("n N", "the next scan in which the dialects differ, the one before"),
+    ("1 … 4", "let a dialect take part, or no longer: the race runs anew"),
+    ("← →", "another instance"),
+    ("o", "only the scans that differ; all"),
+    ("r", "race again: the file, or the session as it is now"),
+    ("y", "yank the whole race as text: clipboard, and always a file"),
+    ("esc or q", "back to where it was asked for; the bench runs on meanwhile"),
 )
 LAB: Final = (
     ("1 … 4", "members, bytes, which profile fits, cure"),
@@ -99,6 +112,7 @@ SECTION_OF: Final = {
     "instances": "Block", "block": "Block", "status": "Bytes and past", "history": "Bytes and past",
     "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "peer": "Peer",
     "scenarios": "Scenarios", "text": "Scenarios", "traces": "Scenarios",
+    "race-table": "Race", "race-scan": "Race",
     "lab-tree": "Lab", "lab-hex": "Lab", "lab-fit": "Lab", "lab-cure": "Lab",
 }  # fmt: skip
 SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
@@ -108,6 +122,7 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
     ("Timing", TIMING),
     ("Peer", PEER),
     ("Scenarios", SCENARIOS),
+    ("Race", RACE),
     ("Lab", LAB),
 )
 

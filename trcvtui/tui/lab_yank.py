@@ -40,7 +40,8 @@ def _compared(lab: Lab) -> str:
     comparison = lab.comparison()
     if comparison is None or comparison.row_count > MOST_ROWS:
         return ""
-    return compare_text(comparison, lab.bytes.content) + "\n"
+    table, _ = compare_text(comparison, lab.bytes.content)
+    return table + "\n"
 
 
 def _ranking(lab: Lab) -> str:

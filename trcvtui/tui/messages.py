@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from textual.message import Message
 
 from trcvtui.plc.ledger import Line
@@ -69,6 +71,18 @@ class ScenarioChosen(Message):
     """Another scenario file was chosen in the library: its text shall be shown."""
 
 
+class DescriptionWanted(Message):
+    """The connection description of the selected instance shall be shown byte for byte."""
+
+
+class RaceWanted(Message):
+    """A scenario file, or with None the session, shall be raced through several dialects."""
+
+    def __init__(self, path: Path | None = None) -> None:
+        super().__init__()
+        self.path = path
+
+
 class ScenarioWanted(Message):
     """The chosen scenario shall be loaded."""
 
@@ -83,3 +97,15 @@ class FitWanted(Message):
     def __init__(self, number: int) -> None:
         super().__init__()
         self.number = number
+
+
+class RaceRowSelected(Message):
+    """Another scan of the race was chosen."""
+
+
+class DialectToggled(Message):
+    """A dialect shall take part in the race, or no longer."""
+
+    def __init__(self, digit: int) -> None:
+        super().__init__()
+        self.digit = digit

@@ -15,7 +15,7 @@ from trcvtui.tui.messages import InstanceSelected, PeerSelected
 from trcvtui.tui.palette_keys import PANES, commands_of_keys
 from trcvtui.tui.peer_commands import SEND, buttons_for
 from trcvtui.tui.scene import Scene
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.screens.main import RACE, MainScreen
 
 
 class Reach(NamedTuple):
@@ -136,6 +136,11 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)
     yield SystemCommand("UDT lab", "two profiles side by side, which one fits, the cure · key L", bench.lab)
+    yield SystemCommand(
+        "Dialect race",
+        "the session since the mark through several dialects · key D",
+        partial(bench.submit, RACE),
+    )
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
 
 

@@ -15,6 +15,8 @@ from trcvtui.rig.history_window import HistoryWindow, JobSpan, MessageSpan, Recv
 from trcvtui.tui.formatting import clip, moment, plain, short_time
 
 CUT: Final = "╱"
+MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
+RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
 _STOP: Final = attrgetter("stop")
 _POSITION: Final = attrgetter("position")
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
@@ -58,10 +59,10 @@ class Scene:
         self.waves = WaveShelf()
         self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
         self.selected = self.peer = ""
+        self.is_frozen = False
         self._take_project(project)
         self.answers: dict[int, Answer] = {}
         self.live: Picture | None = None  # the newest picture, also while an older one is shown
-        self.is_frozen = False
         self.fired: Fired | None = None  # the trigger that froze the view
         self.lines: deque[Line] = deque(maxlen=KEPT_LINES)
         self.bench = 0  # the number of the bench that all of this is about
@@ -79,14 +80,15 @@ class Scene:
             return
         if picture.bench != self.bench:
             self._begin_anew(picture.bench)
+        if picture.fired is not None:
+            self.is_frozen, self.fired, self.picture = True, picture.fired, picture
         if picture.project is not None:
             self._take_project(picture.project)
         self._project_number = picture.project_number
         self.live = picture
         self.answers = {answer.number: answer for answer in picture.answers}
-        if picture.fired is not None:
-            self.is_frozen, self.fired = True, picture.fired
-        elif self.is_frozen or self._asks_again(picture):
+        if picture.fired is None and (self.is_frozen or self._asks_again(picture)):
+            self._take_waves(picture)
             return
         self._show(picture)
 
@@ -97,7 +99,9 @@ class Scene:
 
     def _show(self, picture: Picture) -> None:
         self.picture, self._thawing = picture, 0
-        self.waves.take(picture.waves, picture.snapshot.interval_ns)
+        self._take_waves(picture)
+        if picture.lines_skipped and picture.lines:
+            self._note_skipped(picture.lines[0].seq)
         self.lines.extend(picture.lines)
         for line in picture.lines:
             self.provenance.note(line)
@@ -113,6 +117,24 @@ class Scene:
             for instance in picture.snapshot.instances:
                 self.afterglow.catch_up(instance, picture.snapshot.t_ns)
 
+    def _take_waves(self, picture: Picture) -> None:
+        """Take what is new of the pins; a frozen view has them up to its own scan, whenever it asks."""
+        interval_ns = picture.snapshot.interval_ns
+        if self.is_frozen and self.snapshot is not None:
+            self.waves.take_up_to(picture.waves, interval_ns, self.snapshot.scan, self.snapshot.t_ns)
+        else:
+            self.waves.take(picture.waves, interval_ns)
+
+    def _note_skipped(self, first: int) -> None:
+        """Take from the waves the STATUS edges whose lines were left out before line `first`."""
+        for name in self.drawn_instances:
+            known = self.history.of(name)
+            last = known[-1].seq if known else 0
+            newest = takewhile(lambda line: line.seq > last, reversed(self.waves.of(name).edges))  # noqa: B023
+            for line in reversed([line for line in newest if line.seq < first]):
+                assert isinstance(line.event, StatusEdge)
+                self.history.note(line, line.event)
+
     def _begin_anew(self, bench: int) -> None:
         self.bench, self._seq = bench, 0
         self.lines.clear()
@@ -123,8 +145,13 @@ class Scene:
     def _take_project(self, project: Project) -> None:
         self.project = project
         self._sizes = {decl.name: decl.size for decl in project.data}
-        self.selected = _one_of(self.selected, [instance.name for instance in project.instances])
+        self._select()
         self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
+
+    def _select(self) -> None:
+        """Have an instance selected that is there: in a frozen view one of those that it shows."""
+        shown = self.instances if self.is_frozen else self.project.instances
+        self.selected = _one_of(self.selected, [instance.name for instance in shown])
 
     def leave(self) -> None:
         """Go back to the project that was opened; pictures of this bench that still come are too late."""
@@ -140,6 +167,7 @@ class Scene:
         """Show what is now again, from the next picture on."""
         self._thawing = 2 if self.is_frozen else 0
         self.is_frozen, self.fired = False, None
+        self._select()
 
     def request(self) -> PictureRequest:
         """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
@@ -151,7 +179,7 @@ class Scene:
         data = tuple(dict.fromkeys(each.data for each in shown if each.data))
         partial = tuple(each.name for each in shown)
         most = THAW_LINES if self._thawing else MOST_LINES
-        waves = self.waves.asked(self.drawn_instances)
+        waves = self.waves.asked(self.drawn_instances, self.frozen_at)
         numbers = self.bench, self._project_number
         return PictureRequest(self._seq, data, partial, most, *numbers, waves, history=self.past_wanted)
 
@@ -169,6 +197,11 @@ class Scene:
     def snapshot(self) -> Snapshot | None:
         """Return the PLC after its last scan."""
         return self.picture.snapshot if self.picture else None
+
+    @property
+    def frozen_at(self) -> int | None:
+        """Return the scan that a frozen view shows, None where it is live."""
+        return self.picture.snapshot.scan if self.is_frozen and self.picture else None
 
     @property
     def unsaved(self) -> int:

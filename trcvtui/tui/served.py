@@ -6,6 +6,7 @@ speak to the bench (the Host and the Origin of every request are looked at).
 
 from __future__ import annotations
 
+import re
 import shlex
 import socket
 import subprocess
@@ -16,6 +17,11 @@ from typing import Final
 from trcvtui.errors import mistake
 
 HOST: Final = "127.0.0.1"
+# textual-serve's page asks another host for a font that it has itself.
+OUTSIDE: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
+FONT: Final = """<style>@font-face {
+      font-family: "Roboto Mono"; src: url("/static/fonts/RobotoMono-VariableFont_wght.ttf");
+    }</style>"""
 FOREIGN: Final = "this bench is only for pages of its own\n"
 
 
@@ -36,6 +42,13 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
             app.middlewares.append(_only_from_here)
             return app
 
+        async def handle_index(self, request: web.Request) -> web.StreamResponse:
+            """Give the page out without what it would fetch from elsewhere."""
+            page = await super().handle_index(request)
+            if isinstance(page, web.Response):
+                page.text = OUTSIDE.sub(FONT, page.text or "")
+            return page
+
         async def on_startup(self, app: web.Application) -> None:
             """Say where it is; textual-serve's own banner is left out."""
             sys.stdout.write(f"{self.public_url}\n")
@@ -47,7 +60,8 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
     async def _only_from_here(request, handler):  # type: ignore[no-untyped-def]
         own = {f"{host}:{end}" for host in (HOST, "localhost")}
         origin = request.headers.get("Origin")
-        if request.host not in own or (origin is not None and origin.partition("://")[2] not in own):
+        from_here = origin is None or origin.partition("://")[2].lower() in own
+        if request.host.lower() not in own or not from_here:
             return web.Response(status=403, text=FOREIGN)
         return await handler(request)
 

@@ -20,9 +20,9 @@ MOUSE_ON: Final = "\x1b[?1000h\x1b[?1003h"
 Tell = Callable[[str], None]
 
 
-async def take(app: App[None], form: Format, text: str, tell: Tell) -> None:
+async def take(app: App[None], form: Format, text: str, tell: Tell, complain: Tell) -> None:
     """Put a text on the clipboard by each way there is, and always into a file; tell where it is."""
-    ways = []
+    ways, trouble = [], ""
     if len(text) <= MOST_FOR_TERMINAL:
         app.copy_to_clipboard(text)
         ways.append("to the terminal (OSC 52)")
@@ -32,11 +32,13 @@ async def take(app: App[None], form: Format, text: str, tell: Tell) -> None:
     try:
         ways.append(f"to {await asyncio.to_thread(keep, text, 'yank', form.suffix)}")
     except OSError as failed:
-        ways.append(f"to no file: {failed.strerror}")
-    tell(f"yanked {form.name}, {count(len(text), 'character')}: {', '.join(ways)}")
+        trouble = f"no file was written: {failed.strerror}"
+    way = ", ".join(ways) or "nowhere"
+    told = f"yanked {form.name}, {count(len(text), 'character')}: {way}"
+    complain(f"{told}; {trouble}") if trouble else tell(told)
 
 
-def take_picture(app: App[None], tell: Tell) -> None:
+def take_picture(app: App[None], tell: Tell, complain: Tell) -> None:
     """Save the screen as SVG and tell where; in a browser, hand it to the browser."""
     if app.is_web:
         app.deliver_screenshot()
@@ -44,7 +46,7 @@ def take_picture(app: App[None], tell: Tell) -> None:
     try:
         path = keep(app.export_screenshot(), "screen", ".svg")
     except OSError as failed:
-        tell(f"no picture of the screen was written: {failed.strerror}")
+        complain(f"no picture of the screen was written: {failed.strerror}")
         return
     tell(f"the screen as SVG: {path}")
 

@@ -34,7 +34,9 @@ class TypeFiles:
     def name(self) -> str:
         """Return what the screen calls the files."""
         names = [path.name for path in self.paths]
-        return names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") if names else "no file"
+        return (
+            names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "") if names else "the project"
+        )
 
     @property
     def problems(self) -> tuple[Problem, ...]:

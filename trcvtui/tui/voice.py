@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 
 class Voice(NamedTuple):
-    """Send a bench command line; open the prompt with the beginning of one."""
+    """Send a bench command line; open the prompt with the beginning of one; say what is missing."""
 
     submit: Callable[[str], None]
     open_prompt: Callable[[str], None]
+    complain: Callable[[str], None]

@@ -47,5 +47,13 @@ def _add_type(parser: argparse.ArgumentParser, formats: Sequence[str] = (), twic
     parser.add_argument(
         "--constant", metavar="NAME=VALUE", action="append", default=[], help="such as GVL.MAX=10"
     )
+    parser.add_argument(
+        "--with",
+        metavar="FILE",
+        dest="others",
+        action="append",
+        default=[],
+        help="types and constants FILE uses; repeatable",
+    )
     if formats:
         parser.add_argument("--format", choices=formats, default=formats[0], help=f"default: {formats[0]}")

@@ -16,7 +16,7 @@ def hex_lines(content: bytes, name: str = "") -> str:
 
 def iec_list(content: bytes, name: str = "") -> str:
     """Return the bytes as a list of `16#..`."""
-    return "\n".join(_lines(content, "16#{:02X}", ", "))
+    return ",\n".join(_lines(content, "16#{:02X}", ", "))
 
 
 def st_array(content: bytes, name: str) -> str:

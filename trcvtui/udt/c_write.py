@@ -5,11 +5,11 @@ Rule: `#pragma pack(1)` and explicit padding leave the compiler nothing to decid
 
 from __future__ import annotations
 
-import re
 from typing import Final
 
 from trcvtui.udt.corrective import corrective
 from trcvtui.udt.layout import Layout, lay_out
+from trcvtui.udt.renaming import Renaming, c_word
 from trcvtui.udt.rules import LayoutRules, rules_for
 from trcvtui.udt.st_write import named_types
 from trcvtui.udt.types import Array, Struct, Text, Type, Union, Unplaced
@@ -36,9 +36,12 @@ def c_text(wanted: Layout) -> str | None:
     if not found.is_possible or not isinstance(found.type, Struct):
         return None
     assert lay_out(found.type, rules).size == wanted.size
+    renaming = Renaming(c_word)
+    type_ = renaming.of(found.type)
+    name = renaming.names(found.layout.name)  # of a type without a name
     parts = [
-        f"typedef {_body(each, rules, '')} {_c_name(each.name or found.layout.name)};\n"
-        for each in named_types(found.type)
+        f"typedef {_body(each, rules, '')} {each.name or name};\n"
+        for each in named_types(type_)
         if isinstance(each, Struct | Union)
     ]
     body = "\n".join(parts)
@@ -48,9 +51,7 @@ def c_text(wanted: Layout) -> str | None:
 def _body(type_: Struct | Union, rules: LayoutRules, indent: str) -> str:
     word = "struct" if isinstance(type_, Struct) else "union"
     inner = indent + "    "
-    lines = [
-        f"{inner}{_member(member.type, _c_name(member.name), rules, inner)};\n" for member in type_.members
-    ]
+    lines = [f"{inner}{_member(member.type, member.name, rules, inner)};\n" for member in type_.members]
     return f"{word} {{\n{''.join(lines)}{indent}}}"
 
 
@@ -60,7 +61,7 @@ def _member(type_: Type, name: str, rules: LayoutRules, indent: str) -> str:
             dimensions = "".join(f"[{high - low + 1}]" for low, high in bounds)
             return _member(element, name + dimensions, rules, indent)
         case Struct() | Union():
-            return f"{_c_name(type_.name) or _body(type_, rules, indent)} {name}"
+            return f"{type_.name or _body(type_, rules, indent)} {name}"
         case Text(wide=wide):
             units = rules.text.length(type_) + rules.text.extra
             what = "uint16_t" if wide else "uint8_t" if rules.text.header else "char"
@@ -77,8 +78,3 @@ def _member(type_: Type, name: str, rules: LayoutRules, indent: str) -> str:
 def _indexed(name: str, units: int) -> str:
     """Return the name with one more, innermost, index."""
     return f"{name}[{units}]"
-
-
-def _c_name(name: str) -> str:
-    """Return the name with `_` for what C has not in a name."""
-    return re.sub(r"[^A-Za-z0-9_]", "_", name)

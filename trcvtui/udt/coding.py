@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable
 
+from trcvtui.errors import UserError
 from trcvtui.udt.coded import Coding, Refused, Value, hex_text
 from trcvtui.udt.coding_s7 import bcd_coding, dtl_coding, s5time_coding
 from trcvtui.udt.coding_text import text_coding
-from trcvtui.udt.literals import EXPECTED, format_literal, format_time, parse_integer, parse_literal
-from trcvtui.udt.rules import BYTE_ORDERS, LayoutRules
+from trcvtui.udt.literals import (
+    EXPECTED,
+    format_literal,
+    format_time,
+    parse_integer,
+    parse_literal,
+    parse_time,
+)
+from trcvtui.udt.rules import LayoutRules
 from trcvtui.udt.types import DAY, Elementary, Enumeration, Kind, LeafType, Text
 
 __all__ = ["Coding", "Refused", "Value", "coding_of"]
@@ -70,9 +77,12 @@ def _float(value: object) -> float | None:
     if not isinstance(value, int | float | str) or isinstance(value, bool):
         return None
     try:
-        return float(value)
+        number = float(value)
     except (ValueError, OverflowError):
         return None
+    # Digits without end (`1e400`) are no infinity.
+    is_named = not isinstance(value, str) or "inf" in value.lower()
+    return number if is_named or not math.isinf(number) else None
 
 
 def _character(row: Elementary, _: LayoutRules) -> Coding:
@@ -102,15 +112,37 @@ def _literal(row: Elementary, _: LayoutRules) -> Coding:
 
 
 def _date(row: Elementary, rules: LayoutRules) -> Coding:
-    # A literal has whole days; where a finer count is stored, the rest is told beside it.
-    coding = _literal(row, rules)
-    count, a_day = struct.Struct(BYTE_ORDERS[rules.byte_order] + row.code), DAY // row.unit_ns
+    """Return DATE; a literal has whole days, the rest of a finer count is told behind it and taken back."""
+    a_day = DAY // row.unit_ns
+    if a_day == 1:
+        return _literal(row, rules)
+    low, high = row.limits
 
-    def odd(raw: bytes) -> str:
-        rest = count.unpack(raw)[0] % a_day * row.unit_ns
-        return f" (and {format_time(rest)})" if rest else ""
+    def to_value(count: int) -> str:
+        rest = count % a_day * row.unit_ns
+        return format_literal(row, count) + (f" (and {format_time(rest)})" if rest else "")
 
-    return coding._replace(odd=odd if a_day > 1 else None)
+    def to_raw(value: object) -> int:
+        count = _day_and_rest(row, value) if isinstance(value, str) else None
+        if count is None or not low <= count <= high:
+            raise Refused(f"{row.name} from {to_value(low)} to {to_value(high)}, {EXPECTED[row.kind]}")
+        return count
+
+    return Coding(row.code, to_value, to_raw)
+
+
+def _day_and_rest(row: Elementary, text: str) -> int | None:
+    """Return the count of `D#1970-01-02 (and T#1s)`, or of the day alone; None when it is neither."""
+    day, and_, rest = text.partition(" (and ")
+    count = parse_literal(row, day)
+    if count is None or not and_:
+        return count
+    try:
+        ns = parse_time(rest.removesuffix(")"))
+    except UserError:
+        return None
+    is_rest = rest.endswith(")") and 0 <= ns < DAY and ns % row.unit_ns == 0
+    return count + ns // row.unit_ns if is_rest else None
 
 
 def _address(row: Elementary, _: LayoutRules) -> Coding:

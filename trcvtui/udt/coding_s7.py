@@ -133,19 +133,31 @@ LONGEST_S5_MS = 9_990_000
 
 
 def s5time_coding(rules: LayoutRules) -> Coding:
-    """Return S5TIME of 2 bytes: the time base in bits 12 and 13, three digits in BCD below."""
+    """Return S5TIME of 2 bytes: the time base in bits 12 and 13, three digits in BCD below.
+
+    Bits 14 and 15 say nothing.
+    """
     order = BYTE_ORDERS[rules.byte_order]
 
     def to_value(raw: int) -> Value:
         ms = _s5_ms(raw)
-        return f"16#{raw:04X}" if ms is None else format_time(ms * MS, "S5T#")
+        if ms is None:
+            return f"16#{raw:04X}"
+        # Another time base, or bits that say nothing: the word stands beside, so that it comes back.
+        return format_time(ms * MS, "S5T#") + ("" if _s5(ms) == raw else f" (16#{raw:04X})")
 
     def to_raw(value: object) -> int:
         word = parse_hex_text(value, 2)
         if word is not None:
             return int.from_bytes(word, "big")
-        ns = parse_s5time(value) if isinstance(value, str) else None
+        text, _, beside = value.partition(" (") if isinstance(value, str) else ("", "", "")
+        ns = parse_s5time(text)
         raw = None if ns is None or ns % MS else _s5(ns // MS)
+        word = parse_hex_text(beside.removesuffix(")"), 2)
+        if raw is not None and beside:
+            found = None if word is None else int.from_bytes(word, "big")
+            is_same = found is not None and ns is not None and _s5_ms(found) == ns // MS
+            raw = found if is_same and beside.endswith(")") else None
         if raw is None:
             raise Refused(
                 "S5TIME from S5T#0ms to S5T#2h46m30s, three digits of 10 ms, 100 ms, 1 s or 10 s, or 16#..."
@@ -154,19 +166,16 @@ def s5time_coding(rules: LayoutRules) -> Coding:
 
     def odd(raw: bytes) -> str:
         (word,) = struct.unpack(order + "H", raw)
-        ms = _s5_ms(word)
-        if ms is None:
-            return " (no S5TIME)"
-        return "" if _s5(ms) == word else f" (16#{word:04X})"
+        return " (no S5TIME)" if _s5_ms(word) is None else ""
 
     return Coding("H", to_value, to_raw, odd)
 
 
 def _s5_ms(raw: int) -> int | None:
     digits = f"{raw & 0xFFF:03x}"
-    if raw >> 14 or not digits.isdecimal():
+    if not digits.isdecimal():
         return None
-    return int(digits) * BASES_MS[raw >> 12]
+    return int(digits) * BASES_MS[raw >> 12 & 3]
 
 
 def _s5(ms: int) -> int | None:

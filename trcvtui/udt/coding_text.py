@@ -12,10 +12,18 @@ from trcvtui.udt.coded import Coding, Refused
 from trcvtui.udt.rules import BYTE_ORDERS, LayoutRules
 from trcvtui.udt.types import Text
 
+# What is no text in the encoding becomes codes that nothing else has, and comes back as the same bytes.
+ODD_CODES = {
+    "latin-1": "strict",
+    "utf-8": "surrogateescape",
+    "utf-16-le": "surrogatepass",
+    "utf-16-be": "surrogatepass",
+}
+
 
 def text_coding(type_: Text, rules: LayoutRules) -> Coding:
     """Return how a text is stored under these rules."""
-    charset = "latin-1"
+    charset = "utf-8" if type_.utf8 else "latin-1"
     if type_.wide:
         charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
     return (_headed if rules.text.header else _ended)(type_, rules, charset)
@@ -30,15 +38,17 @@ def _headed(type_: Text, rules: LayoutRules, charset: str) -> Coding:
     def to_value(raw: bytes) -> str:
         # An actual length beyond the field ends at the field (udt.md U12).
         actual: int = lengths.unpack_from(raw)[1]
-        return raw[lengths.size :][: actual * unit].decode(charset, "surrogatepass")
+        return raw[lengths.size :][: actual * unit].decode(charset, ODD_CODES[charset])
 
     def to_raw(value: object) -> bytes:
         characters = characters_of(value)
         return lengths.pack(longest, len(characters) // unit) + characters
 
     def odd(raw: bytes) -> str:
-        actual: int = lengths.unpack_from(raw)[1]
-        return f" (length {actual} of {longest})" if actual > longest else ""
+        own, actual = lengths.unpack_from(raw)
+        if actual > longest:
+            return f" (length {actual} of {longest})"
+        return f" (longest {own}, not {longest})" if own != longest else ""
 
     return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
 
@@ -49,7 +59,7 @@ def _ended(type_: Text, rules: LayoutRules, charset: str) -> Coding:
 
     def to_value(raw: bytes) -> str:
         # Without a NUL the text ends with the last character that may be one (udt.md U12).
-        return raw[: min(_end(raw, unit), longest * unit)].decode(charset, "surrogatepass")
+        return raw[: min(_end(raw, unit), longest * unit)].decode(charset, ODD_CODES[charset])
 
     def odd(raw: bytes) -> str:
         end = _end(raw, unit)
@@ -74,6 +84,8 @@ def _checked(type_: Text, longest: int, charset: str, has_nul: bool) -> Callable
     unit = 2 if type_.wide else 1
     codes = "" if type_.wide else ", codes 0 to 255" if has_nul else ", codes 1 to 255"
     expected = f"text of at most {longest} characters{codes}"
+    if type_.utf8:
+        expected = f"text of at most {longest} bytes in UTF-8" + ("" if has_nul else ", none of code 0")
     if type_.wide and not has_nul:
         expected += ", none of code 0"
 
@@ -81,7 +93,7 @@ def _checked(type_: Text, longest: int, charset: str, has_nul: bool) -> Callable
         if not isinstance(value, str) or ("\0" in value and not has_nul):
             raise Refused(expected)
         try:
-            characters = value.encode(charset, "surrogatepass")
+            characters = value.encode(charset, ODD_CODES[charset])
         except UnicodeEncodeError:
             raise Refused(expected) from None
         if len(characters) > longest * unit:

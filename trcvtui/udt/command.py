@@ -5,14 +5,19 @@ Rule: what only one of the commands needs is imported by that command; these sit
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
-from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.formats import read_file
+from trcvtui.errors import Problem, UserError, mistake, one_line
+from trcvtui.udt.formats import read_file, read_files
+from trcvtui.udt.joining import KNOWN_TYPE, unknown_constant
 from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.notes import notes_of
 from trcvtui.udt.type_set import TypeSet
+from trcvtui.udt.types import Type
 
 EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
 
@@ -73,16 +78,16 @@ def export(args: Namespace) -> str:
 def compare(args: Namespace) -> tuple[str, bool]:
     """Return the answer of `udt compare`, and whether both sides are equal."""
     from trcvtui.udt.compare import compare as side_by_side
-    from trcvtui.udt.compare_report import compare_json, compare_text, is_equal
+    from trcvtui.udt.compare_report import compare_json, compare_text
     from trcvtui.udt.given import given_bytes
 
     ours, theirs = _two_layouts(args)
     data = given_bytes(" ".join(args.hex)) if args.hex else b""
     comparison = side_by_side(ours, theirs)
-    answer = (
-        json_text(compare_json(comparison, data)) if args.format == "json" else compare_text(comparison, data)
-    )
-    return answer, is_equal(comparison, data)
+    if args.format == "text":
+        return compare_text(comparison, data)
+    answer, equal = compare_json(comparison, data)
+    return json_text(answer), equal
 
 
 def json_text(record: dict[str, object]) -> str:
@@ -96,11 +101,53 @@ def json_text(record: dict[str, object]) -> str:
 
 
 def layout_of(args: Namespace) -> Layout:
-    """Return the layout that the arguments name; raise UserError with what is wrong in them."""
+    """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
     rules = rules_for(args.layout, args.byte_order, args.text)
-    types = read_file(args.file, constants_of(args.constant))
-    name = args.type or types.only()
-    return lay_out(types.named(name, "--type"), rules, name)
+    types = types_of(args)
+    name, type_ = named_type(types, args.type, args)
+    layout = lay_out(type_, rules, name)
+    for note in notes_of(types, name, type_, rules):
+        if sys.stderr is not None:  # the shell's 2>&-
+            sys.stderr.write(f"note: {one_line(note)}\n")
+    return layout
+
+
+def types_of(args: Namespace) -> TypeSet:
+    """Return the types of FILE and of every `--with`."""
+    return read_files((args.file, *args.others), constants_of(args.constant))
+
+
+def named_type(types: TypeSet, name: str | None, args: Namespace) -> tuple[str, Type]:
+    """Return a type by name, or the only one of FILE; what another file may declare is asked for."""
+    try:
+        if name is None:
+            name = only_type(types, args)
+        return name, types.named(name, "--type")
+    except UserError as refused:
+        raise UserError([asked_for(problem) for problem in refused.problems]) from None
+
+
+def only_type(types: TypeSet, args: Namespace) -> str:
+    """Return the name of the only type of FILE, whatever the other files declare."""
+    if not args.others:
+        return types.only()
+    own = read_file(args.file)
+    return own.names()[0] if len(own.types) == 1 and not own.broken else _only_broken(own) or own.only()
+
+
+def _only_broken(own: TypeSet) -> str | None:
+    return next(iter(own.broken)) if len(own.broken) == 1 and not own.types else None
+
+
+def asked_for(problem: Problem) -> Problem:
+    """Return the problem with the option that mends it, where a name of another file is unknown."""
+    if problem.expected == KNOWN_TYPE:
+        return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
+    name = problem.found[1:-1]
+    if problem.expected == unknown_constant(name):
+        expected = f"a known constant: --constant {name}=VALUE, or --with FILE that declares it"
+        return replace(problem, expected=expected)
+    return problem
 
 
 def _two_layouts(args: Namespace) -> tuple[Layout, Layout]:
@@ -112,10 +159,9 @@ def _two_layouts(args: Namespace) -> tuple[Layout, Layout]:
     ]
     sides = list(zip(*columns, strict=True))
     rules = [rules_for(layout or "baosky", order, text) for layout, order, text, _ in sides]
-    types: TypeSet = read_file(args.file, constants_of(args.constant))
-    names = [name or types.only() for *_, name in sides]
-    found = [types.named(name, "--type") for name in names]
-    ours, theirs = map(lay_out, found, rules, names)
+    types = types_of(args)
+    found = [named_type(types, name, args) for *_, name in sides]
+    ours, theirs = (lay_out(type_, own, name) for own, (name, type_) in zip(rules, found, strict=True))
     return ours, theirs
 
 

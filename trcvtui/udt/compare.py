@@ -6,8 +6,7 @@ Rule: a row costs only when it is asked for; members are the same when their pat
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
-from itertools import islice
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from trcvtui.udt.codec import Data
@@ -15,22 +14,25 @@ from trcvtui.udt.decode import decode_leaves
 from trcvtui.udt.layout import Layout, Leaf
 from trcvtui.udt.pairing import Run, pair
 from trcvtui.udt.report import leaf_type_text
-from trcvtui.udt.value_text import value_text
+from trcvtui.udt.stored_form import stored_form
+from trcvtui.udt.value_text import NO_DATA, value_text
 
-MOST_COUNTED: Final = 65536  # rows of a summary: more members than TRCV_C takes bytes
+MOST_COUNTED: Final = 65536  # rows of a quick summary: more members than TRCV_C takes bytes
 
 PLACE: Final = "place"
 TYPE: Final = "type"
+FORM: Final = "form"
 VALUE: Final = "value"
 ONLY_OURS: Final = "only ours"
 ONLY_THEIRS: Final = "only theirs"
 
 
 class Cell(NamedTuple):
-    """One side of a row: the leaf, the type that decides its bytes, its value as text."""
+    """One side of a row: the leaf, the type that decides its bytes, how it is stored, its value as text."""
 
     leaf: Leaf
     type: str
+    form: tuple[object, ...]
     value: str
 
     @property
@@ -55,7 +57,7 @@ class Row(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Both sizes, how many rows differ in place, type or value, and the first byte on either side that does.
+    """Both sizes, how many rows differ, and the first byte on either side of one that does.
 
     `counted` is the number of rows that were looked at, of `rows`; no difference: `first_offset` is None.
     """
@@ -111,15 +113,31 @@ class Comparison:
 
     def summary(self, data: Data, most: int = MOST_COUNTED) -> Summary:
         """Return the summary of the first `most` rows."""
-        counted = min(most, self.row_count)
-        differing, first = 0, None
-        for row in islice(self.rows(data), counted):
-            if row.differs:
-                differing += 1
-                at = min(cell.leaf.offset for cell in (row.ours, row.theirs) if cell)
-                first = at if first is None else min(first, at)
+        count = Count()
+        for row in self.rows(data, 0, most):
+            count.add(row)
+        return self.summed(count)
+
+    def summed(self, count: Count) -> Summary:
+        """Return the summary of rows that were counted on their way."""
         sizes = self.ours.size, self.theirs.size
-        return Summary(*sizes, self.row_count, counted, differing, first)
+        return Summary(*sizes, self.row_count, count.rows, count.differing, count.first)
+
+
+class Count:
+    """Rows counted one by one: how many there were, how many differ, the first byte of one that does."""
+
+    def __init__(self) -> None:
+        self.rows = self.differing = 0
+        self.first: int | None = None
+
+    def add(self, row: Row) -> None:
+        """Count one row."""
+        self.rows += 1
+        if row.differs:
+            self.differing += 1
+            at = min(cell.leaf.offset for cell in (row.ours, row.theirs) if cell)
+            self.first = at if self.first is None else min(self.first, at)
 
 
 def compare(ours: Layout, theirs: Layout) -> Comparison:
@@ -134,17 +152,33 @@ def _cells(layout: Layout, data: Data, first: int | None, start: int, stop: int)
     if first is None:
         return [None] * (stop - start)
     start, stop = first + start, first + stop
-    found: list[Cell | None] = []
+    leaves = tuple(layout.leaves(start, stop))
+    forms: dict[int, tuple[str, tuple[object, ...]]] = {}  # by type: leaves of an ARRAY share theirs
+    for leaf in leaves:
+        if id(leaf.type) not in forms:
+            forms[id(leaf.type)] = leaf_type_text(layout, leaf), stored_form(leaf.type, layout.rules)
+    texts = _texts(layout, leaves, data, start, stop)
+    return [Cell(leaf, *forms[id(leaf.type)], text) for leaf, text in zip(leaves, texts, strict=True)]
+
+
+def _texts(layout: Layout, leaves: Sequence[Leaf], data: Data, start: int, stop: int) -> list[str]:
+    if all(leaf.offset >= len(data) for leaf in leaves):  # a page is compiled only for bytes that are there
+        return [NO_DATA] * len(leaves)
     values = decode_leaves(layout, data, start, stop)
-    for leaf, value in zip(layout.page(start, stop).leaves, values, strict=True):
-        raw = bytes(data[leaf.offset : leaf.offset + leaf.size])
-        found.append(Cell(leaf, leaf_type_text(layout, leaf), value_text(leaf, value, raw)))
-    return found
+    return [
+        value_text(leaf, value, bytes(data[leaf.offset : leaf.offset + leaf.size]))
+        for leaf, value in zip(leaves, values, strict=True)
+    ]
 
 
 def _differs(ours: Cell | None, theirs: Cell | None) -> tuple[str, ...]:
     if ours is None or theirs is None:
         return (ONLY_THEIRS if ours is None else ONLY_OURS,)
-    told = ((PLACE, ours.place != theirs.place), (TYPE, ours.type != theirs.type))
+    same_type = ours.type == theirs.type  # another type has a form of its own
+    told = (
+        (PLACE, ours.place != theirs.place),
+        (TYPE, not same_type),
+        (FORM, same_type and ours.form != theirs.form),
+    )
     found = [word for word, is_so in told if is_so]
     return (*found, VALUE) if ours.value != theirs.value else tuple(found)

@@ -1,31 +1,31 @@
 """The corrective type: a declaration that under one layout lies as a type does under another.
 
 Gaps become members of their own. What cannot be reached becomes raw bytes, and is told with the reason; the
-result is laid out again and every leaf compared, so that what is called possible is proved.
+result is laid out again and every member compared, so that what is called possible is proved.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from itertools import islice
 from typing import Final, NamedTuple
 
 from trcvtui.udt.layout import Layout, LayoutRules, lay_out
 from trcvtui.udt.padding import Filling, Unreachable
 from trcvtui.udt.placed import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.placing import Placing
+from trcvtui.udt.proof import RawMember, flat, prove
 from trcvtui.udt.stand_in import Note, stand_in
 from trcvtui.udt.types import ELEMENTARY, Array, Struct, Type, Union, type_text
 
-MOST_PROVED: Final = 65536  # leaves that are compared one by one
+MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be used again and again
 BYTE: Final = ELEMENTARY["BYTE"]
 
 
 class Unreached(NamedTuple):
     """A member that is raw bytes in the corrective type, or is not in it (a bit): its path, "" is all; why.
 
-    Of the elements of an ARRAY the first is named.
+    Of the elements of an ARRAY the first is named. The reason names the part of it that is why.
     """
 
     path: str
@@ -53,7 +53,11 @@ def corrective(wanted: Layout, rules: LayoutRules) -> Corrective:
     other way round.
     """
     tries = [_corrected(wanted, rules, pack) for pack in ((None, 1) if rules.takes_pack else (None,))]
-    return min(tries, key=lambda found: len(found.unreached))
+    return min(tries, key=lambda found: (_is_all_raw(found), len(found.unreached)))
+
+
+def _is_all_raw(found: Corrective) -> bool:
+    return any(not one.path for one in found.unreached)
 
 
 def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> Corrective:
@@ -61,38 +65,47 @@ def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> Correcti
     try:
         type_ = rebuild.type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
-        _prove(wanted, layout, [one.path for one in rebuild.unreached])
-        return Corrective(type_, layout, tuple(rebuild.unreached), tuple(rebuild.notes))
+        prove(wanted.root, layout.root, rebuild.raw)
+        unreached = tuple(Unreached(one.path, one.reason) for one in rebuild.unreached)
+        return Corrective(type_, layout, unreached, tuple(rebuild.notes))
     except Unreachable as failed:
-        return all_raw(wanted, rules, Unreached(failed.path, failed.why))
+        return all_raw(wanted, rules, f"{failed.path}: {failed.why}" if failed.path else failed.why)
 
 
-def all_raw(wanted: Layout, rules: LayoutRules, why: Unreached) -> Corrective:
+def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> Corrective:
     """Return the type as bytes and nothing else, which every layout can hold."""
     raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
-    return Corrective(raw, lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}"), (why,), ())
+    return Corrective(raw, lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}"), (Unreached("", why),), ())
 
 
 def _suffix(wanted: Layout) -> str:
     return wanted.rules.name.replace("-", "_")
 
 
-def _prove(wanted: Layout, found: Layout, raw: list[str]) -> None:
-    """Raise Unreachable unless every leaf lies where it is wanted, but for those below a path in `raw`."""
-    if found.size != wanted.size:
-        raise Unreachable("", f"{found.size} bytes in place of {wanted.size}")
-    ours = {leaf.path: leaf for leaf in islice(found.leaves(), 2 * MOST_PROVED)}
-    left_out = tuple(_without_indices(path) for path in raw)
-    for leaf in islice(wanted.leaves(), MOST_PROVED):
-        if left_out and _without_indices(leaf.path).startswith(left_out):
-            continue
-        own = ours.get(leaf.path)
-        if own is None or (own.offset, own.size, own.bit) != (leaf.offset, leaf.size, leaf.bit):
-            raise Unreachable(leaf.path, "it comes to lie elsewhere")
-
-
 def _without_indices(path: str) -> str:
     return re.sub(r"\[[^\]]*\]", "", path)
+
+
+class _Raw(NamedTuple):
+    """A member that became raw: its path, the path behind it of what is why, and the words."""
+
+    path: str
+    inner: str
+    why: str
+
+    @property
+    def reason(self) -> str:
+        """Return the words, with the part of the member that they speak of."""
+        return f"{self.path}{self.inner}: {self.why}" if self.inner else self.why
+
+
+class _Built(NamedTuple):
+    """A STRUCT that was rebuilt, or why it cannot be; paths are those behind its own."""
+
+    type: Struct | Union | None
+    unreached: list[_Raw]
+    notes: list[Note]
+    failed: tuple[str, str] = ("", "")
 
 
 class _Rebuild:
@@ -103,9 +116,10 @@ class _Rebuild:
         self.name = wanted.name
         self.suffix = _suffix(wanted)
         self.placing = Placing(rules)
-        self.unreached: list[Unreached] = []
+        self.unreached: list[_Raw] = []
         self.notes: list[Note] = []
-        self._built: dict[int, Struct | Union] = {}
+        self.raw: set[RawMember] = set()
+        self._built: dict[int, _Built] = {}
 
     def type(self, type_: Type, node: Node, path: str) -> Type:
         """Return the type in place of this one; raise Unreachable."""
@@ -115,10 +129,7 @@ class _Rebuild:
                 return self.array(type_, node, path)
             case Struct() | Union():
                 assert isinstance(node, PlacedStruct)
-                if id(type_) not in self._built:
-                    build = self.struct if isinstance(type_, Struct) else self.union
-                    self._built[id(type_)] = build(type_, node, path)
-                return self._built[id(type_)]
+                return self.once(type_, node, path)
             case _:
                 assert isinstance(node, PlacedLeaf)
                 found, why = stand_in(node, self.theirs, self.rules, path)
@@ -127,6 +138,30 @@ class _Rebuild:
                 if why:
                     self.notes.append(Note(path, why))
                 return found
+
+    def once(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
+        """Return the STRUCT rebuilt, and tell for this path what became raw in it."""
+        if id(type_) not in self._built:
+            self._built[id(type_)] = self.built(type_, node, path)
+        built = self._built[id(type_)]
+        if built.type is None:
+            raise Unreachable((path + built.failed[0]).removeprefix("."), built.failed[1])
+        for one in built.unreached[: max(MOST_TOLD - len(self.unreached), 0)]:
+            self.unreached.append(one._replace(path=_below(path, one.path)))
+        for note in built.notes[: max(MOST_TOLD - len(self.notes), 0)]:
+            self.notes.append(note._replace(path=_below(path, note.path)))
+        return built.type
+
+    def built(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _Built:
+        others = self.unreached, self.notes
+        self.unreached, self.notes = [], []
+        try:
+            made = self.struct(type_, node) if isinstance(type_, Struct) else self.union(type_, node)
+            return _Built(self.named(type_, made, path), self.unreached, self.notes)
+        except Unreachable as failed:
+            return _Built(None, [], [], (f".{failed.path}" if failed.path else "", failed.why))
+        finally:
+            self.unreached, self.notes = others
 
     def array(self, type_: Array, node: PlacedArray, path: str) -> Type:
         first = ",".join(str(low) for low, _ in type_.bounds)
@@ -139,30 +174,32 @@ class _Rebuild:
             raise Unreachable(path, why)
         return found
 
-    def struct(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
-        fill = self.filling(type_, node)
+    def struct(self, type_: Struct, node: PlacedStruct) -> Filling:
+        """Return the members of a STRUCT, their paths told from its own begin."""
+        limit = node.size & -node.size or 1  # no multiple of more is the size: no member may be aligned to it
+        fill = self.filling(type_, node, max(limit, self.rules.struct_floor))
         for name, offset, bit, child, inner in _members(type_, node):
-            mark, below = (len(self.unreached), len(self.notes)), f"{path}.{name}" if path else name
+            mark = len(self.unreached), len(self.notes)
             try:
-                fill.put(name, self.type(inner, child, below), offset, bit, below)
+                fill.put(name, self.type(inner, child, name), offset, bit, name)
             except Unreachable as failed:
                 del self.unreached[mark[0] :], self.notes[mark[1] :]
-                self.unreached.append(Unreached(failed.path, failed.why))
-                fill.put_raw(name, offset, child.size, bit is not None, below)
-        fill.finish(node.size, path)
-        return self.named(type_, fill, path)
+                self.unreached.append(_Raw(name, failed.path[len(name) :], failed.why))
+                self.raw.add((id(node), name))
+                fill.put_raw(name, offset, child.size, bit is not None, name)
+        fill.finish(node.size, "")
+        return fill
 
-    def union(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
+    def union(self, type_: Union, node: PlacedStruct) -> Filling:
         fill = self.filling(type_, node)
         for name, _, bit, child, inner in _members(type_, node):
-            below = f"{path}.{name}" if path else name
-            fill.overlay(name, self.type(inner, child, below), bit, below)
-        fill.cover(node.size, path)
-        return self.named(type_, fill, path)
+            fill.overlay(name, self.type(inner, child, name), bit, name)
+        fill.cover(node.size, "")
+        return fill
 
-    def filling(self, type_: Struct | Union, node: PlacedStruct) -> Filling:
+    def filling(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Filling:
         cap = max(self.pack, 1) if self.pack is not None else self.placing.cap(type_)
-        return Filling(self.placing, cap, {name.casefold() for name in node.names})
+        return Filling(self.placing, cap, {name.casefold() for name, *_ in flat(node)}, limit)
 
     def named(self, type_: Struct | Union, fill: Filling, path: str) -> Struct | Union:
         """Return the type as it was where nothing had to change."""
@@ -177,6 +214,10 @@ class _Rebuild:
         name = f"{name}_{self.suffix}" if name else ""
         made = Struct if isinstance(type_, Struct) else Union
         return made(name, members, None, pack)
+
+
+def _below(path: str, inner: str) -> str:
+    return f"{path}.{inner}" if path else inner
 
 
 def _members(

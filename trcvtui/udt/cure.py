@@ -7,7 +7,7 @@ from typing import NamedTuple
 from trcvtui.udt.corrective import Corrective, all_raw, corrective, told
 from trcvtui.udt.layout import Layout
 from trcvtui.udt.st_write import scl_text, st_text
-from trcvtui.udt.swap import Language, Swap, swap_code
+from trcvtui.udt.swap import Language, Swap, language_of, swap_code
 from trcvtui.udt.unpack import Unpacking, unpack_code
 
 
@@ -27,24 +27,27 @@ class Cure(NamedTuple):
     swap: Swap | None
 
 
-def cure(ours: Layout, theirs: Layout, language: Language = "st") -> Cure:
+def cure(ours: Layout, theirs: Layout, language: Language | None = None) -> Cure:
     """Return the cure; `language` is that of the sender's code. Both layouts are of the same declaration."""
+    language = language or language_of(theirs.rules)
     receiver, sender = corrective(theirs, ours.rules), corrective(ours, theirs.rules)
     unpacking, swap = None, None
     are_swapped = ours.rules.byte_order != theirs.rules.byte_order
     if not receiver.is_possible:
         if are_swapped:  # then no member reads right where it lies: all comes out of the bytes
-            receiver = all_raw(theirs, ours.rules, receiver.unreached[0])
-        unpacking = unpack_code(receiver, theirs)
+            receiver = all_raw(theirs, ours.rules, receiver.unreached[0].why)
+        unpacking = unpack_code(receiver, theirs, language_of(ours.rules))
     if are_swapped and (receiver.is_possible or sender.is_possible):
         swap = swap_code(theirs if receiver.is_possible else sender.layout, language)
     return Cure(ours, theirs, receiver, sender, unpacking, swap)
 
 
-def cure_text(found: Cure, language: Language = "st") -> str:
+def cure_text(found: Cure, language: Language | None = None) -> str:
     """Return everything as one text to copy: comments say what is for whom."""
     ours, theirs = found.ours, found.theirs
-    parts = _side(f"Receiver, under {ours.rules.name}: lies as {theirs.rules.name}", found.receiver, "st")
+    language = language or language_of(theirs.rules)
+    head = f"Receiver, under {ours.rules.name}: lies as {theirs.rules.name}"
+    parts = _side(head, found.receiver, language_of(ours.rules))
     if found.unpacking:
         parts += [found.unpacking.types, found.unpacking.code]
         parts += [f"// {path}: to be converted by hand\n" for path in found.unpacking.left_out]

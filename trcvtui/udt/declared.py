@@ -33,6 +33,7 @@ class TextSpec(NamedTuple):
 
     length: Formula
     wide: bool
+    utf8: bool = False
 
 
 class RangeSpec(NamedTuple):

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from trcvtui.errors import Problem, UserError
 from trcvtui.udt.coding import Refused
 from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
+from trcvtui.udt.overlay import Overlay
 
 LONGEST_SHOWN = 60
 
@@ -15,19 +16,28 @@ LONGEST_SHOWN = 60
 def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
     """Return the bytes of values by path; what is missing or None, and every gap, is 0.
 
+    Of members that overlap a later one leaves what the earlier ones wrote, as far as that says its value too.
     Raise UserError with one problem for each unknown path and each value out of range.
     """
     data = bytearray(layout.size)
+    overlay = Overlay(layout, data) if layout.root.overlaps else None
     problems: list[Problem] = []
     for path, value in values.items():
         try:
             number = layout.number_of(path)
-            if value is not None:
+            if value is None:
+                continue
+            if overlay is None:
                 put(layout, data, number, value)
+            else:
+                leaf = layout.leaf(number)
+                overlay.add(leaf, encode_leaf(layout, leaf, value))
         except UserError as refused:
             problems.extend(refused.problems)
     if problems:
         raise UserError(problems)
+    if overlay is not None:
+        overlay.write()
     return bytes(data)
 
 

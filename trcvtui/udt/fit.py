@@ -9,8 +9,8 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from trcvtui.udt.compare import PLACE, compare
 from trcvtui.udt.decode import decode_leaves
+from trcvtui.udt.difference import difference
 from trcvtui.udt.layout import Layout, Leaf
 from trcvtui.udt.likelihood import SPARE, Hint, hint_of, spare_bits_hint, steady_hint
 from trcvtui.udt.profiles import Profile, profiles_for, same_layouts
@@ -94,27 +94,6 @@ def verdict(fits: Sequence[Fit]) -> str:
     more = f" (and {len(tied) - NAMED} more)" if len(tied) > NAMED else ""
     apart = difference(tied[0].layout, tied[1].layout)
     return f"{names}{more} cannot be told apart by these bytes: the first two differ only in {apart}"
-
-
-def difference(a: Layout, b: Layout) -> str:
-    """Return in what two layouts of one type differ."""
-    parts = []
-    if a.size != b.size:
-        parts.append(f"the size, {a.size} and {b.size} bytes")
-    moved = [row for row in compare(a, b).rows(b"", 0, MOST_LEAVES) if PLACE in row.differs]
-    if moved:
-        shown = [
-            f"{row.path} ({row.ours.place_text} and {row.theirs.place_text})"
-            for row in moved[:NAMED]
-            if row.ours and row.theirs
-        ]
-        more = f" and {len(moved) - NAMED} more" if len(moved) > NAMED else ""
-        parts.append(f"the place of {', '.join(shown)}{more}")
-    if a.rules.byte_order != b.rules.byte_order:
-        parts.append("the byte order")
-    if a.rules.text.name != b.rules.text.name:
-        parts.append(f"the STRING form, {a.rules.text.name} and {b.rules.text.name}")
-    return "; ".join(parts) or "how values are stored"
 
 
 # -- one profile ---------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ Rule: every mistake is one line with its place; what is no text, or too large, i
 from __future__ import annotations
 
 import json
+import math
 import sys
 from typing import Final
 
@@ -30,7 +31,9 @@ def given_values(name: str) -> dict[str, object]:
     """Return the JSON object that stands in a file, or on stdin for `-`."""
     where, text = _where(name), _text(name)
     try:
-        values = json.loads(text)
+        values = json.loads(text, parse_float=_number, object_pairs_hook=_each_once)
+    except _Refused as refused:
+        raise mistake(where, refused.found, refused.expected) from None
     except json.JSONDecodeError as wrong:
         place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
         raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
@@ -40,6 +43,30 @@ def given_values(name: str) -> dict[str, object]:
         raise mistake(where, "brackets nested too deeply", EXPECTED_JSON) from None
     if not isinstance(values, dict):
         raise mistake(where, f"JSON, but {_KINDS.get(type(values), 'a number')}", EXPECTED_JSON)
+    return values
+
+
+class _Refused(Exception):
+    """JSON that Python takes and changes without a word."""
+
+    def __init__(self, found: str, expected: str) -> None:
+        super().__init__(found)
+        self.found, self.expected = found, expected
+
+
+def _number(text: str) -> float:
+    number = float(text)
+    if math.isinf(number):
+        raise _Refused(text[:40], 'a number in the range of LREAL, or "Infinity"')
+    return number
+
+
+def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    values: dict[str, object] = {}
+    for key, value in pairs:
+        if key in values:
+            raise _Refused(f"'{key[:60]}' a second time", "each path once")
+        values[key] = value
     return values
 
 

@@ -46,6 +46,7 @@ MOST_NESTED = 32
 KNOWN = "a known "
 KNOWN_TYPE = f"{KNOWN}type"
 KNOWN_CONSTANT = KNOWN + 'constant: "{0}" = VALUE in [constants] of the project, or --constant {0}=VALUE'
+MOST_WALKED = 200  # types on the search for a circle
 WHOLE = (Kind.INTEGER, Kind.BITS)
 
 
@@ -175,7 +176,7 @@ class Joining:
         if length is not None and length < 1:
             self.refuse(user, _wrong(spec.length, length, "a length of 1 or more"))
             return None
-        return None if length is None else Text(length, spec.wide)
+        return None if length is None else Text(length, spec.wide, spec.utf8)
 
     def build_range(self, spec: RangeSpec, user: str) -> Type | None:
         base = self.look_up(spec.base, user)[0]
@@ -263,7 +264,10 @@ class Joining:
         if key in self.bad or key in self.broken:
             self.refuse(user, *(self.bad.get(key) or self.broken[key]))
         elif key in self.declared:
+            circle = self.circle(key, user)
             found = f"'{reference.name}', which contains this member"
+            if len(circle) > 1:
+                found = f"'{reference.name}' in a circle: {', '.join(circle)}, {circle[0]}"
             expected = "a type that does not contain itself"
             if self.is_base(reference, user):
                 found, expected = (
@@ -276,6 +280,26 @@ class Joining:
         else:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
         return None, 0
+
+    def circle(self, key: str, user: str) -> list[str]:
+        """Return the names of declarations from a user over this key back to it, the shortest way.
+
+        Empty when that is too long to be read.
+        """
+        before, waiting = {key: ""}, [key]
+        for found in waiting:
+            if user in before or len(waiting) > MOST_WALKED:
+                break
+            for used in self.uses(found):
+                if used not in before:
+                    before[used] = found
+                    waiting.append(used)
+        names: list[str] = []
+        at = user if user in before else ""
+        while at:
+            names.append(self.declared[at].name)
+            at = before[at]
+        return [*names[:1], *reversed(names[1:])] if len(names) <= MOST_SHOWN else []
 
     def is_base(self, reference: Reference, user: str) -> bool:
         spec = self.declared[user].spec if user in self.declared else None
@@ -306,7 +330,7 @@ class Joining:
             self.refuse(user, *refused.problems)
             return None
         for name in unknown:
-            self.refuse(user, Problem(number.where, f"'{name}'", KNOWN_CONSTANT.format(name)))
+            self.refuse(user, Problem(number.where, f"'{name}'", unknown_constant(name)))
         return value
 
     def quietly(self, number: Number, scope: str) -> int | None:
@@ -317,6 +341,11 @@ class Joining:
 
     def place(self, user: str) -> str:
         return self.declared[user].where if user in self.declared else "type"
+
+
+def unknown_constant(name: str) -> str:
+    """Return what is expected in place of a constant that nobody declares."""
+    return KNOWN_CONSTANT.format(name)
 
 
 def references(spec: Spec) -> Iterator[Reference]:

@@ -21,10 +21,13 @@ class Unreachable(Exception):
 
 
 class Filling:
-    """A STRUCT that grows member by member; `cap` is its largest alignment, `taken` the names in it."""
+    """A STRUCT that grows member by member; `cap` is its largest alignment, `taken` the names in it.
 
-    def __init__(self, placing: Placing, cap: int, taken: set[str]) -> None:
-        self.placing, self.cap, self.taken = placing, cap, taken
+    `limit` is the alignment with which it can still have the size that it shall have.
+    """
+
+    def __init__(self, placing: Placing, cap: int, taken: set[str], limit: int | None = None) -> None:
+        self.placing, self.cap, self.taken, self.limit = placing, cap, taken, limit
         self.rules = placing.rules
         self.members: list[Member] = []
         self.end = 0
@@ -45,6 +48,9 @@ class Filling:
         if offset % step:
             layout, what = self.rules.name, type_text(type_)
             raise Unreachable(path, f"{what} at byte {offset}: under {layout} only at a multiple of {step}")
+        if self.limit is not None and step > self.limit:
+            why = f"{type_text(type_)} makes the size of its STRUCT a multiple of {step}"
+            raise Unreachable(path, f"{why} under {self.rules.name}")
         self._fill_to(offset, step, path)
         self.align = max(self.align, step)
         self._add(name, type_, offset, _up(offset + node.size, self.placing.end_floor(type_)))

@@ -64,10 +64,12 @@ class PlacedStruct:
         "offsets",
         "overlaps",
         "size",
+        "steps",
     )
 
     def __init__(self, parts: Sequence[Part], size: int, align: int) -> None:
         self.names = tuple(part.name for part in parts)
+        self.steps = tuple(map(_step, self.names))
         self.offsets = tuple(part.offset for part in parts)
         self.nodes = tuple(part.node for part in parts)
         self.bits = tuple(part.bit for part in parts)
@@ -131,6 +133,11 @@ class PlacedArray:
         return row * self.row_size + column // 8, column % 8
 
 
+def _step(name: str) -> str:
+    """Return the name as a path has it: in quotes where it could be taken for several steps."""
+    return name if not name or re.fullmatch(_NAME, name) else '"' + name.replace('"', '""') + '"'
+
+
 Node = PlacedLeaf | PlacedStruct | PlacedArray
 
 
@@ -145,7 +152,7 @@ def walk(node: Node, path: str, offset: int, start: int, stop: int, bit: int = 0
         prefix = path + "." if path else ""
         first = max(bisect_right(node.firsts, max(start, 0)) - 1, 0)
         for number in range(first, len(node.nodes)):
-            before, name = node.firsts[number], node.names[number]
+            before, name = node.firsts[number], node.steps[number]
             if before >= stop:
                 return
             place, below = offset + node.offsets[number], prefix + name if name else path
@@ -280,7 +287,8 @@ def _common_gaps(node: PlacedUnion) -> list[tuple[int, int]]:
     return common
 
 
-_STEP = r"\.?([^\W\d]\w*)|\[([^\[\]]*)\]"
+_NAME = r'[^.\[\]"]+'
+_STEP = rf'\.?(?:({_NAME})|"((?:[^"]|"")*)")|\[([^\[\]]*)\]'
 _INDEX = r"(?a)\s*(-?\d{1,19})\s*"
 
 
@@ -298,7 +306,8 @@ def find(node: Node, path: str) -> tuple[int, Node]:
 
 
 def _below(node: Node, step: re.Match[str]) -> tuple[int, Node]:
-    name, indices = step.groups()
+    name, quoted, indices = step.groups()
+    name = quoted.replace('""', '"') if name is None and quoted is not None else name
     while name is not None and isinstance(node, PlacedStruct) and node.nodes:
         number = node.index.get(name.casefold())
         if number is not None:

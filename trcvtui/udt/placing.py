@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from trcvtui.errors import mistake
+from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake
 from trcvtui.udt.coding import coding_of
 from trcvtui.udt.placed import Node, Part, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
 from trcvtui.udt.rules import LayoutRules
@@ -27,6 +27,7 @@ class Placing:
     def __init__(self, rules: LayoutRules) -> None:
         self.rules = rules
         self.placed: dict[Struct | Union, PlacedStruct] = {}
+        self.refused: set[Struct | Union] = set()
 
     def place(self, type_: Type, where: str) -> Node:
         """Return the type laid out; raise UserError when something in it cannot be, or is too large."""
@@ -34,9 +35,15 @@ class Placing:
             case Array():
                 return self.place_array(type_, where)
             case Struct() | Union():
+                if type_ in self.refused:
+                    raise UserError(())  # what is wrong in it is told where it stands first
                 if type_ not in self.placed:
                     place = self.place_struct if isinstance(type_, Struct) else self.place_union
-                    self.placed[type_] = place(type_, where)
+                    try:
+                        self.placed[type_] = place(type_, where)
+                    except UserError:
+                        self.refused.add(type_)
+                        raise
                 return self.placed[type_]
             case Unplaced(name=name, why=why):
                 raise mistake(where, f"{name}, {why}", "a type that can be laid out")
@@ -61,12 +68,22 @@ class Placing:
         return _checked(PlacedArray(type_, element, pitch, align), where)
 
     def parts(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
-        """Return the members, before them what the type EXTENDS as one member without a name."""
+        """Return the members, before them what the type EXTENDS as one member without a name.
+
+        Raise UserError with what is wrong in all of them.
+        """
         members: list[tuple[str, Type]] = [] if type_.base is None else [("", type_.base)]
         members += [(member.name, member.type) for member in type_.members]
-        return [
-            (name, inner, self.place(inner, f"{where}.{name}" if name else where)) for name, inner in members
-        ]
+        placed: list[tuple[str, Type, Node]] = []
+        problems: list[Problem] = []
+        for name, inner in members:
+            try:
+                placed.append((name, inner, self.place(inner, f"{where}.{name}" if name else where)))
+            except UserError as refused:
+                problems.extend(refused.problems)
+        if len(placed) < len(members):
+            raise UserError(problems[:MOST_SHOWN])
+        return placed
 
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, rules, parts = self.cap(type_), self.rules, self.parts(type_, where)

@@ -11,6 +11,7 @@ from trcvtui.errors import UserError
 from trcvtui.udt.layout import BYTE_ORDERS, LAYOUTS, Layout, lay_out, rules_for
 from trcvtui.udt.placed import Node, PlacedArray, PlacedLeaf
 from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.stored_form import stored_form
 from trcvtui.udt.types import Array, Struct, Text, Type, Union
 
 # Which STRING forms occur with a layout: a layout of Baosky's size may be that of a C program, too.
@@ -41,10 +42,10 @@ class Profile(NamedTuple):
 
 def profiles_for(type_: Type) -> tuple[Profile, ...]:
     """Return every profile that makes sense for a type, the default layout first."""
-    has_text = _has_text(type_, set())
+    with_text = has_text(type_)
     found = []
     for layout, rules in LAYOUTS.items():
-        forms = FORMS.get(layout, OWN_FORM) if has_text else ("",)
+        forms = FORMS.get(layout, OWN_FORM) if with_text else ("",)
         orders = sorted(BYTE_ORDERS, key=lambda order, own=rules.byte_order: order != own)  # type: ignore[misc]
         found += [Profile(layout, order, form) for order in orders for form in forms]
     return tuple(found)
@@ -69,7 +70,7 @@ def same_layouts(
 
 def shape(layout: Layout) -> object:
     """Return a value that is equal for two layouts of one type in which all bytes mean the same."""
-    return _Shapes(layout.rules).of(layout.root)
+    return layout.size, _Shapes(layout.rules).of(layout.root)
 
 
 class _Shapes:
@@ -85,21 +86,24 @@ class _Shapes:
     def _of(self, node: Node) -> object:
         if isinstance(node, PlacedLeaf):
             return self._leaf(node)
-        if isinstance(node, PlacedArray):
-            return node.size, node.pitch, node.row_size, self.of(node.element)
-        return node.size, node.offsets, node.bits, tuple(map(self.of, node.nodes))
+        if isinstance(node, PlacedArray):  # a single element has no next one
+            return node.pitch if node.count > 1 and node.leaves else 0, self.of(node.element)
+        parts = zip(node.offsets, node.bits, node.nodes, strict=True)
+        return tuple((offset, bit, self.of(child)) for offset, bit, child in parts if child.leaves)
 
     def _leaf(self, node: PlacedLeaf) -> object:
         type_, rules = node.type, self.rules
-        is_bytes = node.size == 1
         if isinstance(type_, Text):
             is_bytes = not type_.wide
-            stored: object = (rules.text.header, rules.text.length(type_))
         else:
             row = rules.stored(type_)
-            stored = (row.name, row.code, row.unit_ns, row.epoch_ns)
-            is_bytes = is_bytes or (row.name, row.code) == ("DT", "8s")
-        return node.size, node.is_bit, stored, "" if is_bytes else rules.byte_order
+            is_bytes = node.size == 1 or (row.name, row.code) == ("DT", "8s")
+        return node.size, node.is_bit, stored_form(type_, rules), "" if is_bytes else rules.byte_order
+
+
+def has_text(type_: Type) -> bool:
+    """Return whether a STRING or WSTRING is in the type."""
+    return _has_text(type_, set())
 
 
 def _has_text(type_: Type, seen: set[int]) -> bool:

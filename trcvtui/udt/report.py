@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
+from trcvtui.errors import one_line
 from trcvtui.udt.codec import Data
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode
@@ -39,7 +40,7 @@ def show_text(layout: Layout) -> str:
     for offset, size in layout.padding():
         rows.append((offset, (str(offset), str(size), "", "(padding)")))
     rows.sort(key=lambda row: row[0])
-    head = f"{layout.name}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
+    head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
     table = in_columns([("offset", "size", "type", "path"), *(row for _, row in rows)], "rrll")
     return "\n".join([head, *table, *_notes(layout)])
 
@@ -62,7 +63,7 @@ def decode_text(layout: Layout, data: Data) -> str:
         raw = bytes(data[leaf.offset : leaf.offset + leaf.size])
         text = value_text(leaf, value, raw)
         rows.append((_place(leaf), leaf_type_text(layout, leaf), leaf.path or layout.name, text))
-    head = f"{layout.name}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
+    head = f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
     return "\n".join([head, *in_columns(rows, "rlll"), *_notes(layout)])
 
 
@@ -124,7 +125,8 @@ def _notes(layout: Layout) -> list[str]:
 
 
 def in_columns(rows: list[Row], sides: str) -> list[str]:
-    """Return rows in columns; of `sides` r is to the right, l to the left."""
+    """Return rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
+    rows = [tuple(cell if cell.isprintable() else one_line(cell) for cell in row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:

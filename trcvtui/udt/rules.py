@@ -164,7 +164,8 @@ LAYOUTS = {
         S7,
     )
 }
-LAYOUT_ALIASES = {"cap4": "baosky"}
+# gcc on 64 bits and CODESYS 8 put every member at the same place, `#pragma pack` or not (`make oracle`).
+LAYOUT_ALIASES = {"cap4": "baosky", "c": "codesys-8"}
 
 
 def rules_for(

@@ -9,6 +9,9 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
+from trcvtui.udt.layout import lay_out
+from trcvtui.udt.renaming import is_st_word, st_renamed, st_word
+from trcvtui.udt.rules import S7
 from trcvtui.udt.types import (
     Array,
     Enumeration,
@@ -27,8 +30,11 @@ _PLAIN: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def st_text(type_: Type, name: str = "") -> str:
-    """Return `TYPE ... END_TYPE` of a type and of every type in it; `name` for one that has none."""
-    return "\n".join(_st_type(each, name) for each in named_types(type_))
+    """Return `TYPE ... END_TYPE` of a type and of every type in it; `name` for one that has none.
+
+    A name that ST cannot carry is changed: `struct` becomes `struct_`, `a b` becomes `a_b`.
+    """
+    return "\n".join(_st_type(each, st_word(name)) for each in named_types(st_renamed(type_)))
 
 
 def scl_text(type_: Type, name: str = "") -> str:
@@ -43,7 +49,9 @@ def scl_text(type_: Type, name: str = "") -> str:
 
 
 def _st_type(type_: Type, name: str) -> str:
-    head = "TYPE " + _st_name(getattr(type_, "name", "") or name) + " :"
+    base = getattr(type_, "base", None)
+    extends = f" EXTENDS {base.name}" if isinstance(base, Struct | Union) else ""
+    head = f"TYPE {getattr(type_, 'name', '') or name}{extends} :"
     match type_:
         case Struct() | Union():
             pack = "" if type_.pack is None else f"{{attribute 'pack_mode' := '{type_.pack}'}}\n"
@@ -58,8 +66,19 @@ def _st_body(type_: Struct | Union, indent: str) -> str:
     word = "STRUCT" if isinstance(type_, Struct) else "UNION"
     inner = indent + INDENT
     lines = [f"{indent}{word}"]
-    lines += [f"{inner}{_st_name(member.name)} : {_st_spec(member.type, inner)};" for member in type_.members]
+    lines += [
+        f"{inner}{_mark(member.type, inner)}{member.name} : {_st_spec(member.type, inner)};"
+        for member in type_.members
+    ]
     return "\n".join([*lines, f"{indent}END_{word}"])
+
+
+def _mark(type_: Type, indent: str) -> str:
+    """Return the attribute before a member that is a STRING in UTF-8, or an ARRAY of such."""
+    if isinstance(type_, Array):
+        return _mark(type_.element, indent)
+    is_utf8 = isinstance(type_, Text) and type_.utf8
+    return f"{{attribute 'TcEncoding' := 'UTF-8'}}\n{indent}" if is_utf8 else ""
 
 
 def _st_spec(type_: Type, indent: str) -> str:
@@ -71,7 +90,7 @@ def _st_spec(type_: Type, indent: str) -> str:
         case Enumeration() if not type_.name:
             return _st_enumeration(type_)
         case Struct(name=name) | Union(name=name) | Enumeration(name=name):
-            return _st_name(name)
+            return name
         case _:
             return type_text(type_)
 
@@ -81,24 +100,28 @@ def _st_enumeration(type_: Enumeration) -> str:
     return f"({values})" + (f" {type_.base.name}" if type_.is_named else "")
 
 
-def _st_name(name: str) -> str:
-    return name if _PLAIN.fullmatch(name) else f'"{name}"'
-
-
 # -- SCL -----------------------------------------------------------------------------------------------------
 
 
+def scl_name(name: str) -> str:
+    """Return the name of a member as TIA takes it: in quotes where it is no plain word or a keyword."""
+    return name if _PLAIN.fullmatch(name) and not is_st_word(name) else _scl_quoted(name)
+
+
+def _scl_quoted(name: str) -> str:
+    return '"' + re.sub(r'["\x00-\x1f\x7f]', "_", name) + '"'
+
+
 def _scl_type(type_: Struct, name: str) -> str:
-    body = _scl_body(type_, INDENT)
-    return (
-        f'TYPE "{type_.name or name}"\nVERSION : 0.1\n{INDENT}STRUCT\n{body}{INDENT}END_STRUCT;\n\nEND_TYPE\n'
-    )
+    head = f"TYPE {_scl_quoted(type_.name or name)}\nVERSION : 0.1\n{INDENT}STRUCT\n"
+    return f"{head}{_scl_body(type_, INDENT)}{INDENT}END_STRUCT;\n\nEND_TYPE\n"
 
 
 def _scl_body(type_: Struct, indent: str) -> str:
     inner = indent + INDENT
     lines = [
-        f"{inner}{_st_name(member.name)} : {_scl_spec(member.type, inner)};\n" for member in type_.members
+        f"{inner}{scl_name(member.name)} : {_scl_spec(member.type, inner)};\n"
+        for member in _all_members(type_)
     ]
     return "".join(lines)
 
@@ -110,7 +133,9 @@ def _scl_spec(type_: Type, indent: str) -> str:
         case Struct(name=""):
             return f"Struct\n{_scl_body(type_, indent)}{indent}END_STRUCT"
         case Struct(name=name):
-            return f'"{name}"'
+            return _scl_quoted(name)
+        case Union():
+            return f"Array[0..{max(lay_out(type_, S7).size, 1) - 1}] of Byte"
         case Enumeration(base=base):
             return base.name
         case Subrange(base=base):
@@ -123,6 +148,11 @@ def _scl_spec(type_: Type, indent: str) -> str:
             return "LWORD"
         case _:
             return type_text(type_)
+
+
+def _all_members(type_: Struct) -> tuple[Member, ...]:
+    """Return the members, before them those of what the type EXTENDS: TIA has no such word."""
+    return (_all_members(type_.base) if type_.base else ()) + type_.members
 
 
 def _ranges(bounds: tuple[tuple[int, int], ...]) -> str:

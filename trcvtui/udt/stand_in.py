@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from trcvtui.udt.placed import PlacedLeaf
 from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.stored_form import stored_form
 from trcvtui.udt.types import ELEMENTARY, Enumeration, LeafType, Text, type_text
 
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
@@ -32,12 +33,7 @@ def stand_in(
     stored, own = theirs.stored(node.type), ours.stored(node.type)
     if own.name in ours.bits:
         return ELEMENTARY["BYTE"], f"a BOOL of one byte in {theirs.name}, a bit in {ours.name}: here a BYTE"
-    if (stored.name, stored.code, stored.unit_ns, stored.epoch_ns) == (
-        own.name,
-        own.code,
-        own.unit_ns,
-        own.epoch_ns,
-    ):
+    if stored_form(node.type, theirs) == stored_form(node.type, ours):
         return node.type, ""
     if isinstance(node.type, Enumeration):
         name = type_text(node.type)
@@ -65,7 +61,7 @@ def _text(type_: Text, size: int, theirs: LayoutRules, ours: LayoutRules) -> tup
         return None, f"a STRING with {there} its characters in {theirs.name}, with {here} them in {ours.name}"
     declared = theirs.text.length(type_)
     length = size // (2 if type_.wide else 1) - ours.text.extra
-    found = Text(length, type_.wide)
+    found = Text(length, type_.wide, type_.utf8)
     if length < declared or length > ours.text.most(found):
         name = type_text(Text(declared, type_.wide))
         return None, f"{name} of {size} bytes: {ours.name} has none of that size and length"

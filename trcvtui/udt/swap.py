@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from typing import Final, Literal, NamedTuple
 
 from trcvtui.udt.layout import Layout, lay_out
-from trcvtui.udt.rules import LayoutRules
-from trcvtui.udt.st_write import scl_text, st_text
+from trcvtui.udt.renaming import st_renamed, st_word
+from trcvtui.udt.rules import S7, LayoutRules
+from trcvtui.udt.st_write import scl_name, scl_text, st_text
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -85,6 +86,11 @@ END_FUNCTION
 }
 
 
+def language_of(rules: LayoutRules) -> Language:
+    """Return the language of a side: an S7 is programmed in SCL."""
+    return "scl" if rules.name == S7.name else "st"
+
+
 class Swap(NamedTuple):
     """The swapped telegram as a type and as text, helper functions, statements; `left_out` is not swapped."""
 
@@ -105,6 +111,17 @@ def swap_code(sent: Layout, language: Language = "st", source: str = "msg", targ
     return _Swapping(sent.rules, language).swap(sent, source, target)
 
 
+class _At(NamedTuple):
+    """Where the statements are: the type as declared, target, source, the path as declared."""
+
+    plain: Type
+    to: str
+    of: str
+    path: str
+    depth: int = 0
+    indent: str = ""
+
+
 class _Swapping:
     def __init__(self, rules: LayoutRules, language: Language) -> None:
         self.rules, self.language = rules, language
@@ -114,9 +131,12 @@ class _Swapping:
         self._made: dict[int, Struct] = {}
 
     def swap(self, sent: Layout, source: str, target: str) -> Swap:
+        plain = sent.type
+        if self.language == "st":
+            sent = lay_out(st_renamed(sent.type), self.rules, st_word(sent.name))
         made = self.turned(sent.type)
         assert lay_out(made, self.rules).size == sent.size
-        body = "\n".join(self.statements(sent.type, target, source, 0, ""))
+        body = "\n".join(self.statements(sent.type, _At(plain, target, source, "")))
         write = st_text if self.language == "st" else scl_text
         types = write(made, f"{sent.name}_swapped") if made is not sent.type else ""
         helpers = "\n".join(text for name, text in HELPERS.items() if name in self.helpers)
@@ -174,24 +194,30 @@ class _Swapping:
                 row = self.stored(type_)
                 return row is not None and (row.size == 1 or (row.name, row.code) == ("DT", "8s"))
 
-    def statements(self, type_: Type, to: str, of: str, depth: int, indent: str) -> Iterator[str]:
+    def statements(self, type_: Type, at: _At) -> Iterator[str]:
         """Yield the lines that fill the target."""
+        _, to, of, path, _, indent = at
         row = self.number(type_)
         if self.is_bytes(type_) and _has_name(type_):
             yield f"{indent}{self.named(to)} := {self.named(of)};"
         elif row is not None:
             yield f"{indent}{self.named(to)} := {self.swapped(row, self.named(of))};"
         elif isinstance(type_, Array):
-            yield from self.loops(type_, to, of, depth, indent)
+            yield from self.loops(type_, at)
         elif isinstance(type_, Struct):
-            for member_type, name in _members(type_):
-                yield from self.statements(member_type, f"{to}.{name}", f"{of}.{name}", depth, indent)
+            assert isinstance(at.plain, Struct)
+            for (inner, own), (plain, declared) in zip(_members(type_), _members(at.plain), strict=True):
+                name = own if self.language == "st" else scl_name(own)
+                below = f"{path}.{declared}" if path else declared
+                there = at._replace(plain=plain, to=f"{to}.{name}", of=f"{of}.{name}", path=below)
+                yield from self.statements(inner, there)
         else:
             what = "a UNION: swap the member that is in use" if isinstance(type_, Union) else type_text(type_)
-            self.left_out.append(f"{of.partition('.')[2] or of}: {what}")
+            self.left_out.append(f"{path or of}: {what}")
             yield f"{indent}// {to} is not swapped here: {what}"
 
-    def loops(self, type_: Array, to: str, of: str, depth: int, indent: str) -> Iterator[str]:
+    def loops(self, type_: Array, at: _At) -> Iterator[str]:
+        depth, indent = at.depth, at.indent
         names = [f"i{depth + number}" for number in range(1, len(type_.bounds) + 1)]
         self.deepest = max(self.deepest, depth + len(names))
         inner = indent
@@ -199,7 +225,10 @@ class _Swapping:
             yield f"{inner}FOR {self.named(name)} := {low} TO {high} DO"
             inner += "    "
         index = f"[{','.join(map(self.named, names))}]"
-        yield from self.statements(type_.element, to + index, of + index, depth + len(names), inner)
+        assert isinstance(at.plain, Array)
+        below = at.path + index, depth + len(names), inner
+        there = _At(at.plain.element, at.to + index, at.of + index, *below)
+        yield from self.statements(type_.element, there)
         for _ in names:
             inner = inner[:-4]
             yield f"{inner}END_FOR;"

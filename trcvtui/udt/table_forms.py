@@ -52,5 +52,6 @@ def csv_text(rows: Iterable[Row]) -> str:
 
     rows, text = list(rows), io.StringIO()
     if rows:
-        csv.writer(text, lineterminator="\n").writerows([HEAD, *rows])
+        escaped = [[one_line(cell) for cell in row] for row in rows]
+        csv.writer(text, lineterminator="\n").writerows([HEAD, *escaped])
     return text.getvalue()

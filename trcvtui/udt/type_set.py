@@ -41,10 +41,11 @@ class TypeSet:
     def named(self, name: str, where: str = "type") -> Type:
         """Return a type by name (in any case); raise UserError if it is bad, with all that is, or unknown."""
         key = name.casefold()
-        if key in self.types:
-            return self.types[key][1]
-        if key in self.broken:
-            raise UserError(self.broken[key])
+        for known in (key, key.rpartition(".")[2]):  # `A.B.T` of a NAMESPACE is declared as T (udt.md 5)
+            if known in self.types:
+                return self.types[known][1]
+            if known in self.broken:
+                raise UserError(self.broken[known])
         known = ", ".join(self.names()[:8]) or "no type"
         raise mistake(where, f"'{name}'", f"a type of {self.where}: {known}")
 

@@ -106,10 +106,14 @@ ADDRESS = ELEMENTARY["PVOID"]  # how a pointer is stored
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """STRING or WSTRING of `length` characters; None is the default length of the layout."""
+    """STRING or WSTRING of `length` characters; None is the default length of the layout.
+
+    A STRING that is `utf8` (TwinCAT's attribute TcEncoding) has as many bytes, of UTF-8 and not of Latin-1.
+    """
 
     length: int | None = None
     wide: bool = False
+    utf8: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ SIGNS: Final = (
     ("⋄ _ • ×", "bytes: NUL, white space, control, 16#80 and up"),
     ("▕", "before a byte: a message of the peer begins here"),
     ("▁ ▔ █ ┃ ░", "over time: 0, 1, 1 for one scan, a pulse or more in the column, not known"),
+    ("≠", "a scan in which the dialects of a race differ"),
     ("··", "a byte that the running job still waits for"),
     ("▸ ▶ • ✓ ✗", "a step of a scenario: the next, running, done, held, failed"),
 )
@@ -51,6 +52,10 @@ class HelpText(LineView):
     def _keys(self) -> list[Row]:
         rows: list[Row] = []
         names: dict[str, str] = getattr(self.app, "key_names", {})
+        for problem in getattr(self.app, "problems", ()):
+            first, *rest = wrapped(f"✗ {plain(problem)}", self.line_width - 2)
+            rows += [row((first, "error")), *(row(("  " + line, "error")) for line in rest)]
+        rows += [EMPTY] * bool(rows)
         for title, table in sections_for(self._focused):
             rows.append(row((title, "strong")))
             for shown, what in table:

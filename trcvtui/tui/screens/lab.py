@@ -373,10 +373,10 @@ class LabScreen(Screen[None]):
             self._trouble = "nothing is there to yank"
             self.show()
             return
-        self.run_worker(take(self.app, *found, self._tell))
+        self.run_worker(take(self.app, *found, self._tell, partial(self._tell, is_wrong=True)))
 
-    def _tell(self, text: str) -> None:
-        self._told = plain(text)
+    def _tell(self, text: str, is_wrong: bool = False) -> None:
+        self._told, self._trouble = ("", plain(text)) if is_wrong else (plain(text), "")
         self.show()
 
     def action_help(self) -> None:

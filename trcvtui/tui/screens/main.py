@@ -15,6 +15,7 @@ from trcvtui.errors import UserError
 from trcvtui.tui import messages
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.sizes import TABS, sizes
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.timing_lines import is_for_timing, obey_line
 from trcvtui.tui.voice import Voice
@@ -23,7 +24,6 @@ from trcvtui.tui.widgets.header_line import HeaderLine
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.instance_list import InstanceList
 from trcvtui.tui.widgets.key_line import KeyLine
-from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.peer_panel import PeerPanel
 from trcvtui.tui.widgets.prompt import Prompt
 from trcvtui.tui.widgets.received import Received
@@ -36,10 +36,8 @@ from trcvtui.tui.widgets.udt_table import UdtTable
 if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
-LEAST_WIDTH, LEAST_HEIGHT, ROOMY, TALL = 128, 38, 43, 54
-BROAD, HIGH = 180, 56  # from here on history and timing both stand
-TABS, ZOOM, FROZEN = "-tabs", "-zoom", "-frozen"
-SCENARIOS: Final = "scenarios"  # the one line that is the screen's own
+ZOOM, FROZEN = "-zoom", "-frozen"
+SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
 PAST: Final = {4, 8}  # history and timing
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
@@ -76,14 +74,14 @@ class MainScreen(Screen[None]):
         self._submit = submit
         self._pane = 2
         self._past = 4  # history or timing, where one place is for both
-        voice = Voice(submit, self.action_prompt)
+        voice = Voice(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
         self.tabs = TabLine()
         self.block = FunctionBlock(scene, voice)
         self.status = StatusCard(scene)
         self.timing = Timing(scene, voice)
-        self.history = StatusHistory(scene)
+        self.history = StatusHistory(scene, voice)
         self.received = Received(scene)
         self.table = UdtTable(scene)
         self.peer = PeerPanel(scene, voice)
@@ -134,9 +132,7 @@ class MainScreen(Screen[None]):
         self._arrange()
 
     def _fit(self, width: int, height: int) -> None:
-        sizes = {"-roomy": height >= ROOMY, "-tall": height >= TALL, "-high": height >= HIGH}
-        small = width < LEAST_WIDTH or height < LEAST_HEIGHT
-        self.update_classes({TABS: small, "-broad": width >= BROAD, **sizes})
+        self.update_classes(sizes(width, height, len(self._scene.project.instances)))
 
     # -- what comes in ------------------------------------------------------------------------------
 
@@ -152,9 +148,8 @@ class MainScreen(Screen[None]):
         self._show_keys()
 
     def _show_keys(self) -> None:
-        picture, focused = self._scene.live, self.focused
-        local = focused.keys() if isinstance(focused, LineView) else ()
-        self.key_line.show_keys(local, bool(picture and picture.holding))
+        picture = self._scene.live
+        self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
 
     def begin_anew(self) -> None:
         """Another bench stands here now: nothing that was pointed at is there any more."""
@@ -279,7 +274,7 @@ class MainScreen(Screen[None]):
     def _arrange(self) -> None:
         """Show one pane or all; the tab that is open is marked."""
         alone = self.has_class(TABS) or self.has_class(ZOOM)
-        both = self.has_class("-broad") or self.has_class("-high")
+        both = self.has_class("-broad") or self.has_class("-high") or self.has_class("-strip")
         away = set() if both else PAST - {self._past}
         self.set_class(self._past == 8, "-timing")
         for digit, pane in self._panes().items():
@@ -334,7 +329,7 @@ class MainScreen(Screen[None]):
         from trcvtui.tui.taking import take
 
         if taken is not None:
-            self.run_worker(take(self.app, *taken, self.prompt.tell))
+            self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
 
     def action_mouse(self) -> None:
         """Let the terminal have the mouse, or take it back."""

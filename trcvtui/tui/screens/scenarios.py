@@ -41,11 +41,12 @@ WORDS_OF: Final = {"sim": "the simulated network", "live": "real sockets"}
 LIST, STEPS = 1, 2
 LONGEST_LINE: Final = 60
 KEYS: Final = (
-    ("enter", "load"), ("n", "step"), ("r", "to the end"), ("k", "sim | live"), ("/", "filter"),
-    ("1-4", "pane"), ("?", "help"), ("esc", "leave"),
+    ("enter", "load"), ("n", "step"), ("r", "to the end"), ("k", "sim | live"), ("D", "dialects"),
+    ("/", "filter"), ("1-4", "pane"), ("?", "help"), ("esc", "leave"),
 )  # fmt: skip
 ACTIONS: Final = {
-    "enter": "load", "n": "step", "r": "run", "k": "kernel", "/": "filter", "?": "help", "esc": "leave",
+    "enter": "load", "n": "step", "r": "run", "k": "kernel", "D": "race", "/": "filter", "?": "help",
+    "esc": "leave",
 }  # fmt: skip
 
 
@@ -58,6 +59,7 @@ class ScenariosScreen(Screen[Path | None]):
         Binding("n,space", "step", show=False),
         Binding("r", "run", show=False),
         Binding("k", "kernel", show=False),
+        Binding("D", "race", show=False),
         Binding("slash", "filter", show=False),
         Binding("question_mark,f1", "help", show=False),
         Binding("escape,q,S,f2", "leave", show=False),
@@ -266,6 +268,11 @@ class ScenariosScreen(Screen[Path | None]):
         if self._loaded is not None and self._loaded == self._library.chosen:
             self._send("run")
 
+    def action_race(self) -> None:
+        """Race the chosen scenario through several dialects."""
+        if self._library.chosen is not None:
+            self.post_message(messages.RaceWanted(self._library.chosen))
+
     def _is_loaded(self) -> bool:
         return self._loaded is not None and self._loaded == self._library.chosen
 
@@ -294,6 +301,9 @@ class ScenariosScreen(Screen[Path | None]):
         yield SystemCommand("Run to the end", "key r", self.action_run)
         yield SystemCommand(
             f"Load on {WORDS_OF[self._other()]}", "with the next enter · key k", self.action_kernel
+        )
+        yield SystemCommand(
+            "Dialect race", "the same pins and peers through several dialects · key D", self.action_race
         )
         yield SystemCommand("Filter the scenarios", "key /", self.action_filter)
         yield SystemCommand(

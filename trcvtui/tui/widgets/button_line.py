@@ -68,8 +68,13 @@ class ButtonLine(LineView):
                 continue
             letter, label = labels[index]
             style = self._style(index)
-            parts += [("[", f"faint {style}"), (letter, f"key {style}")]
-            parts += [(f" {label}" if letter else label, style), ("]", f"faint {style}"), (" ", "")]
+            chosen = self._chosen is not None and index == self._chosen()
+            parts += [
+                ("▸" if chosen else "[", f"{'key' if chosen else 'faint'} {style}"),
+                (letter, f"key {style}"),
+            ]
+            parts += [(f" {label}" if letter else label, style)]
+            parts += [("◂" if chosen else "]", f"{'key' if chosen else 'faint'} {style}"), (" ", "")]
         return row(*parts)
 
     def _style(self, index: int) -> str:

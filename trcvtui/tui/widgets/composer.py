@@ -25,6 +25,7 @@ EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {s
 class Field(Input):
     """One line of input without a frame; enter sends, escape gives the focus back to the pane."""
 
+    KEYS: ClassVar = (("enter", "send"), ("tab", "next"), ("shift+tab", "mode"), ("esc", "leave"))
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
 
     def __init__(self, send: Callable[[], None], id: str, placeholder: str, classes: str = "") -> None:
@@ -165,9 +166,16 @@ class Composer(Vertical):
         """Send the command, or go to the payload while there is none."""
         self.judge()
         if not self.line:
-            self.edit()
-        elif not self.fault:
+            self.ask_for_payload("send")
+        elif self.fault:
+            self._voice.complain(self.fault)
+        else:
             self._voice.submit(self.line)
+
+    def ask_for_payload(self, what: str) -> None:
+        """Say that there is nothing yet, and go to where it is typed."""
+        self._voice.complain(f"the payload is empty, there is nothing to {what}: type it, enter sends it")
+        self.edit()
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Judge while typing; the pane shows the command as it grows."""

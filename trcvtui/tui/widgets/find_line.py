@@ -20,6 +20,7 @@ HINT = '29 00 · "abc" · =1234 · =1.5'
 class FindInput(Input):
     """The field; enter looks, escape leaves."""
 
+    KEYS: ClassVar = (("enter", "find"), ("esc", "leave"))
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
 
     def __init__(self, line: FindLine) -> None:

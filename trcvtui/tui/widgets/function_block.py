@@ -9,6 +9,7 @@ from textual import events
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
+from trcvtui.tui.messages import DescriptionWanted
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -23,7 +24,10 @@ LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks w
 class FunctionBlock(LineView):
     """The selected instance. A toggle is shown as pending until a scan has taken it over."""
 
-    BINDINGS: ClassVar = [("enter", "toggle_pin", "toggle the pin under the cursor")]
+    BINDINGS: ClassVar = [
+        ("enter", "toggle_pin", "toggle the pin under the cursor"),
+        ("C", "description", "the connection description byte for byte"),
+    ]
 
     def __init__(self, scene: Scene, voice: Voice) -> None:
         super().__init__(id="block")
@@ -39,7 +43,8 @@ class FunctionBlock(LineView):
         inputs = self.drawing().inputs
         levels = " ".join(pin.letter for pin in inputs if pin.is_bool and pin.letter)
         numbers = tuple((pin.letter, pin.name) for pin in inputs if not pin.is_bool and pin.letter)
-        return (("enter", "toggle"), (levels, "pins"), *numbers)
+        described = (("C", "description"),) if self._scene.project.dialect.describes_connects else ()
+        return (("enter", "toggle"), (levels, "pins"), *numbers, *described)
 
     def forget(self) -> None:
         """Draw for another project: its dialect may name the pins of a block otherwise."""
@@ -135,11 +140,14 @@ class FunctionBlock(LineView):
         scene = self._scene
         glow = glow_text(pin, scene.instance, scene.afterglow, scene.t_ns)
         text, style = output_text(pin, scene.instance, bool(glow))
-        about = f"{'':<{9 - len(pin.name)}}{pin.text}" if self.line_width >= ROOMY and not glow else ""
+        roomy = self.line_width >= ROOMY
+        name = pin.label if roomy or not glow else pin.label.partition(" ")[0]  # the scan is never cut
+        gap = " " * (1 + self.drawing().label_width - len(name))
+        about = f"{gap}{pin.text}" if roomy and not glow else ""
         return [
             (text.rjust(OUT_BOX - 1) + " ", style),
             ("├─", "dim"),
-            (f" {pin.name}", style),
+            (f" {name}", style),
             (glow, "glow"),
             (about, "faint"),
         ]
@@ -152,7 +160,7 @@ class FunctionBlock(LineView):
             link = " CONNECT " if instance.addr is None else " CONFIG  "
             return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
         if y == 1:
-            return row((" DATA    ", "dim"), *self._data_parts(instance))
+            return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
         if y == 2:
             errors = f"  {count(instance.errors, 'error')}"
             return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
@@ -199,7 +207,7 @@ class FunctionBlock(LineView):
     def _data_parts(self, instance: InstanceSnapshot) -> list[Part]:
         declared = self._scene.declaration
         if declared is None:
-            return [("not wired", "warn")] if instance.moves_bytes else [("none", "dim")]
+            return [("not wired", "warn")] if instance.data_pin else [("none", "dim")]
         size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
         return [(plain(declared.name), "strong"), (size, "dim")]
 
@@ -244,6 +252,10 @@ class FunctionBlock(LineView):
         pin = self._pin_under_cursor()
         if pin is not None:
             self.toggle(pin)
+
+    def action_description(self) -> None:
+        """Ask for the connection description of the instance."""
+        self.post_message(DescriptionWanted())
 
     def action_move(self, rows: int) -> None:
         """Move the cursor from pin to pin."""

@@ -62,11 +62,11 @@ class HeaderLine(LineView, can_focus=False):
         live = "live at " if self._scene.is_frozen else ""
         pieces.append(Piece(f"{live}scan {now.snapshot.scan}", "", 2))
         if now.armed:
-            pieces.append(Piece(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 25))
+            pieces.append(Piece(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
         pieces.append(Piece(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
         style = "warn" if timing.overruns else "dim"
         pieces.append(Piece(count(timing.overruns, "overrun"), style, 35))
-        pieces.append(Piece(picture.kernel, "dim", 50))
+        pieces.append(Piece(picture.kernel, "dim", 4))
         if snapshot.connections_limit:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
             pieces.append(Piece(used, "dim", 70))

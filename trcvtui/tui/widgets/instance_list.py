@@ -14,11 +14,12 @@ from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
 
 ROOMY: Final = 110
+NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
 BAR: Final = 10
 
 
 class Columns(NamedTuple):
-    """Widths of the columns; `both` ends of the connection or the partner only; `bar` 0: no bar, no age."""
+    """Widths; `both` ends of the connection or the partner only; `bar` 0: no bar, no numbers, no age."""
 
     name: int
     partner: int
@@ -26,6 +27,7 @@ class Columns(NamedTuple):
     condition: int
     bar: int
     both: bool
+    numbers: int = 0
 
 
 class InstanceList(LineView):
@@ -59,12 +61,19 @@ class InstanceList(LineView):
 
     def _measure(self) -> Columns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
+        if 0 < self.line_width < NARROW:
+            return Columns(min(max((len(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
         name = min(max((len(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
         room = max(24, self.line_width - name - 86) if roomy else 23
         both = roomy and self._partner_width(True) <= room
         partner = min(self._partner_width(both), room)
-        return Columns(name, partner, 7, 18, BAR, both) if roomy else Columns(name, partner, 4, 18, 0, both)
+        numbers = max((len(_numbers(instance)) for instance in shown), default=0)
+        return (
+            Columns(name, partner, 7, 18, BAR, both, numbers)
+            if roomy
+            else Columns(name, partner, 4, 18, 0, both)
+        )
 
     def _partner_width(self, both: bool) -> int:
         links = {instance.connect: instance for instance in self._scene.instances}  # one of each will do
@@ -78,7 +87,7 @@ class InstanceList(LineView):
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
             (squeeze(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
-            (clip(_partner(connection, columns.both), columns.partner).ljust(columns.partner) + "  ", "dim"),
+            (_partner_text(connection, columns), "dim"),
             *_status(instance, columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
@@ -99,14 +108,14 @@ class InstanceList(LineView):
         if not columns.bar:
             have = f" {instance.have}/{instance.need}" if instance.need else ""
             return [(have, ""), (f" ◂{pulse.scan}" if pulse else "", "glow")]
-        parts: list[Part] = [(" " * (BAR + 3), "")]
+        parts: list[Part] = [(" " * (2 + BAR + columns.numbers), "")]
         if instance.need:
             full, empty = bar(instance.have, instance.need, BAR)
             parts = [
                 ("  ", ""),
                 (full, "busy"),
                 (empty, "faint"),
-                (f" {instance.have}/{instance.need} B", ""),
+                (_numbers(instance).ljust(columns.numbers), ""),
             ]
         if pulse is not None:
             return [*parts, (f"  ◂ scan {pulse.scan}", "glow")]
@@ -145,6 +154,10 @@ class InstanceList(LineView):
         self.show()
 
 
+def _numbers(instance: InstanceSnapshot) -> str:
+    return f" {instance.have}/{instance.need} B" if instance.need else ""
+
+
 def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
     return f"{letter}{lamp(on, glowing)} ", style if on else "glow" if glowing else "faint"
 
@@ -154,8 +167,17 @@ def _status(instance: InstanceSnapshot, columns: Columns) -> list[Part]:
     word = status_word(instance.status)[-columns.word :]
     return [
         (word + " ", style),
-        (clip(instance.condition, columns.condition).ljust(columns.condition + 1), style),
+        (
+            clip(instance.condition, columns.condition).ljust(columns.condition + 1)
+            * bool(columns.condition),
+            style,
+        ),
     ]
+
+
+def _partner_text(connection: ConnectionSnapshot | None, columns: Columns) -> str:
+    width = columns.partner
+    return clip(_partner(connection, columns.both), width).ljust(width) + "  " if width else ""
 
 
 def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from textual import events
+from textual.widget import Widget
+from textual.widgets import Input
 
 from trcvtui.tui.messages import KeyClicked
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -15,9 +17,13 @@ GLOBAL: Final = (
     (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("L", "lab"), ("1-8", "pane"),
     ("M", "zoom"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
 )  # fmt: skip
+# In a text field the other keys are typed.
+IN_A_FIELD: Final = (("enter", "take"), ("tab", "next"), ("esc", "leave"))
+ANYWHERE: Final = (("ctrl+p", "palette"), ("F1", "help"))
 ACTIONS: Final = {
     ":": "prompt", "space": "hold", ".": "single_scan", "S": "scenarios", "L": "app.lab", "M": "zoom",
-    "ctrl+p": "app.command_palette", "?": "help", "q": "app.quit", "esc": "calm", "l": "pin('l')",
+    "ctrl+p": "app.command_palette", "?": "help", "q": "app.quit", "esc": "calm",
+    "l": "pin('l')", "F1": "help",
 }  # fmt: skip
 
 
@@ -31,9 +37,15 @@ class KeyLine(LineView, can_focus=False):
         self._everywhere = everywhere
         self._actions = actions
         self._local: Keys = ()
-        self._holding = False
+        self._holding = self._types = False
         self._names: Mapping[str, str] = {}  # of keys that the user has changed
         self.mouse_is_away = False
+
+    def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
+        """Name the keys of what has the focus; in a text field those alone that are not typed."""
+        self._types = isinstance(focused, Input)
+        own = focused.keys() if isinstance(focused, LineView) else ()
+        self.show_keys(getattr(focused, "KEYS", IN_A_FIELD) if self._types else own, holding)
 
     def show_keys(self, local: Keys, holding: bool) -> None:
         """Name these keys."""
@@ -48,7 +60,7 @@ class KeyLine(LineView, can_focus=False):
 
     def _keys(self) -> list[tuple[str, str]]:
         keys = [("U", "mouse back"), *self._local] if self.mouse_is_away else list(self._local)
-        for key, label in self._everywhere:
+        for key, label in ANYWHERE if self._types else self._everywhere:
             keys.append((key, "go" if key == "space" and self._holding else label))
         keys = [(self._names.get(key, key), label) for key, label in keys]
         # The last ones, help and quit, stay; what does not fit goes from the middle.

@@ -182,6 +182,15 @@ class FitList(LineView):
         self.show()
 
 
+def _broken(line: str, width: int) -> list[str]:
+    """Return a line of source in pieces that fit; what is yanked is not broken."""
+    if len(line) <= width:
+        return [line]
+    inner = " " * min(width // 2, len(line) - len(line.lstrip()) + 4)
+    first, *rest = wrapped(line.lstrip(), width - len(inner))
+    return [line[: len(line) - len(line.lstrip())] + first, *(inner + part for part in rest)]
+
+
 class CureText(LineView):
     """The corrective type or the swap code, as it can be pasted."""
 
@@ -223,7 +232,8 @@ class CureText(LineView):
         width = max(20, self.line_width)
         comments = [f"// {line}" for line in self.found.comments]
         self._lines = [(line, "dim") for text in comments for line in wrapped(text, width)]
-        self._lines += [(plain(line), "") for line in self.found.text.rstrip("\n").split("\n")]
+        source = [plain(line) for line in self.found.text.rstrip("\n").split("\n")]
+        self._lines += [(part, "") for line in source for part in _broken(line, width)]
 
     def row_count(self) -> int:
         """Return the number of lines."""

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from textual import events
+from textual.binding import Binding
 
 from trcvtui.rig.picture import CheckSnapshot, PeerSnapshot, Tally
 from trcvtui.tui.formatting import clip, count, plain
@@ -17,6 +20,11 @@ STYLES = {"connected": "on", "reset": "warn", "refused": "warn"}
 class PeerList(LineView):
     """The cursor is the peer that the composer and the buttons speak for."""
 
+    KEYS: ClassVar = (
+        ("tab", "payload"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"), ("w", "keep"),
+        ("p", "library"),
+    )  # fmt: skip
+    BINDINGS: ClassVar = [Binding("tab", "edit", "edit the payload", show=False)]
     DEFAULT_CSS = "PeerList { height: auto; max-height: 3; min-height: 1; }"
 
     def __init__(self, scene: Scene) -> None:
@@ -77,6 +85,11 @@ class PeerList(LineView):
         if peer.pending:
             parts.append((f"  {peer.pending} B on their way", "warn"))
         return parts
+
+    def action_edit(self) -> None:
+        """Go to the payload, which is what is wanted first; the way of writing it stands before it."""
+        field = self.screen.query("#payload")
+        self.screen.set_focus(field.first()) if field else self.screen.focus_next()
 
     def action_move(self, rows: int) -> None:
         """Select another peer."""

@@ -8,7 +8,7 @@ from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.tui.widgets.peer_list import check_text
 
-NO_RULES = "no reply rules; a: add one, such as contains hex 05 send hex 06 {n}"
+NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {n}"
 
 
 class PeerNotes(LineView, can_focus=False):
@@ -42,9 +42,9 @@ class PeerNotes(LineView, can_focus=False):
         trial = self._scene.picture.trial if self._scene.picture else None
         if trial is None or trial.peer != peer.name:
             return []
-        text = clip(plain(trial.summary()), self.line_width - 14)
+        text = clip(plain(trial.summary()), self.line_width - 15)
         return [
-            row(("every split ", "label"), (text, "warn" if trial.differing or trial.problem else "done"))
+            row(("every split: ", "label"), (text, "warn" if trial.differing or trial.problem else "done"))
         ]
 
     def _replies(self, peer: PeerSnapshot) -> list[Row]:

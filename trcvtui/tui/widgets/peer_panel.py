@@ -86,7 +86,8 @@ class PeerPanel(Vertical):
             self._buttons.show()
             self._notes.show()
             self._show_preview()
-        if self._trial is not None and self._trial.is_mounted:
+        if self._trial is not None:
+            self._trial.answered(self._scene.answers.values())
             self._trial.show()
 
     def _show_preview(self) -> None:
@@ -157,15 +158,21 @@ class PeerPanel(Vertical):
         if line and (trial is None or trial.state != "running"):
             self._voice.submit(line)
         elif not line and trial is None:
-            self.composer.edit()
+            self._tell_what_is_missing(peer)
             return
-        self.open_trial()
+        self.open_trial(line)
 
-    def open_trial(self) -> None:
-        """Open the table of the trial."""
+    def _tell_what_is_missing(self, peer: PeerSnapshot) -> None:
+        if self.composer.text.strip():
+            self._voice.complain(f"no TRCV_C or TRCV on the CONNECT that {plain(peer.name)} talks to")
+        else:
+            self.composer.ask_for_payload("split")
+
+    def open_trial(self, line: str = "") -> None:
+        """Open the table of the trial that this line has begun."""
         from trcvtui.tui.widgets.trial_screen import TrialScreen  # read when first asked for
 
-        self._trial = TrialScreen(self._scene, self._voice.submit)
+        self._trial = TrialScreen(self._scene, self._voice.submit, line)
         self.app.push_screen(self._trial, self._trial_left)
 
     def _trial_left(self, place: int | None) -> None:
@@ -194,7 +201,12 @@ class PeerPanel(Vertical):
 
     def action_cuts(self) -> None:
         """Go to the message drawn with its cuts."""
-        self.screen.set_focus(self.composer.cut_row)
+        if len(self.composer.cut_row.payload) > 1:
+            self.screen.set_focus(self.composer.cut_row)
+        elif self.composer.line:
+            self._voice.complain(self.composer.fault or "one byte has no place for a cut")
+        else:
+            self.composer.ask_for_payload("cut")
 
     def action_library(self) -> None:
         """Open the named messages and sequences of the project."""
@@ -217,7 +229,7 @@ class PeerPanel(Vertical):
                 AddScreen(lambda: self._scene.project, "message", {"text": text}), self._picked
             )
         else:
-            self.composer.edit()
+            self.composer.ask_for_payload("keep")
 
     def action_form(self) -> None:
         """Open the members of a UDT as fields."""
@@ -226,6 +238,8 @@ class PeerPanel(Vertical):
         found = form_of(self.composer.text, self.composer.mode, self._scene)
         if found is not None:
             self.app.push_screen(found, self._form_left)
+        else:
+            self._voice.complain("no UDT to fill in: DATA of the selected instance has none")
 
     def _form_left(self, payload: str | None) -> None:
         if payload:

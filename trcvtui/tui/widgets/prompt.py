@@ -63,6 +63,7 @@ class EchoLine(LineView, can_focus=False):
 class PromptInput(Input):
     """The open command line."""
 
+    KEYS: ClassVar = (("enter", "send"), ("tab", "complete"), ("↑↓", "earlier lines"), ("esc", "close"))
     BINDINGS: ClassVar = [
         Binding("up", "recall(-1)", show=False),
         Binding("down", "recall(1)", show=False),

@@ -22,6 +22,10 @@ LABEL: Final = 6
 class StatusCard(LineView):
     """The STATUS of the selected instance, or of an edge of its past that the history points at."""
 
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the way back to now, while an edge of the past is explained."""
+        return (("esc", "now"),) if self._past is not None else ()
+
     def __init__(self, scene: Scene) -> None:
         super().__init__(id="status")
         self._scene = scene
@@ -78,13 +82,16 @@ class StatusCard(LineView):
             (f"  {when}", "dim"),
         )
         rows = [row(*head)]
-        if lamps:
+        if sum(len(text) for text, _ in lamps) > self.line_width:
+            lamps, rest = lamps[:-1], lamps[-1:]
+            rows += [row(*lamps), row(*rest)]
+        elif lamps:
             rows.append(row(*lamps))
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
         if found is not None:
-            rows += self._paragraph("else" if told.checks else "next", found.checks, "dim")
-            rows += self._paragraph("means", found.causes, "dim")
+            rows += self._paragraph("else" if told.checks else "next", found.checks_of(shown.block), "dim")
+            rows += self._paragraph("means", found.causes_of(shown.block), "dim")
         return rows
 
     def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:

@@ -11,10 +11,11 @@ from trcvtui.tui.explain import why
 from trcvtui.tui.formatting import ON, clip, moment, plain, status_word
 from trcvtui.tui.messages import EdgeSelected
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
-WORD: Final = 26
-LAMP: Final = 12
+WORD: Final = 14  # at least; wider where a condition or a lamp is
+LAMP: Final = 7
 CURSOR: Final = "▸"
 LEAST_WHY: Final = 10  # characters; less would say nothing
 
@@ -22,19 +23,26 @@ LEAST_WHY: Final = 10  # characters; less would say nothing
 class StatusHistory(LineView):
     """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
 
-    KEYS: ClassVar = (("↑↓", "explain an edge"), ("esc", "now"))
-    BINDINGS: ClassVar = [("escape", "now", "back to now")]
+    KEYS: ClassVar = (("↑↓", "explain an edge"), ("!", "ERROR"), ("/", "code"), ("esc", "now"))
+    BINDINGS: ClassVar = [
+        ("exclamation_mark", "error_before", "the ERROR before"),
+        ("slash", "ask_code", "find a code"),
+        ("escape", "now", "back to now"),
+    ]
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, voice: Voice) -> None:
         super().__init__(id="history")
         self._scene = scene
+        self._voice = voice
         self._edges: list[Line] = []
         self._chosen: int | None = None
+        self._word, self._lamp = WORD, LAMP
 
     def show(self) -> None:
         """Repaint what changed; a view that is scrolled into the past stays on its edges."""
         before = self._edges[0].seq if self._edges else 0
         self._edges = list(reversed(self._scene.history.of(self._scene.selected)))
+        self._measure(before)
         self.set_title(4, "History", self._detail())
         if self.scroll_offset.y:
             fresh = sum(1 for line in self._edges[:64] if line.seq > before) if before else 0
@@ -42,6 +50,15 @@ class StatusHistory(LineView):
             if fresh:
                 self.scroll_to(y=self.scroll_offset.y + fresh, animate=False)
         super().show()
+
+    def _measure(self, known: int) -> None:
+        """Widen the columns for the edges that have come since this one."""
+        for line in self._edges:
+            if line.seq <= known:
+                break
+            if isinstance(line.event, StatusEdge):
+                self._word = max(self._word, len(_word(line.event)))
+                self._lamp = max(self._lamp, len(_lamp(line.event)))
 
     def _detail(self) -> str:
         if not self._scene.history.skipped:
@@ -72,25 +89,23 @@ class StatusHistory(LineView):
     def _head(self) -> Row:
         scan, time = self._widths()
         why = "why" if self._room() >= LEAST_WHY else ""
-        return row(
-            (f" {'scan':>{scan}}  {'t in s':>{time}}  {'STATUS':<{WORD}}  {'lamp':<{LAMP}}  {why}", "dim")
-        )
+        outputs = f"{'STATUS':<{self._word}}  {'lamp':<{self._lamp}}"
+        return row((f" {'scan':>{scan}}  {'t in s':>{time}}  {outputs}  {why}", "dim"))
 
     def _room(self) -> int:
         """Return how many characters the reason may have."""
-        return self.line_width - sum(self._widths()) - WORD - LAMP - 9
+        return self.line_width - sum(self._widths()) - self._word - self._lamp - 9
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
         style = "error" if edge.error else "done" if edge.done else "busy" if edge.busy else ""
-        word = f"{status_word(edge.status)} {clip(edge.condition, 18)}"
         room = self._room()
         reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
         return [
             (CURSOR if line.seq == self._chosen else " ", "key"),
             (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
-            (word.ljust(WORD + 2), style),
-            (_lamp(edge).ljust(LAMP + 2), style),
+            (_word(edge).ljust(self._word + 2), style),
+            (_lamp(edge).ljust(self._lamp + 2), style),
             (reason, "warn" if edge.cause.injected else "dim"),
         ]
 
@@ -100,6 +115,19 @@ class StatusHistory(LineView):
         """Choose an older or a newer edge; above the newest stands the present."""
         here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
         self._choose(min(len(self._edges) - 1, here + rows))
+
+    def action_error_before(self) -> None:
+        """Choose the next older ERROR; behind the oldest comes the newest."""
+        here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
+        errors = [y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.error]
+        if errors:
+            self._choose(next((y for y in errors if y > here), errors[0]))
+        else:
+            self._voice.complain(f"no ERROR in what is known of {plain(self._scene.selected)}")
+
+    def action_ask_code(self) -> None:
+        """Ask for the code to find; the timing pane looks for it, and this one follows."""
+        self._voice.open_prompt("find ")
 
     def action_now(self) -> None:
         """Go back to the present."""
@@ -130,11 +158,16 @@ class StatusHistory(LineView):
     def forget(self) -> None:
         """Another instance was selected: back to the present."""
         self._chosen = None
+        self._edges, self._word, self._lamp = [], WORD, LAMP
         self.scroll_to(y=0, animate=False)
 
     def chosen(self) -> Line | None:
         """Return the chosen edge."""
         return next((line for line in self._edges if line.seq == self._chosen), None)
+
+
+def _word(edge: StatusEdge) -> str:
+    return f"{status_word(edge.status)} {clip(edge.condition, 18)}"
 
 
 def _lamp(edge: StatusEdge) -> str:

@@ -24,13 +24,12 @@ from trcvtui.tui import rulers
 from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.rulers import MESSAGES, RECVS, RULERS, WAS
 from trcvtui.tui.widgets.hex_view import GHOST_HEX, GHOST_TEXT, NARROW, START, WIDE, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_search import all_in
 
-MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
-RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
-LEAST_DIGITS: Final = 5
+LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
 
 
@@ -52,6 +51,7 @@ class StreamView(LineView):
         self.patterns: tuple[bytes, ...] = ()
         self.shows_before = False
         self._rulers = 0
+        self._knows_messages = False  # an outside partner says nothing of its messages
         self._base = 0
         self._rows: dict[int, Row] = {}
         self._drawn: object = None
@@ -67,6 +67,7 @@ class StreamView(LineView):
         """Forget what was pointed at: another CONNECT or another bench."""
         self.window, self.cursor, self.follows, self.seek = NO_WINDOW, None, True, None
         self.link = range(0)
+        self._knows_messages = False
 
     def request(self, connect: str, job_at: int | None) -> HistoryRequest:
         """Return what to ask for: what is in view, one page before and one behind it."""
@@ -80,6 +81,7 @@ class StreamView(LineView):
         """Take a window; return the position that was sought when it has been found."""
         if window != self.window:
             self.window = window
+            self._knows_messages = self._knows_messages or bool(window.messages)
             self._matched = frozenset(self._matches())
             self._before = {
                 part.position + n: byte for part in window.before for n, byte in enumerate(part.content)
@@ -149,7 +151,8 @@ class StreamView(LineView):
     @property
     def tracks(self) -> tuple[str, ...]:
         """Return the rulers below each row of bytes."""
-        return (*((WAS,) if self.shows_before else ()), *RULERS[self._rulers])
+        known = (track for track in RULERS[self._rulers] if track != MESSAGES or self._knows_messages)
+        return (*((WAS,) if self.shows_before else ()), *known)
 
     @property
     def lines(self) -> int:
@@ -164,7 +167,12 @@ class StreamView(LineView):
     @property
     def per_row(self) -> int:
         """Return how many bytes stand in a row."""
-        return WIDE if self.line_width >= self.digits + 68 else NARROW
+        return WIDE if self.line_width >= self.digits + TIGHT else NARROW
+
+    @property
+    def _blank(self) -> int:
+        """Return the blanks in the middle of a row and before its text: none where 16 bytes need the room."""
+        return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
 
     def row_count(self) -> int:
         """Return the number of lines."""
@@ -175,10 +183,8 @@ class StreamView(LineView):
 
     def show(self) -> None:
         """Repaint what differs."""
-        drawn = (
-            id(self.window), self.cursor, self.has_focus, self.link, self.patterns, self.tracks,
-            self.line_width, self._base,
-        )  # fmt: skip
+        shown = id(self.window), self.cursor, self.has_focus, self.link, self.patterns
+        drawn = *shown, self.tracks, self.line_width, self._base
         if drawn != self._drawn:
             self._drawn = drawn
             self._rows.clear()
@@ -188,12 +194,12 @@ class StreamView(LineView):
         """Return one line: bytes, or a ruler below them."""
         if y not in self._rows:
             row, track = divmod(y, self.lines)
-            start = self._base + row * self.per_row
-            self._rows[y] = self._ruler(self.tracks[track - 1], start) if track else self._bytes(start)
+            at = self._base + row * self.per_row
+            self._rows[y] = self._ruler(self.tracks[track - 1], at) if track else self._bytes(at)
         return self._rows[y]
 
     def _column(self, index: int) -> int:
-        return 3 * index + (1 if self.per_row == WIDE and index >= NARROW else 0)
+        return 3 * index + (self._blank if self.per_row == WIDE and index >= NARROW else 0)
 
     @property
     def _width(self) -> int:
@@ -215,7 +221,7 @@ class StreamView(LineView):
                 parts.append(_mark(position + 1, marks, begins))
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
         text = [self._character(position) for position in range(start, stop)]
-        parts += [(" │", "faint"), *zip(text, styles, strict=True)]
+        parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
         return Row(tuple(merged([part for part in parts if part[0]])))
 
     def _byte(self, position: int) -> int | None:
@@ -378,13 +384,13 @@ class StreamView(LineView):
         if place is None:
             return
         column, row = place[0] - self.digits - 2, place[1] // self.lines
-        text = self._width + 2
+        text = self._width + 1 + self._blank
         index = column - text if column >= text else self._index(column)
         if column >= 0 and 0 <= index < self.per_row:
             self._select(self._base + row * self.per_row + index)
 
     def _index(self, column: int) -> int:
-        return (column - (1 if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
+        return (column - (self._blank if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
 
 
 def _mark(position: int, marks: frozenset[int], begins: set[int]) -> Part:

@@ -36,20 +36,26 @@ class TabLine(LineView, can_focus=False):
         if y:
             return EMPTY
         parts: list[Part] = []
-        for digit, name in self._tabs:
+        for digit, name in self._shown():
             style = "cursor strong" if digit == self._open else "dim"
             parts += [
                 (f" {digit} ", f"key {style}" if digit == self._open else "key"),
-                (f"{name} ", style),
+                (f"{name} " if name else "", style),
                 (" ", ""),
             ]
         return row(*parts)
 
+    def _shown(self) -> list[tuple[int, str]]:
+        """Return the tabs with their names; where these do not fit, the open one alone has its name."""
+        whole = sum(len(name) + 5 for _, name in self._tabs) - 1
+        fits = whole <= self.line_width or not self.line_width
+        return [(digit, name if fits or digit == self._open else "") for digit, name in self._tabs]
+
     def on_click(self, event: events.Click) -> None:
         """Open the tab under the mouse."""
         place, left = self.place_of(event), 0
-        for digit, name in self._tabs:
-            width = len(name) + 5
+        for digit, name in self._shown():
+            width = len(name) + (5 if name else 4)
             if place is not None and left <= place[0] < left + width - 1:
                 self.post_message(PaneWanted(digit))
             left += width

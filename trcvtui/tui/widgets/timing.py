@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual import events
 
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.tui.formatting import MS, SECOND, US, count, plain
+from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
 from trcvtui.tui.messages import EdgeSelected
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
@@ -22,6 +22,8 @@ if TYPE_CHECKING:  # what draws is read when the pane is first in sight: the fir
     from trcvtui.tui.widgets.timing_rows import Drawn
 
 
+NOT_KEPT: Final = "its wave was not kept when the view froze"
+STRIP: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
 ASKED: Final = "write as   v VCD   s SVG   t text   esc not at all"
 
 
@@ -34,22 +36,22 @@ class Timing(LineView):
     BINDINGS: ClassVar = [
         ("left,h", "step(-1)", "scan back"),
         ("right,l", "step(1)", "scan on"),
-        ("shift+left", "any_edge(-1)", "edge back"),
-        ("shift+right", "any_edge(1)", "edge on"),
-        ("n", "row_edge(1)", "edge of the row"),
-        ("N", "row_edge(-1)", "edge of the row, back"),
+        ("shift+left", "any_edge(-1)", "edge before, of any pin"),
+        ("shift+right", "any_edge(1)", "next edge, of any pin"),
+        ("n", "row_edge(1)", "next edge of the row"),
+        ("N", "row_edge(-1)", "edge before, of the row"),
         ("exclamation_mark", "next_error", "next ERROR"),
-        ("slash", "ask_code", "next code"),
-        ("plus,equals_sign", "zoom_in(1)", "fewer scans a column"),
-        ("minus", "zoom_in(-1)", "more scans a column"),
-        ("f,F", "follow", "follow"),
-        ("m", "mark", "marker"),
-        ("c", "neighbours", "all of this CONNECT"),
-        ("e", "ask_format", "export"),
+        ("slash", "ask_code", "next edge to a code"),
+        ("plus,equals_sign", "zoom_in(1)", "zoom in, fewer scans a column"),
+        ("minus", "zoom_in(-1)", "zoom out, more scans a column"),
+        ("f,F", "follow", "follow the newest scan, or stand"),
+        ("m", "mark", "marker here: first, second"),
+        ("c", "neighbours", "the other instances of this CONNECT, too"),
+        ("e", "ask_format", "export, asks for the format"),
         ("v", "write('vcd')", "VCD"),
         ("s", "write('svg')", "SVG"),
         ("t", "write('text')", "text"),
-        ("escape", "now", "now"),
+        ("escape", "now", "back to now"),
     ]
 
     def __init__(self, scene: Scene, voice: Voice) -> None:
@@ -78,7 +80,7 @@ class Timing(LineView):
 
     @property
     def _until(self) -> int:
-        return self.wave.until_scan
+        return self._scene.frozen_at or self.wave.until_scan
 
     @property
     def _columns(self) -> int:
@@ -94,16 +96,21 @@ class Timing(LineView):
         if self.size.height:
             from trcvtui.tui.widgets.timing_rows import rows_of
 
-            self._rows = rows_of(self.waves)
+            self._rows = rows_of(self.waves, self.size.height <= STRIP)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
             self.set_title(8, "Timing", self._detail())
             self._set_subtitle()
         super().show()
 
     def _set_subtitle(self) -> None:
-        view, interval = self.view, self.wave.interval_ns
-        text = f"{count(view.zoom, 'scan')} a column, {view.zoom * interval / MS:g} ms"
-        text += " · follows" if view.follows else " · stands, f follows"
+        snapshot, zoom = self._scene.snapshot, self.view.zoom
+        text = f"{count(zoom, 'scan')} a column"
+        if snapshot is not None:
+            text += f", {duration(zoom * snapshot.interval_ns)}"
+        if self._scene.is_frozen:
+            text += " · frozen"
+        else:
+            text += " · follows" if self.view.follows else " · stands, f follows"
         if self.border_subtitle != text:
             self.border_subtitle = text
 
@@ -112,6 +119,8 @@ class Timing(LineView):
             return ASKED
         if self._note:
             return self._note
+        if self._scene.is_frozen and self._scene.waves.is_too_late(self._scene.selected):
+            return NOT_KEPT
         cursor, stretch = self.view.cursor, self.view.stretch
         parts = [f"scan {cursor} at {self._time(cursor)}"] if cursor is not None else []
         if stretch is not None:

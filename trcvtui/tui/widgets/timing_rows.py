@@ -34,10 +34,11 @@ class Drawn(NamedTuple):
     name: str
 
 
-def rows_of(waves: Sequence[Wave]) -> list[Drawn]:
-    """Return the rows of these instances, each with a head where there are several."""
+def rows_of(waves: Sequence[Wave], is_strip: bool = False) -> list[Drawn]:
+    """Return the rows of these instances, each with a head where there are several; a strip has no codes."""
     heads = [""] if len(waves) > 1 else []
-    return [Drawn(wave, name) for wave in waves for name in heads + row_names(wave)]
+    rows = [Drawn(wave, name) for wave in waves for name in heads + row_names(wave)]
+    return [shown for shown in rows if not (is_strip and shown.name == CODES)]
 
 
 def ruler_row(window: Window, until: int, view: TimingView) -> Row:

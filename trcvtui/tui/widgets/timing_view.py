@@ -42,6 +42,8 @@ class TimingView:
 
     def zoom_by(self, steps: int, until: int) -> None:
         """Take more or fewer scans into a column; what is under the cursor stays where it is."""
+        if steps > 0 and self._count * self.zoom >= until:
+            return  # the whole run is in view already
         anchor = until if self.cursor is None else self.cursor
         place = self._column(anchor) - self._first
         self._level = max(0, min(len(ZOOMS) - 1, self._level + steps))

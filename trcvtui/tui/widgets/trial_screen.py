@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import ClassVar, Final
 
 from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
-from trcvtui.rig.picture import SplitRow, TrialSnapshot
-from trcvtui.tui.formatting import bar, clip, count, plain
+from trcvtui.rig.picture import Answer, SplitRow, TrialSnapshot
+from trcvtui.tui.formatting import bar, clip, count, plain, wrapped
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -18,6 +18,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 HEAD: Final = 4  # lines above the rows
 SHOWN_BYTES: Final = 16
 WAITING: Final = "waits for the engine"
+HELD: Final = "‖ the scans are held, so nothing is tried: space lets them go on"
 KEYS_LINE: Final = "↑↓ rows · enter cut there · x stop · y copy · esc close"
 
 
@@ -30,20 +31,28 @@ class TrialTable(LineView):
         super().__init__(id="trial")
         self._scene = scene
         self._choose = choose
+        self.refusal = ""
         self.cursor = 0
 
     @property
     def trial(self) -> TrialSnapshot | None:
-        """Return the table as the newest picture has it."""
+        """Return the table as the newest picture has it; none where the trial was refused."""
+        if self.refusal:
+            return None
         return self._scene.picture.trial if self._scene.picture else None
 
     def row_count(self) -> int:
         """Return head and rows."""
+        if self.refusal:
+            return len(wrapped(f"✗ refused: {plain(self.refusal)}", max(20, self.line_width)))
         return HEAD + (len(self.trial.rows) if self.trial else 0)
 
     def row_at(self, y: int) -> Row:
         """Return one line."""
         trial = self.trial
+        if self.refusal:
+            lines = wrapped(f"✗ refused: {plain(self.refusal)}", max(20, self.line_width))
+            return row((lines[y], "error")) if y < len(lines) else EMPTY
         if trial is None:
             return row((WAITING, "dim")) if y == 0 else EMPTY
         if y >= HEAD:
@@ -64,6 +73,8 @@ class TrialTable(LineView):
 
     def _verdict(self, trial: TrialSnapshot) -> Row:
         sign, style = _judged(trial)
+        if trial.state == "running" and self._scene.live is not None and self._scene.live.holding:
+            return row((HELD, "hold"))
         return row((sign + plain(trial.summary()), style))
 
     def _columns(self) -> Row:
@@ -115,6 +126,7 @@ class TrialScreen(ModalScreen[int]):
     BINDINGS: ClassVar = [
         Binding("escape,q", "close", show=False),
         Binding("x", "stop", show=False),
+        Binding("space", "go_on", show=False),
         Binding("y", "yank", show=False),
     ]
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
@@ -126,9 +138,11 @@ class TrialScreen(ModalScreen[int]):
     }
     """
 
-    def __init__(self, scene: Scene, submit: Callable[[str], None]) -> None:
+    def __init__(self, scene: Scene, submit: Callable[[str], None], line: str = "") -> None:
         super().__init__()
         self._submit = submit
+        self._scene = scene
+        self._line = line
         self.table = TrialTable(scene, self._cut_there)
 
     def compose(self) -> Iterator[Widget]:
@@ -139,7 +153,13 @@ class TrialScreen(ModalScreen[int]):
 
     def show(self) -> None:
         """Show what the newest picture says."""
-        self.table.show()
+        if self.is_mounted:
+            self.table.show()
+
+    def answered(self, answers: Iterable[Answer]) -> None:
+        """Take note where the engine has refused the line that should begin this trial."""
+        refused = (answer.error for answer in answers if answer.line == self._line)
+        self.table.refusal = next((error for error in refused if error), self.table.refusal)
 
     def _cut_there(self, split: SplitRow) -> None:
         self.dismiss(split.first)
@@ -153,6 +173,11 @@ class TrialScreen(ModalScreen[int]):
         trial = self.table.trial
         if trial is not None and trial.state == "running":
             self._submit(f"peer {trial.peer} try-splits stop")
+
+    def action_go_on(self) -> None:
+        """Let the scans pass on which the trial waits."""
+        if self._scene.live is not None and self._scene.live.holding:
+            self._submit("go")
 
     def action_yank(self) -> None:
         """Copy the table as text."""

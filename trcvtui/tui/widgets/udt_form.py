@@ -30,7 +30,12 @@ class MemberField(Input):
     """One member; what it holds is written into the payload, nothing where it is empty."""
 
     def __init__(self, leaf: Leaf, value: str) -> None:
-        super().__init__(value=value, placeholder="0", compact=True, select_on_focus=False)
+        super().__init__(
+            value=value,
+            placeholder="''" if isinstance(leaf.type, Text) else "0",
+            compact=True,
+            select_on_focus=False,
+        )
         self.leaf = leaf
 
     @property

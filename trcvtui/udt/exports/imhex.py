@@ -62,7 +62,8 @@ class _Writer:
         placed = self.declaration(layout.name, layout.type, layout.root)
         form = f"{layout.name}: layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
         head = [f"#pragma description {one_line(form)}", f"#pragma endian {rules.byte_order}", ""]
-        name, brackets, notes = placed
+        name, brackets, doc = placed
+        notes = _notes(layout.name, escaped(layout.name), doc)
         variable = f"{name} {Taken(escaped)(layout.name.lower() + '_at_0')}{brackets} @ 0x00{notes};"
         return "\n".join([*head, *self.types, variable, ""])
 
@@ -92,16 +93,17 @@ class _Writer:
             yield f"{self.bitfield(bits, fields)} {taken(f'bits_{fields[0].offset}')};"
             return
         for field in fields:
+            word = taken(field.name or BASE_NAME)
             if field.is_bit:
-                name = self.bitfield(f"{bits}_{len(self.types)}", [field])
-                brackets, notes = "", ""
+                yield f"{self.bitfield(f'{bits}_{len(self.types)}', [field])} {word};"
             else:
-                name, brackets, notes = self.declaration(field.name, field.type, field.node)
-            yield f"{name} {taken(field.name or BASE_NAME)}{brackets}{notes};"
+                name, brackets, doc = self.declaration(field.name, field.type, field.node)
+                yield f"{name} {word}{brackets}{_notes(field.name, word, doc)};"
 
     def bitfield(self, name: str, fields: list[Field]) -> str:
         taken = Taken(escaped)
-        lines = [f"    {taken(field.name)} : 1{_notes(field.name, '')};" for field in fields]
+        words = [(field.name, taken(field.name)) for field in fields]
+        lines = [f"    {word} : 1{_notes(name, word, '')};" for name, word in words]
         rest = [f"    padding : {8 - len(fields)};"] if len(fields) < 8 else []
         return self.add("bitfield", name, [*lines, *rest])
 
@@ -114,16 +116,15 @@ class _Writer:
         return self.written[key]
 
     def declaration(self, own: str, type_: Type, node: Node) -> tuple[str, str, str]:
-        """Return type, brackets behind the name, and attributes of one member."""
+        """Return type, brackets behind the name, and a comment of one member."""
         if isinstance(type_, Array) and isinstance(node, PlacedArray):
             doc = f"ARRAY{bounds_text(type_)} OF {type_text(type_.element)}"
             if node.is_bits:
                 lines = [f"    bit_{bit} : 1;" for bit in range(8)]
                 name = self.add("bitfield", BYTE_OF_BITS, lines)
-                return name, f"[{node.size}]", _notes(own, doc)
-            return self.element(own, type_, node), f"[{node.count}]", _notes(own, doc)
-        name, brackets, doc = self.one(type_, node)
-        return name, brackets, _notes(own, doc)
+                return name, f"[{node.size}]", doc
+            return self.element(own, type_, node), f"[{node.count}]", doc
+        return self.one(type_, node)
 
     def element(self, own: str, type_: Array, node: PlacedArray) -> str:
         name, brackets, _ = self.declaration("value", type_.element, node.element)
@@ -169,8 +170,8 @@ class _Writer:
         return self.names[type_]
 
 
-def _notes(own: str, doc: str) -> str:
-    """Return the attributes that keep a name which had to be escaped, and a comment."""
-    notes = [] if not own or own == escaped(own) else [f"name({_quoted(own)})"]
+def _notes(own: str, word: str, doc: str) -> str:
+    """Return the attributes that keep a name which had to become another word, and a comment."""
+    notes = [] if not own or own == word else [f"name({_quoted(own)})"]
     notes += [f"comment({_quoted(doc)})"] if doc else []
     return f" [[{', '.join(notes)}]]" if notes else ""

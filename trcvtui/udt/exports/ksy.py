@@ -162,9 +162,9 @@ class _Writer:
         return _elementary(row)
 
     def text(self, text: Text, size: int) -> Lines:
-        encoding = (
-            ("UTF-16BE" if self.rules.byte_order == "big" else "UTF-16LE") if text.wide else "ISO-8859-1"
-        )
+        encoding = "UTF-8" if text.utf8 else "ISO-8859-1"
+        if text.wide:
+            encoding = "UTF-16BE" if self.rules.byte_order == "big" else "UTF-16LE"
         longest, unit = self.rules.text.length(text), 2 if text.wide else 1
         if self.rules.text.header:
             name = self.headed(TEXT_TYPES[text.wide], "u2" if text.wide else "u1", unit, encoding)

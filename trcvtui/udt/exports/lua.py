@@ -171,7 +171,8 @@ class _Writer:
 
     def reads_text(self, text: Text) -> str:
         name = ("headed" if self.rules.text.header else "ended") + ("_wide" if text.wide else "")
-        return f"{self.uses(name)}({self.rules.text.length(text)})"
+        reader = f", {self.uses('as_utf8')}" if text.utf8 else ""
+        return f"{self.uses(name)}({self.rules.text.length(text)}{reader})"
 
     def reads_time(self, row: Elementary) -> str:
         if row.code in OWN_FORMS or row.name == "S5TIME":

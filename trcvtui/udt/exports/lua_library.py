@@ -154,13 +154,14 @@ end
 """,
         (),
     ),
+    "as_utf8": ("local function as_utf8(range) return range:string(ENC_UTF_8) end\n", ()),
     "headed": (
         """\
 -- STRING as [longest][actual], then characters
-local function headed(longest)
+local function headed(longest, read)
   return function(range)
     local actual = math.min(range(1, 1):uint(), longest)
-    return actual > 0 and latin1(range(2, actual)) or ""
+    return actual > 0 and (read or latin1)(range(2, actual)) or ""
   end
 end
 """,
@@ -181,11 +182,11 @@ end
     "ended": (
         """\
 -- STRING that ends with a NUL or with its last character
-local function ended(longest)
+local function ended(longest, read)
   return function(range)
     local count = 0
     while count < longest and range(count, 1):uint() ~= 0 do count = count + 1 end
-    return count > 0 and latin1(range(0, count)) or ""
+    return count > 0 and (read or latin1)(range(0, count)) or ""
   end
 end
 """,
@@ -320,11 +321,13 @@ end
 local function date(prefix, signed, unit, epoch)
   return function(range)
     local days, ns = split(range, signed, unit)
-    return prefix .. date_text(days + epoch - (ns < 0 and 1 or 0))
+    if ns < 0 then days, ns = days - 1, ns + 86400e9 end
+    local rest = ns > 0 and duration_text(" (and T#", 0, ns) .. ")" or ""
+    return prefix .. date_text(days + epoch) .. rest
   end
 end
 """,
-        ("split", "date_text"),
+        ("split", "date_text", "duration_text"),
     ),
     "date_clock": (
         """\
@@ -380,9 +383,11 @@ end
 local function s5time(range)
   local word = uint(range)
   local digits = string.format("%04X", word)
-  local base = math.floor(word / 4096)
-  if base > 3 or digits:sub(2):find("%D") then return "16#" .. digits end
-  return duration_text("S5T#", 0, tonumber(digits:sub(2)) * 10 ^ (base + 1) * 1e6)
+  if digits:sub(2):find("%D") then return "16#" .. digits end
+  local base, count = math.floor(word / 4096) % 4, tonumber(digits:sub(2))
+  local is_plain = word < 16384 and (base == 0 or count > 99)
+  local beside = is_plain and "" or " (16#" .. digits .. ")"
+  return duration_text("S5T#", 0, count * 10 ^ (base + 1) * 1e6) .. beside
 end
 """,
         ("uint", "duration_text"),

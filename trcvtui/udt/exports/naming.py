@@ -27,18 +27,21 @@ def escaper(reserved: Collection[str], first: str = "_") -> Callable[[str], str]
 
 
 class Taken:
-    """The names given so far in one scope; the second of its kind gets a number."""
+    """The names given so far in one scope; the second of its kind gets a number.
 
-    def __init__(self, escaped: Callable[[str], str]) -> None:
-        self._escaped = escaped
+    `fold` makes the form in which two names are compared: a language may know no case.
+    """
+
+    def __init__(self, escaped: Callable[[str], str], fold: Callable[[str], str] = str) -> None:
+        self._escaped, self._fold = escaped, fold
         self._names: set[str] = set()
 
     def __call__(self, name: str) -> str:
         """Return a name that nobody else in this scope has."""
         word = start = self._escaped(name)
         number = 2
-        while word in self._names:
+        while self._fold(word) in self._names:
             word = f"{start}_{number}"
             number += 1
-        self._names.add(word)
+        self._names.add(self._fold(word))
         return word

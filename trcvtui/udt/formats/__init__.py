@@ -105,7 +105,11 @@ def _declarations(path: Path) -> Declarations:
     reader = READERS.get(suffix.lower())
     if reader is None:
         raise mistake(str(path), f"suffix '{suffix}'", "a file of type " + ", ".join(READERS))
-    return reader(decode_text(_content(path)), str(path))
+    text = decode_text(_content(path))
+    if "\0" in text[:2]:
+        found = "zero bytes, as in UTF-16 without a byte order mark"
+        raise mistake(str(path), found, "UTF-8, or UTF-16 with its mark")
+    return reader(text, str(path))
 
 
 def _content(path: Path) -> bytes:

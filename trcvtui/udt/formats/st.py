@@ -6,13 +6,13 @@ Rule: a mistake ends its declaration, never the file. The types themselves are r
 from __future__ import annotations
 
 import re
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 
 from trcvtui.errors import UserError
 from trcvtui.udt.declared import Declaration, Declarations, Number, Reference, Spec, StructSpec
 from trcvtui.udt.formats.dialect import IEC, Dialect
 from trcvtui.udt.formats.st_cursor import CLOSERS, OPENERS
-from trcvtui.udt.formats.st_spec import SpecParser
+from trcvtui.udt.formats.st_spec import SpecParser, encoded
 from trcvtui.udt.formats.st_tokens import Shape, Source, Token
 
 ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
@@ -140,7 +140,7 @@ class Parser(SpecParser):
                 self.accept(":")
         pragmas = self.pragmas_since()
         first = self.token
-        spec = self.spec()
+        spec = encoded(self.spec(), pragmas)
         if base is not None and not isinstance(spec, StructSpec):
             raise self.refusal("STRUCT or UNION behind EXTENDS", first)
         if isinstance(spec, StructSpec):
@@ -151,9 +151,7 @@ class Parser(SpecParser):
 
     def pragmas_since(self) -> list[str]:
         """Return the pragmas between the last declaration and the cursor."""
-        pragmas = self.source.pragmas
-        first, last = bisect_left(pragmas, (self.since, "")), bisect_left(pragmas, (self.at + 1, ""))
-        return [text for _, text in pragmas[first:last]]
+        return self.pragmas(self.since, self.at)
 
     def extends(self) -> Reference | None:
         """Return the name behind EXTENDS, None where there is no such word."""

@@ -5,6 +5,8 @@ Rule: a mistake ends its member, never the STRUCT around it.
 
 from __future__ import annotations
 
+import re
+from bisect import bisect_left
 from collections.abc import Callable
 
 from trcvtui.errors import UserError
@@ -31,6 +33,7 @@ MOST_DIMENSIONS = 8
 QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN")
 OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
 WHOLE = (Kind.INTEGER, Kind.BITS)
+_UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 
 
 class SpecParser(Cursor):
@@ -77,15 +80,23 @@ class SpecParser(Cursor):
 
     def member(self, end: str) -> list[MemberSpec]:
         """Return the members of one line: `A, B : LREAL := 1.0;`."""
+        first = self.at
         names = [self.name(f"a member or '{end}'")]
         while self.accept(","):
             names.append(self.name("the name of a member"))
         if self.sees("AT"):
             self.skip_to(":", ";", *MEMBER_ENDS)
         self.expect(":")
-        spec = self.spec()
+        pragmas = self.pragmas(first, self.at)
+        spec = encoded(self.spec(), pragmas)
         self.rest(spec, end)
         return [MemberSpec(name.name, spec, self.where(name)) for name in names]
+
+    def pragmas(self, first: int, last: int) -> list[str]:
+        """Return the pragmas in front of the tokens of number first..last."""
+        pragmas = self.source.pragmas
+        start, stop = bisect_left(pragmas, (first, "")), bisect_left(pragmas, (last + 1, ""))
+        return [text for _, text in pragmas[start:stop]]
 
     def rest(self, spec: Spec, end: str) -> None:
         """Skip initial value and semicolon, which may be missing behind END_STRUCT or before `end`."""
@@ -251,6 +262,20 @@ class SpecParser(Cursor):
             symbol = self.advance().text
             depth += (symbol == "(") - (symbol == ")")
         return self.formula(start)
+
+
+def encoded(spec: Spec, pragmas: list[str]) -> Spec:
+    """Return the type, a STRING of it in UTF-8 when an attribute says so (udt.md 2.2)."""
+    if not any(re.search(_UTF8, text) for text in pragmas):
+        return spec
+    match spec:
+        case ArraySpec(bounds, element):
+            return ArraySpec(bounds, encoded(element, pragmas))
+        case Text(length=length, wide=False):
+            return Text(length, utf8=True)
+        case TextSpec(wide=False):
+            return spec._replace(utf8=True)
+    return spec
 
 
 SPECS: dict[str, Callable[[SpecParser], Spec]] = {

@@ -1,0 +1,92 @@
+"""Why and what next of refusals: shipped scenarios are played, what is told of their edges is read."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from tests.rig.scenarios import CONFIGS
+from trcvtui.blocks.conditions import ERROR, Condition
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.rig.advice import NEXT, Advice, advice_on
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.evidence import NOTHING_KNOWN, evidence_then
+from trcvtui.rig.facts import Moment
+from trcvtui.rig.scenario import load_scenario
+from trcvtui.rig.stage import Stage
+
+# scenario, condition, block, what why says, what the first check that knows says
+SITUATIONS = [
+    ("description-faults", Condition.ID_WRONG, "the connection description is wrong, ID is 0, 1 to 4095",
+     "TCON_IP_v4.ID is byte 2 of id_0, and holds 00 00"),
+    ("description-faults", Condition.NAME_NOT_FULL, "RemoteQDN does not end with a dot",
+     "a whole name ends with a dot: plc2.line.local."),
+    ("80d3-names", Condition.NAME_UNKNOWN, "the DNS server does not know plc9.line.invalid.",
+     "`getent hosts plc9.line.invalid.`"),
+    ("80a1-80a2-port", Condition.PORT_RESERVED, "port 102 is the system's own; take 2000 to 5000",
+     "`IsoPort = 2102` in [[connect]]"),
+    ("80a1-80a2-port", Condition.PORT_IN_USE, "bind gave EADDRINUSE", "`ss -ltnp` names it"),
+    ("1-9-connect-refused", Condition.REFUSED, "connect gave ECONNREFUSED",
+     "answers with RST: the machine is there, and nobody listens on that port"),
+    ("iso-refused", Condition.REFUSED, "the handshake failed (session gave ECONNREFUSED)",
+     "took the call and refused it: crosswise, its remote selector has to be"),
+    ("80c6-unreachable", Condition.UNREACHABLE, "connect gave EHOSTUNREACH", "that was injected here"),
+    ("1-8-trcv_c-lets-go", Condition.LET_GO, "closed on our side", "another block on C1 closed or reset it"),
+    ("1-9-tsend_c-idle", Condition.FOUND_CLOSED, "the partner closed", "no job ran, nothing of one is lost"),
+    ("80c9-message-too-long", Condition.MESSAGE_TOO_LONG, "the message is longer than LEN or DATA",
+     "the message had 17 bytes: 1 byte too many, and it is lost; DATA and LEN of at least 17 take it"),
+    ("8085-8088-len", Condition.LEN_OVER_DATA, "LEN is larger than DATA: LEN is 9, wanted 9, at most 8 bytes",
+     "LEN is 9, DATA (rx) has 8 bytes: 1 too many; LEN=0 takes all of DATA, or enlarge DATA"),
+    ("80b1-changed-while-sending", Condition.AREA_CHANGED, "DATA changed while the job ran",
+     "DATA has to stay until DONE or ERROR: change it while BUSY is 0"),
+    ("8088-symbolic", Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN has to be 0",
+     "LEN=0` moves all of DATA"),
+    ("1-10-t_diag-and-t_reset-while-waiting", Condition.RESULT_WRONG, "RESULT is too small",
+     "has 15 bytes, the diagnosis has 16"),
+    ("1-10-single-losses", Condition.ENDPOINT_THERE, "REQ rose", "C1 stands already: TDISCON closes it"),
+    ("tls-description-faults", Condition.TLS_SERVER_BARE, "TLSServerCertRef is 0",
+     "TLSServerCertRef is byte 18 of"),
+    ("tls-80e6-record-changed", Condition.TLS_INTEGRITY, "recv gave EBADMSG", "that was injected here"),
+]  # fmt: skip
+
+
+@cache
+def played(name: str) -> tuple[Bench, tuple[Line, ...]]:
+    """Play a scenario; return its bench and what its ledger has."""
+    scenario = load_scenario(CONFIGS / "scenarios" / "siemens" / f"{name}.toml")
+    bench = Bench(scenario.project, "sim")
+    stage = Stage(bench)
+    for step in (*scenario.start, *scenario.steps):
+        for _ in stage.take(step):
+            bench.step()
+    lines = tuple(bench.runtime.ledger)
+    bench.close()
+    return bench, lines
+
+
+def told(name: str, condition: Condition) -> Advice:
+    """Return what is told of the first edge that shows a condition."""
+    bench, lines = played(name)
+    line, edge = next(
+        (line, line.event)
+        for line in lines
+        if isinstance(line.event, StatusEdge) and line.event.condition == str(condition)
+    )
+    until = Moment(line.scan, line.t_ns)
+    return advice_on(evidence_then(line, edge, NOTHING_KNOWN, until, bench.project, 10_000_000))
+
+
+@pytest.mark.parametrize(("name", "condition", "why", "check"), SITUATIONS)
+def test_a_refusal_says_why_and_what_to_look_at_with_its_numbers(
+    name: str, condition: Condition, why: str, check: str
+) -> None:
+    advice = told(name, condition)
+    assert why in advice.why
+    assert any(check in each for each in advice.checks), advice.checks
+
+
+def test_each_refusal_has_something_to_look_at() -> None:
+    silent = {Condition.NOT_NOW, Condition.QUEUE_FULL, Condition.NO_BUFFER}  # the cause says it all
+    silent |= {Condition.POLL_DEL_FAILED, Condition.DISCONNECT_FAILED, Condition.RESET_FAILED}
+    assert set(ERROR) - set(NEXT) == silent

@@ -1,0 +1,200 @@
+"""The function block with the pins of its dialect, and the connection description byte for byte."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from textual.pilot import Pilot
+
+from tests.rig.scenarios import CONFIGS
+from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
+from trcvtui.plc.project import Project
+from trcvtui.rig.console import fresh_bench
+from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.scenario import load_scenario
+from trcvtui.rig.st_call import st_call
+from trcvtui.tui.app import BenchApp
+
+SCENARIOS = CONFIGS / "scenarios"
+SINGLE, UDP = "siemens/1-10-single-instructions.toml", "siemens/udp-send-and-receive.toml"
+
+
+class Bench:
+    """The screen on a simulated bench; nothing moves but by `scan`."""
+
+    def __init__(self, driver: LocalDriver, app: BenchApp, pilot: Pilot[None]) -> None:
+        self.driver, self.app, self.pilot = driver, app, pilot
+
+    async def press(self, *keys: str) -> None:
+        """Press keys and let the screen follow."""
+        await self.pilot.press(*keys)
+        await follow(self.app, self.pilot)
+
+    async def do(self, *lines: str, scans: int = 1) -> None:
+        """Send bench commands, let scans pass, and let the screen see them."""
+        for line in lines:
+            self.driver.submit(line)
+        self.driver.scan(scans)
+        await follow(self.app, self.pilot)
+
+    async def select(self, name: str) -> None:
+        """Look at the block of another instance."""
+        self.app.scene.selected = name
+        self.app.main.on_instance_selected()
+        await self.press("2")
+
+    @property
+    def text(self) -> str:
+        """Return what stands on the screen."""
+        return screen_text(self.app)
+
+    @property
+    def words(self) -> str:
+        """Return it as words, without frames."""
+        return " ".join(self.text.replace("│", " ").replace("┃", " ").split())
+
+    def line(self, needle: str) -> str:
+        """Return the first line that holds `needle`."""
+        found = [line for line in self.text.splitlines() if needle in line]
+        assert found, f"{needle!r} is not there:\n{self.text}"
+        return found[0]
+
+    def cells(self, field: str) -> list[str]:
+        """Return the words of the line of a field."""
+        found = re.search(rf"\d+ +{field} [^│]*", self.text)
+        assert found is not None, self.text
+        return found[0].split()
+
+    def offset_of(self, connect: str, field: str) -> int:
+        """Return where a field of a description begins."""
+        config = self.app.scene.project.connect(connect)
+        assert config is not None and config.description is not None
+        found = config.description.structure.field(field)
+        assert found is not None
+        return found.offset
+
+
+def project_of(scenario: str) -> Project:
+    """Return the project of a scenario that came with the program."""
+    return load_scenario(SCENARIOS / scenario).project
+
+
+@asynccontextmanager
+async def bench(scenario: str, size: tuple[int, int] = SMALL) -> AsyncIterator[Bench]:
+    """Open the screen on the project of a scenario."""
+    project = project_of(scenario)
+    driver = LocalDriver(fresh_bench(project, "sim"))
+    app = BenchApp(driver, project)
+    try:
+        async with app.run_test(size=size) as pilot:
+            shown = Bench(driver, app, pilot)
+            await shown.do()
+            yield shown
+    finally:
+        driver.close()
+
+
+# -- the pins of the dialect ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scenario", "instance", "there", "missing"),
+    [
+        ("siemens/1-5-trcv_c-cont-then-en_r.toml", "TRCV_C_1", ["ADHOC", "├─ DONE (NDR)", "RCVD_LEN"], []),
+        ("siemens-legacy/1-11-receiver.toml", "TRCV_C_1", ["LEN", "├─ DONE (NDR)", "RCVD_LEN"], ["ADHOC"]),
+        (SINGLE, "TRCV_1", ["EN_R", "├─ NDR", "RCVD_LEN"], ["├─ DONE"]),
+        (SINGLE, "TSEND_1", ["REQ ▷┤", "├─ DONE", "LEN ─┤"], ["NDR", "RCVD_LEN"]),
+        (SINGLE, "T_DIAG_1", ["REQ ▷┤", "├─ DONE", " RESULT "], ["LEN", " DATA "]),
+        (UDP, "TURCV_1", ["EN_R", "├─ NDR", "CONFIG", "SOURCE"], ["ADHOC"]),
+        (UDP, "TUSEND_1", ["REQ ▷┤", "├─ DONE", "CONFIG", "TARGET"], ["NDR"]),
+        ("baosky/7004-idle.toml", "TRCV_C_1", ["ADHOC", "├─ DONE "], ["NDR"]),
+    ],
+)  # fmt: skip
+async def test_a_block_is_drawn_with_the_pins_that_its_manual_draws(
+    scenario: str, instance: str, there: list[str], missing: list[str]
+) -> None:
+    async with bench(scenario) as shown:
+        await shown.select(instance)
+        box = shown.text.partition("┌")[2]
+        assert all(pin in box for pin in there), shown.text
+        assert not any(pin in box for pin in missing), shown.text
+
+
+async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
+    async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", WIDE) as shown:
+        await shown.select("TRCV_C_1")
+        await shown.do("set TRCV_C_1 CONT=1 EN_R=1", scans=3)
+        await shown.do("peer P1 connect", scans=4)
+        await shown.do("peer P1 send hex " + "01 " * 8, scans=2)
+        await shown.do(scans=3)
+        assert "├─ DONE ◂" in shown.text, shown.text
+        assert "(NDR)" not in shown.text
+
+
+def test_a_call_binds_the_output_by_its_own_name() -> None:
+    assert "    NDR=>TRCV_1_DONE" in st_call(project_of(SINGLE), "TRCV_1")
+    newer = project_of("siemens/1-5-trcv_c-cont-then-en_r.toml")
+    assert "    DONE=>TRCV_C_1_DONE" in st_call(newer, "TRCV_C_1")
+
+
+# -- the connection description byte for byte ----------------------------------------------------------------
+
+
+@BOTH
+async def test_a_description_stands_there_byte_for_byte(size: tuple[int, int]) -> None:
+    async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", size) as shown:
+        await shown.press("2", "C")
+        assert "C1 · 14 bytes" in shown.text and "TCON_IP_v4 · TCP, passive on" in shown.text
+        assert shown.cells("InterfaceId") == ["0", "InterfaceId", "00", "40", "64", "(16#40)"]
+        assert shown.cells("ConnectionType")[:3] == ["4", "ConnectionType", "0b"]
+        assert shown.cells("RemoteAddress")[0] == "6"
+        await shown.press("escape")
+        assert shown.app.screen is shown.app.main
+
+
+@BOTH
+async def test_what_a_cpu_finds_wrong_is_named_at_its_field(size: tuple[int, int]) -> None:
+    async with bench("siemens/description-faults.toml", size) as shown:
+        wrong = next(each for each in shown.app.scene.project.connects if each.flaw and each.flaw.field)
+        assert wrong.flaw is not None
+        await shown.select(next(i.name for i in shown.app.scene.instances if i.connect == wrong.name))
+        await shown.press("C")
+        assert f"✗ {wrong.flaw.text}"[:50] in shown.words
+        assert f"✗ {shown.offset_of(wrong.name, wrong.flaw.field):>4}   {wrong.flaw.field} " in shown.text
+        await shown.press("right")
+        assert f"─ {wrong.name} · " not in shown.text, "another CONNECT of the project"
+
+
+async def test_a_long_name_takes_as_many_lines_as_it_needs_and_its_zeros_one() -> None:
+    async with bench("siemens/80d3-names.toml") as shown:
+        await shown.press("2", "C")
+        assert "RemoteQDN" in shown.text and "00 × " in shown.text
+        assert "LocalPort" in shown.text, "a structure of 266 bytes fits a small screen"
+
+
+async def test_a_description_is_yanked_as_hex_and_as_scl(state: Path) -> None:
+    async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml") as shown:
+        await shown.press("2", "C", "y")
+        await shown.app.workers.wait_for_complete()
+        await shown.press("s")
+        await shown.app.workers.wait_for_complete()
+        kept = {path.suffix: path.read_text(encoding="utf-8") for path in state.rglob("yanks/*")}
+        assert kept[".txt"].startswith("00 40 00 01 0b 00 ")
+        assert "C1 : TCON_IP_v4 := (" in kept[".scl"] and "ConnectionType := 11" in kept[".scl"]
+
+
+async def test_a_dialect_without_descriptions_says_so() -> None:
+    async with bench("baosky/7004-idle.toml") as shown:
+        await shown.press("2", "C")
+        assert "no CONNECT of this project has a connection description" in shown.words
+
+
+@BOTH
+async def test_it_stands_as_drawn(size: tuple[int, int], tmp_path: Path) -> None:
+    async with bench("siemens/description-faults.toml", size) as shown:
+        await shown.press("2", "C")
+        same_screen(shown.app, f"description-{size[0]}x{size[1]}", tmp_path)

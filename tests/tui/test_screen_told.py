@@ -1,0 +1,116 @@
+"""What does nothing says why, what fails is marked as failed, and the last line names keys that work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.tui.looking import SMALL, WIDE, looking
+from tests.tui.on_a_bench import BenchLooker, on_a_bench
+
+
+async def connected(looker: BenchLooker) -> None:
+    looker.bench.do("set TRCV_C_1 CONT=1 EN_R=1")
+    looker.bench.scan(5)
+    looker.bench.do("peer P1 connect")
+    looker.bench.scan(20)
+    await looker.pictures()
+
+
+def last_line(looker: BenchLooker) -> str:
+    return looker.text.rstrip("\n").splitlines()[-1].strip()
+
+
+# -- the last line -------------------------------------------------------------------------------------
+
+
+async def test_in_a_text_field_the_last_line_names_no_key_that_would_be_typed() -> None:
+    async with on_a_bench() as looker:
+        await looker.press("7", "i")
+        assert last_line(looker) == "enter send  tab next  shift+tab mode  esc leave  ctrl+p palette  F1 help"
+        await looker.press("escape", "colon")
+        line = last_line(looker)
+        assert line.startswith("enter send  tab complete") and "space" not in line
+        await looker.press("escape", "f1")
+        assert "Here: Peer" in looker.text
+
+
+async def test_on_the_peers_the_last_line_names_the_keys_of_the_peer_pane() -> None:
+    async with on_a_bench(SMALL) as looker:
+        await looker.press("7")
+        line = last_line(looker)
+        for key in ("tab payload", "m mode", "x cuts", "e every split", "o form", "w keep"):
+            assert key in line
+
+
+async def test_the_first_tab_of_the_peer_pane_goes_to_the_payload() -> None:
+    async with on_a_bench() as looker:
+        await looker.press("7", "tab")
+        await looker.type("0a")
+        assert looker.app.main.peer.composer.text == "0a"
+
+
+async def test_the_help_of_the_peer_pane_names_every_button() -> None:
+    async with on_a_bench() as looker:
+        letters = {button.letter for button in looker.app.main.peer._buttons_now()}
+        await looker.press("7", "question_mark")
+        table = looker.text.split("Everywhere")[0]
+    told = {word for line in table.splitlines() for word in line[:60].split()}
+    assert letters <= told, letters - told
+
+
+# -- nothing to send, split, cut -----------------------------------------------------------------------
+
+
+async def test_an_empty_payload_is_told_and_the_cursor_stands_in_it() -> None:
+    async with on_a_bench() as looker:
+        for key, what in (("s", "send"), ("e", "split"), ("x", "cut"), ("w", "keep")):
+            await looker.press("7", key)
+            assert f"✗ the payload is empty, there is nothing to {what}" in looker.text, key
+            assert looker.app.focused is looker.app.main.peer.composer._payload
+            await looker.press("escape")
+        await looker.press("i", *"0A")
+        await looker.press("escape", "x")
+        assert "✗ one byte has no place for a cut" in looker.text
+
+
+# -- a trial that does not run -------------------------------------------------------------------------
+
+
+async def test_a_trial_that_is_refused_says_why_in_its_window() -> None:
+    async with on_a_bench() as looker:
+        await connected(looker)
+        await looker.press("7", "i", *"01", "escape", "e")
+        await looker.pictures()
+        assert "waits for the engine" not in looker.text
+        assert "✗ refused: " in looker.text and "expected" in looker.text
+
+
+async def test_a_trial_under_hold_says_that_the_scans_are_held_and_goes_on_with_space() -> None:
+    async with on_a_bench() as looker:
+        await connected(looker)
+        looker.bench.do("hold")
+        await looker.pictures()
+        await looker.press("7", "i", *"010203", "escape", "e")
+        await looker.pictures()
+        assert "‖ the scans are held, so nothing is tried: space lets them go on" in looker.text
+        await looker.press("space")
+        assert looker.lines[-1] == "go"
+
+
+# -- failures ------------------------------------------------------------------------------------------
+
+
+async def test_a_picture_that_cannot_be_written_is_marked_as_failed(state: Path) -> None:
+    (state / "trcvtui").write_text("in the way")
+    async with looking(WIDE) as looker:
+        await looker.press("P")
+        assert "✗ no picture of the screen was written: " in looker.text and "✓" not in looker.line("✗")
+
+
+async def test_a_yank_without_its_file_says_clipboard_yes_and_file_no(state: Path) -> None:
+    (state / "trcvtui").write_text("in the way")
+    async with looking(WIDE) as looker:
+        await looker.press("y", "y")
+        await looker.settle()
+        line = looker.line("✗")
+        assert "to the terminal (OSC 52); no file was written: " in line

@@ -14,9 +14,10 @@ from trcvtui.blocks.registry import new_block
 from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp_binding import UdpBinding
+from trcvtui.plc.framer_snapshot import framer_key, framer_snapshot
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.plc.project import InstanceDecl
-from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.plc.stream_feed import StreamFeed
 
 PinValue = bool | int
@@ -225,6 +226,13 @@ class Instance:
         """Return a copy of what the running job has collected."""
         return self._block.job.partial()
 
+    def framer(self) -> FramerSnapshot | None:
+        """Return the framer of a block that receives from a ComBuffer."""
+        job, bound = self._block.job, self._bound
+        if not isinstance(job, Reception) or not isinstance(bound, SerialBinding):
+            return None
+        return framer_snapshot(self.block_name, bound, job, self.inputs)
+
     def noise(self) -> tuple[int, bytes]:
         """Return how many bytes a receiving block has thrown away as noise, and the last of them."""
         job = self._block.job
@@ -235,7 +243,10 @@ class Instance:
         job = self._block.job
         progress = job.running, job.have, job.need, job.adhoc, job.last_bytes
         counts = self.since_scan, self.jobs_done, self.errors, self.last_done, self.last_error
-        seen = self.outcome, self.outputs, self.data, (*self.inputs.values(),), progress, counts
+        known = self.outcome, self.outputs, self.data, (*self.inputs.values(),)
+        seen: tuple[object, ...] = *known, progress, counts
+        if isinstance(job, Reception) and isinstance(self._bound, SerialBinding):
+            seen += framer_key(self._bound, job)
         if seen != self._seen:
             self._seen, self._snapshot = seen, self._taken()
         return self._snapshot
@@ -270,6 +281,7 @@ class Instance:
             last_error_status=error[1],
             task=self.decl.task,
             addr=self.decl.addr,
+            framer=self.framer(),
         )
 
     def _output_pins(self) -> tuple[tuple[str, PinValue], ...]:

@@ -47,7 +47,7 @@ from trcvtui.plc.link_snapshot import connection_snapshot
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.roster import Roster
 from trcvtui.plc.serial_lines import SerialLines
-from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, SentBytes, Snapshot
+from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, FramerSnapshot, SentBytes, Snapshot
 from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
 
 
@@ -185,6 +185,10 @@ class Runtime:
         """Return how many bytes of noise an instance has thrown away, and the last of them."""
         known = self._instances.get(instance)
         return known.noise() if known else (0, b"")
+
+    def framer(self, instance: str) -> FramerSnapshot | None:
+        """Return the framer of a block that receives from a ComBuffer."""
+        return self._instances[instance].framer() if instance in self._instances else None
 
     def sent(self, connect: str) -> SentBytes | None:
         """Return what a CONNECT's present connection has sent, None without a connection."""

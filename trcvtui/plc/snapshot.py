@@ -7,6 +7,7 @@ from operator import attrgetter
 from typing import Any, Final
 
 from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.framing.marks import FrameMarks, Tally
 from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES, SENDS
 
 SENDERS: Final = SENDS | {"USEND_C", "TUSEND"}
@@ -53,6 +54,26 @@ class SentBytes:
 
 
 @dataclass(frozen=True, slots=True)
+class FramerSnapshot:
+    """Prefix and suffix as a receiving block would use them now; None: the pointer is 0.
+
+    `noise` are the last of the `discarded` bytes before a prefix, `dropped` the end of the part of a frame
+    that was thrown away last, `last` the marks of the newest frame.
+    """
+
+    prefix: bytes | None
+    suffix: bytes | None
+    size: int
+    timeout_ns: int
+    is_text: bool
+    discarded: int
+    noise: bytes
+    dropped: bytes
+    tally: Tally
+    last: FrameMarks | None
+
+
+@dataclass(frozen=True, slots=True)
 class InstanceSnapshot:
     """One instance. `have` of `need` bytes are in the running job (need 0: no job). Sizes in bytes."""
 
@@ -82,6 +103,7 @@ class InstanceSnapshot:
     last_error_scan: int | None
     task: str = ""
     addr: str | None = None
+    framer: FramerSnapshot | None = None  # of a block that receives from a ComBuffer
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel as a tuple: packed in a quarter of the time."""
@@ -173,6 +195,10 @@ class Snapshot:
     def instance(self, name: str) -> InstanceSnapshot | None:
         """Return the instance of that name."""
         return next((i for i in self.instances if i.name == name), None)
+
+    def combuffer(self, name: str) -> ComBufferSnapshot | None:
+        """Return the ComBuffer of that name."""
+        return next((b for b in self.combuffers if b.name == name), None)
 
     def addr(self, name: str | None) -> AddrSnapshot | None:
         """Return the ADDR_PARAM of that name."""

@@ -18,7 +18,8 @@ class JobSpan(NamedTuple):
     """Bytes of one receive job, all of them, at `position` of the stream; or bytes that were dropped.
 
     `reason` says why bytes never reached DATA (`done` is False), or why their values are not kept.
-    `whole` counts the bytes: of many dropped ones only the first stand in the stream.
+    `whole` counts the bytes: of many dropped ones only the first stand in the stream, of noise the last.
+    `prefix` and `suffix`: how many bytes of a frame are its marks.
     """
 
     position: int
@@ -31,6 +32,8 @@ class JobSpan(NamedTuple):
     reason: str = ""
     is_kept: bool = True
     whole: int = 0
+    prefix: int = 0
+    suffix: int = 0
 
     @property
     def stop(self) -> int:

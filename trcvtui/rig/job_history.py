@@ -18,6 +18,7 @@ from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote
 from trcvtui.plc.ledger import Event, PeerSent
 from trcvtui.plc.project import Project
 from trcvtui.rig.assembly import Bench
+from trcvtui.rig.frame_history import FrameHistory
 from trcvtui.rig.history_window import JobSpan, RecvSpan
 from trcvtui.rig.job_stream import Chunk, JobStream
 from trcvtui.rig.sent_messages import Link, SentMessages
@@ -68,17 +69,20 @@ class JobHistory:
             PeerSent: self.messages.sent,
             ConnectionNote: self.messages.noted,
         }
+        self._frames = FrameHistory(bench, lambda name, chunk: self._add(self._stream(name), chunk))
 
     def scanned(self) -> None:
         """Take what the scan that has just passed has written into the ledger, and the DATA of its jobs."""
         ledger, takers = self._bench.runtime.ledger, self._takers
         if ledger.last_seq == self._seq:
             return
-        news = [stamped for stamped in ledger.stamped_since(self._seq) if type(stamped[2]) in takers]
+        written = ledger.stamped_since(self._seq)
+        news = [stamped for stamped in written if type(stamped[2]) in takers]
         self._seq, self._copied = ledger.last_seq, 0
         self._note_last(event for _, _, event in news)
         for self._scan, self._t_ns, event in news:
             takers[type(event)](event)
+        self._frames.scanned(written, self._end_of)
         while self._bytes > MOST_BYTES or self._recvs > MOST_RECVS or len(self._order) > MOST_JOBS:
             self._forget_oldest()
 
@@ -154,6 +158,9 @@ class JobHistory:
         parts = _overlapping(recvs, offset, span)
         unread = (RecvSpan(stream.end, size, 0, self._scan, self._t_ns, offset),)
         self._add(stream, Chunk(span, event.connection, event.incarnation, b"", parts or unread))
+
+    def _end_of(self, name: str) -> int:
+        return self._stream(name).end
 
     # -- keeping and forgetting ------------------------------------------------------------------------
 

@@ -12,7 +12,8 @@ from typing import Final
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.framing.frame import Ending, Frame, Framing
-from trcvtui.blocks.framing.framer import Framer
+from trcvtui.blocks.framing.framer import KEPT_NOISE, Framer
+from trcvtui.blocks.framing.marks import NO_FRAMES, FrameMarks, marks_of
 from trcvtui.blocks.outcome import Lamp, Outcome
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.serial_notes import FrameEnded, NoiseDropped, PartDropped
@@ -40,6 +41,9 @@ class Reception:
     ) -> None:
         self.need = 0
         self.framer = Framer()
+        self.last: FrameMarks | None = None  # of the frame that was delivered last
+        self.tally = NO_FRAMES
+        self.dropped = b""  # the end of the part that was thrown away last
         self._env = bound.env
         self._buffer = bound.buffer
         self._instance = bound.instance
@@ -91,7 +95,7 @@ class Reception:
             total = self.framer.discarded
             self._env.write(NoiseDropped(self._instance, self._buffer.name, total - noise, total))
         if frame is not None:
-            return self._complete(frame)
+            return self._complete(frame, framing)
         return self._waiting()
 
     def reset(self) -> Outcome:
@@ -111,8 +115,7 @@ class Reception:
         """Throw the part away, and tell the ledger."""
         part = self.framer.drop()
         if part:
-            place = self._buffer.head - len(part)
-            self._env.write(PartDropped(self._instance, self._buffer.name, place, len(part), reason))
+            self._note_dropped(part, reason)
 
     def _waiting(self) -> Outcome:
         """Return what the last frame has left behind, or that another one has begun."""
@@ -124,10 +127,16 @@ class Reception:
             self._idle = AWAITED  # a false start of the prefix
         return self._idle
 
-    def _complete(self, frame: Frame) -> Outcome:
+    def _note_dropped(self, part: bytes, reason: str) -> None:
+        self.tally, self.dropped = self.tally.dropped(reason), part[-KEPT_NOISE:]
+        place = self._buffer.head - len(part)
+        self._env.write(PartDropped(self._instance, self._buffer.name, place, len(part), reason))
+
+    def _complete(self, frame: Frame, framing: Framing) -> Outcome:
         size, ending = len(frame.content), frame.ending
         if ending not in self._conditions:  # no frame at all
             return self._spoilt(frame)
+        self.last, self.tally = marks_of(frame, framing), self.tally.ended(ending)
         place = self._buffer.head - size
         self._env.write(FrameEnded(self._instance, self._buffer.name, place, size, str(ending)))
         self._deliver(frame.content)
@@ -140,7 +149,6 @@ class Reception:
     def _spoilt(self, frame: Frame) -> Outcome:
         """Throw away what a byte 00 has ended: a STRING cannot hold it."""
         size, reason = len(frame.content), str(frame.ending)
-        place = self._buffer.head - size
-        self._env.write(PartDropped(self._instance, self._buffer.name, place, size, reason))
+        self._note_dropped(frame.content, reason)
         self._idle = Outcome(Condition.ZERO_CHARACTER, Cause(Why.BYTES, reason, have=size, need=self.need))
         return self._idle

@@ -180,6 +180,7 @@ class Bench:
             words.ReplyOn: lambda c: self.peers[c.peer].replies.add(c),
             words.ReplyOff: lambda c: self.peers[c.peer].replies.remove(c.number, c.peer),
             words.FeedLine: lambda c: self._submit(commands.FeedBuffer(c.buffer, c.payload)),
+            words.SetMark: self._set_mark,
             words.Link: self._link,
             words.FaultOn: self._fault,
             words.FaultClear: self._clear_faults,
@@ -187,6 +188,11 @@ class Bench:
 
     def _submit(self, command: commands.Command) -> str:
         self.runtime.submit(command)
+        return ""
+
+    def _set_mark(self, command: words.SetMark) -> str:
+        for order in command.orders():
+            self._submit(order)
         return ""
 
     def _change(self, command: words.BenchCommand, change: commands.Command) -> str:

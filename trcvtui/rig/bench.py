@@ -18,6 +18,7 @@ from trcvtui.rig.bench_data import read_write
 from trcvtui.rig.bench_edit import read_add
 from trcvtui.rig.bench_feed import read_feed
 from trcvtui.rig.bench_instances import after, read_create, read_delete, read_download, read_resize
+from trcvtui.rig.bench_marks import read_prefix, read_suffix
 from trcvtui.rig.bench_peer import read_peer_command
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_values import duration, pin_value, value_of
@@ -207,6 +208,8 @@ VERBS: Final[dict[str, Callable[[Words, Project], BenchCommand]]] = {
     "plc": _plc,
     "peer": read_peer_command,
     "feed": read_feed,
+    "prefix": read_prefix,
+    "suffix": read_suffix,
     "link": _link,
     "fault": _fault,
     "run": _run,

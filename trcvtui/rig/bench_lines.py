@@ -203,6 +203,7 @@ LINES: Final[dict[type, Callable[[Any], str]]] = {
     words.PeerStall: lambda c: f"peer {c.peer} stall",
     words.PeerResume: lambda c: f"peer {c.peer} resume",
     words.FeedLine: lambda c: f"feed {c.buffer} {_fed(c)}",
+    words.SetMark: lambda c: c.line(),
     words.Link: lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
     words.FaultOn: _fault,
     words.FaultClear: lambda c: "fault clear",

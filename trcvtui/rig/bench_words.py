@@ -12,6 +12,7 @@ from trcvtui.plc.project import DataDecl, InstanceDecl
 from trcvtui.rig.edit_words import Add as Add
 from trcvtui.rig.edit_words import AddData as AddData
 from trcvtui.rig.fills import Fill
+from trcvtui.rig.mark_words import SetMark as SetMark
 from trcvtui.rig.reply_words import Match
 from trcvtui.rig.trace_pattern import TracePattern
 from trcvtui.udt.coding import Value
@@ -375,6 +376,7 @@ BenchCommand = (
     | PeerStall
     | PeerResume
     | FeedLine
+    | SetMark
     | Link
     | FaultOn
     | FaultClear

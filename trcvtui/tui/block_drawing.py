@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from trcvtui.blocks.parameters import BUFFER_PIN, DATA_PIN, POINTERS
 from trcvtui.plc.project import Project
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.afterglow import DONE, ERROR, Afterglow
@@ -11,7 +12,11 @@ from trcvtui.tui.formatting import lamp, status_word
 from trcvtui.tui.keys import letters_of
 
 UNNAMED: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
-LAMP_STYLES: Final = {"ERROR": "error", "DONE": "done", "BUSY": "busy"}
+LAMP_STYLES: Final = {
+    "ERROR": "error", "DONE": "done", "BUSY": "busy", "DataReceived": "done", "StringReceived": "done",
+    "ByteReceived": "done", "busy": "busy", "Busy": "busy", "RxTimeout": "warn",
+}  # fmt: skip
+DONE_PINS: Final = ("DONE", "DataReceived", "StringReceived", "ByteReceived")
 
 
 class DrawnPin(NamedTuple):
@@ -23,6 +28,7 @@ class DrawnPin(NamedTuple):
     edge: bool
     letter: str
     label: str
+    is_wired: bool = False  # by the project file: no scan writes it
 
 
 class Drawing(NamedTuple):
@@ -47,10 +53,46 @@ class Drawing(NamedTuple):
         return max(len(self.inputs), len(self.outputs))
 
 
+WIRED_LETTERS: Final = {
+    "pPrefix": "f", "Prefix": "f", "pSuffix": "u", "Suffix": "u", "pReceiveData": "d", "ReceivedString": "d",
+    "pSendData": "d", "SendString": "d", "RxBuffer": "c", "TxBuffer": "c", "Buffer": "c",
+}  # fmt: skip
+BEFORE: Final = {"pPrefix": "LenPrefix", "pSuffix": "LenSuffix", "pReceiveData": "SizeReceiveData"}
+
+
+def wired_pins(block: str) -> dict[str, DrawnPin]:
+    """Return the pins of a block on a ComBuffer that the project file wires, by name."""
+    if block not in BUFFER_PIN:
+        return {}
+    marks = zip(POINTERS.get(block, ()), ("prefix", "suffix"), strict=False)
+    found = {name: f"{mark}, as hex or text; its length follows" for name, mark in marks}
+    if block in DATA_PIN:
+        found[DATA_PIN[block]] = "the variable of the bytes; its type is its size"
+    found[BUFFER_PIN[block]] = "the ComBuffer; a simulated line can be fed"
+    return {
+        name: DrawnPin(name, text, False, False, WIRED_LETTERS[name], name, True)
+        for name, text in found.items()
+    }
+
+
+def placed(pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, ...]:
+    """Return the inputs as the manual draws them: a pointer before its length, the ComBuffer at the end."""
+    rest = dict(wired)
+    found: list[DrawnPin] = []
+    for pin in pins:
+        found += [rest.pop(name) for name, before in BEFORE.items() if before == pin.name and name in rest]
+        found.append(pin)
+    buffer = [rest.pop(name) for name in BUFFER_PIN.values() if name in rest]
+    return (*rest.values(), *found, *buffer)
+
+
 def drawing_of(project: Project, block: str) -> Drawing:
     """Return the drawing of a block."""
     pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
-    letters = letters_of(pin.name for pin in pins if pin.direction != "out")
+    wired = wired_pins(block)
+    letters = letters_of(
+        [pin.name for pin in pins if pin.direction != "out"], {pin.letter for pin in wired.values()}
+    )
     drawn = [
         (
             pin.direction,
@@ -65,7 +107,7 @@ def drawing_of(project: Project, block: str) -> Drawing:
         )
         for pin in pins
     ]
-    inputs = tuple(pin for direction, pin in drawn if direction != "out")
+    inputs = placed([pin for direction, pin in drawn if direction != "out"], wired)
     return Drawing(inputs, tuple(pin for direction, pin in drawn if direction == "out"))
 
 
@@ -77,6 +119,8 @@ def output_text(pin: DrawnPin, instance: InstanceSnapshot | None, glowing: bool)
         return f"{int(value)} {lamp(bool(value), glowing)}", style
     if pin.name == "STATUS":
         return status_word(value), _status_style(instance)
+    if pin.name == "Error":
+        return str(int(value)), _status_style(instance)
     return str(int(value)), "glow" if glowing else ""
 
 
@@ -87,7 +131,7 @@ def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: After
     done = None if instance.done else afterglow.glow(instance.name, DONE, t_ns)
     error = None if instance.error else afterglow.glow(instance.name, ERROR, t_ns)
     texts = {
-        "DONE": f"{done.scan}" if done else "",
+        **dict.fromkeys(DONE_PINS, f"{done.scan}" if done else ""),
         "RCVD_LEN": f"{done.rcvd_len}" if done and done.rcvd_len is not None else "",
         "ERROR": f"{error.scan}" if error else "",
         "STATUS": f"{error.status:04X}" if error and error.status else "",

@@ -7,6 +7,7 @@ from typing import Final
 
 from textual.suggester import Suggester
 
+from trcvtui.blocks.parameters import POINTERS
 from trcvtui.plc.project import Project
 from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
 from trcvtui.tui.add_fields import BARE, KINDS, fields_of, first_name
@@ -15,7 +16,7 @@ PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
     "scenarios", "race", "export timing", "find", "create", "delete", "download", "resize", "mark",
-    "save scenario", "add", "save project", "lab", "udt", "feed",
+    "save scenario", "add", "save project", "lab", "udt", "feed", "prefix", "suffix",
 )  # fmt: skip
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -97,6 +98,12 @@ def _after_feed(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
         return [buffer.name for buffer in project.combuffers if buffer.source in ("sim", "serial")]
     return ("hex", "text", "random", "file", "break") if len(words) == 2 else ()
+
+
+def _after_mark(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return [instance.name for instance in project.instances if instance.block in POINTERS]
+    return ("hex", "text", "none") if len(words) == 2 else ()
 
 
 def _after_link(words: list[str], project: Project) -> Iterable[str]:
@@ -201,6 +208,8 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "fault": _after_fault,
     "link": _after_link,
     "feed": _after_feed,
+    "prefix": _after_mark,
+    "suffix": _after_mark,
     "write": _after_write,
     "expect": _after_expect,
     "trigger": _after_trigger,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Final
 
 # Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
@@ -127,11 +127,11 @@ SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
 )
 
 
-def letters_of(pins: Iterable[str]) -> dict[str, str]:
-    """Return the letter of each pin, each letter once; a pin that finds none has ""."""
+def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
+    """Return the letter of each pin, each letter once, none that is `taken`; who finds none has ""."""
     names = list(pins)
     given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
     for pin in names:
-        free = (c for c in pin.lower() if c.isalpha() and c not in TAKEN and c not in given.values())
+        free = (c for c in pin.lower() if c.isalpha() and c not in {*TAKEN, *taken, *given.values()})
         given.setdefault(pin, next(free, ""))
     return given

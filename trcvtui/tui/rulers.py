@@ -12,9 +12,11 @@ from operator import attrgetter
 from typing import Final, NamedTuple, Protocol, TypeVar
 
 from trcvtui.rig.history_window import HistoryWindow, JobSpan, MessageSpan, RecvSpan
+from trcvtui.tui import frame_marks
 from trcvtui.tui.formatting import clip, moment, plain, short_time
 
 CUT: Final = "╱"
+START: Final = "▕"
 MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
 RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
 _STOP: Final = attrgetter("stop")
@@ -83,6 +85,19 @@ def cuts(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
     return frozenset(found)
 
 
+def signs(window: HistoryWindow, start: int, stop: int) -> dict[int, str]:
+    """Return the sign before each byte at which a message is cut, or data or suffix of a frame begin."""
+    cut = dict.fromkeys(cuts(window, start, stop), CUT)
+    return cut | frame_marks.signs(within(window.jobs, start, stop))
+
+
+def before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
+    """Return what stands before a byte: a sign, the beginning of a message, or room."""
+    if position in signs:
+        return signs[position], "warn strong"
+    return (START, "key") if position in begins else (" ", "")
+
+
 # -- one ruler -----------------------------------------------------------------------------------------------
 
 
@@ -145,7 +160,7 @@ def of_job(span: JobSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
     name = plain(span.instance)
     if not span.done:
         return True, True, DROPPED, (f"{span.whole} B dropped: {plain(span.reason)}", "dropped", "")
-    number = f"job {span.number}"
+    number = f"{'frame' if span.prefix or span.suffix else 'job'} {span.number}"
     return True, True, JOB, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
 
 

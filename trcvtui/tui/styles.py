@@ -23,6 +23,7 @@ STYLE_NAMES: Final = (
     "run", "hold", "stop",                                       # chips of the header
     "null", "printable", "space", "control", "high", "ghost",    # classes of bytes
     "changed", "match",                                          # bytes that differ, bytes that were sought
+    "prefix", "suffix",                                          # the marks of a frame
 )
 # fmt: on
 PALE: Final = 0.75

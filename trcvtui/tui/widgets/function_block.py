@@ -6,17 +6,22 @@ from typing import ClassVar, Final
 
 from textual import events
 
+from trcvtui.blocks.parameters import TIMES
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
+from trcvtui.tui.framer_lines import framer_lines
 from trcvtui.tui.messages import DescriptionWanted
 from trcvtui.tui.scene import Scene
+from trcvtui.tui.serial_pins import line_for, why_not, wired_value
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
 
 IN_BOX: Final = 8
 OUT_BOX: Final = 8
+TIGHT_BOX: Final = 6  # where long names need the room
+JOINTS, TIGHT_JOINTS = (" ─┤", "├─ "), ("┤", "├")
 ROOMY: Final = 72  # room for what each output means
 LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
 
@@ -36,6 +41,7 @@ class FunctionBlock(LineView):
         self._drawings: dict[str, Drawing] = {}
         self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
         self._cursor = 0
+        self._told: list[Row] = []  # below the box of a block on a ComBuffer
         self._hover: int | None = None
 
     def keys(self) -> tuple[tuple[str, str], ...]:
@@ -68,6 +74,8 @@ class FunctionBlock(LineView):
         about = f"{instance.block}{self._called_by(instance)}" if instance else ""
         self.set_title(2, plain(self._scene.selected) or "Block", about)
         self._settle()
+        instance = self._scene.instance
+        self._told = framer_lines(self._scene, instance, self.line_width) if instance else []
         super().show()
 
     def _called_by(self, instance: InstanceSnapshot) -> str:
@@ -88,26 +96,50 @@ class FunctionBlock(LineView):
 
     def row_count(self) -> int:
         """Return the lines of the box, and those below it."""
-        return self.drawing().height + 7
+        return self.drawing().height + 2 + max(5, len(self._told))
 
     def row_at(self, y: int) -> Row:
         """Return one line of the drawing."""
         drawing = self.drawing()
-        left = " " * (drawing.name_width + 6)
+        left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]))
         if y == 0:
             instance = self._scene.instance
             name = f" {instance.block} " if instance else ""
-            return row((f"{left}┌{name.center(self._box() + OUT_BOX, '─')}┐", "dim"))
+            return row((f"{left}┌{name.center(self._box() + self._out_box(), '─')}┐", "dim"))
         if y <= drawing.height:
             return self._pin_row(drawing, y - 1)
         if y == drawing.height + 1:
-            return row((f"{left}└{'─' * (self._box() + OUT_BOX)}┘", "dim"))
+            return row((f"{left}└{'─' * (self._box() + self._out_box())}┘", "dim"))
         return self._below(y - drawing.height - 2)
 
     def _box(self) -> int:
         """Return the width of the left half: no value is ever cut."""
-        values = (len(str(self.value_of(pin)[0])) for pin in self.drawing().inputs if not pin.is_bool)
-        return max(IN_BOX, max(values, default=0) + 3)
+        values = (len(self._value_text(pin)) for pin in self.drawing().inputs if not pin.is_bool)
+        tight = self._is_tight()
+        return max(TIGHT_BOX if tight else IN_BOX, max(values, default=0) + (2 if tight else 3))
+
+    def _out_box(self) -> int:
+        return TIGHT_BOX if self._is_tight() else OUT_BOX
+
+    def _joints(self) -> tuple[str, str]:
+        return TIGHT_JOINTS if self._is_tight() else JOINTS
+
+    def _lead(self) -> int:
+        """Return the columns of a letter."""
+        return 2 if self._is_tight() else 3
+
+    def _is_tight(self) -> bool:
+        """Return whether the names leave no room for the usual drawing."""
+        drawing = self.drawing()
+        needed = drawing.name_width + drawing.label_width + IN_BOX + OUT_BOX + 9
+        return 0 < self.line_width < needed
+
+    def _value_text(self, pin: DrawnPin) -> str:
+        """Return what stands at a pin that is no BOOL."""
+        instance = self._scene.instance
+        if pin.is_wired:
+            return wired_value(pin.name, instance) if instance is not None else ""
+        return f"{self.value_of(pin)[0]}{' ms' if pin.name in TIMES else ''}"
 
     def _pin_row(self, drawing: Drawing, y: int) -> Row:
         parts: list[Part] = []
@@ -116,20 +148,21 @@ class FunctionBlock(LineView):
             style = "cursor" if pointed else "hover" if y == self._hover else ""
             parts += [(text, f"{names} {style}") for text, names in self._input(drawing, drawing.inputs[y])]
         else:
-            parts.append((f"{'':<{drawing.name_width + 6}}│{'':<{self._box()}}", "dim"))
+            left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]) - 1)
+            parts.append((f"{left}│{'':<{self._box()}}", "dim"))
         if y < len(drawing.outputs):
             parts += self._output(drawing.outputs[y])
         else:
-            parts.append((" " * OUT_BOX + "│", "dim"))
+            parts.append((" " * self._out_box() + "│", "dim"))
         return row(*parts)
 
     def _input(self, drawing: Drawing, pin: DrawnPin) -> list[Part]:
         value, pending = self.value_of(pin)
-        text = f"{lamp(bool(value))} {int(value)}" if pin.is_bool else f"{value}"
+        text = f"{lamp(bool(value))} {int(value)}" if pin.is_bool else self._value_text(pin)
         return [
-            (f" {pin.letter or ' '} ", "key"),
+            (f" {pin.letter or ' '} "[-self._lead() :], "key"),
             (pin.name.rjust(drawing.name_width), "strong" if value else ""),
-            (" ▷┤" if pin.edge else " ─┤", "dim"),
+            (" ▷┤" if pin.edge else self._joints()[0], "dim"),
             (
                 f" {text}{'…' if pending else ''}".ljust(self._box()),
                 "warn" if pending else "on" if pin.is_bool and value else "",
@@ -141,13 +174,23 @@ class FunctionBlock(LineView):
         glow = glow_text(pin, scene.instance, scene.afterglow, scene.t_ns)
         text, style = output_text(pin, scene.instance, bool(glow))
         roomy = self.line_width >= ROOMY
+        joint = self._joints()[1]
         name = pin.label if roomy or not glow else pin.label.partition(" ")[0]  # the scan is never cut
+        if glow and not roomy:
+            used = (
+                self.drawing().name_width
+                + self._lead()
+                + len(self._joints()[0])
+                + self._box()
+                + self._out_box()
+            )
+            name = clip(name, max(4, self.line_width - used - len(joint) - len(glow)))
         gap = " " * (1 + self.drawing().label_width - len(name))
         about = f"{gap}{pin.text}" if roomy and not glow else ""
         return [
-            (text.rjust(OUT_BOX - 1) + " ", style),
-            ("├─", "dim"),
-            (f" {name}", style),
+            (text.rjust(self._out_box() - 1) + " ", style),
+            (joint.rstrip(), "dim"),
+            (" " * (len(joint) - len(joint.rstrip())) + name, style),
             (glow, "glow"),
             (about, "faint"),
         ]
@@ -156,6 +199,11 @@ class FunctionBlock(LineView):
         instance = self._scene.instance
         if instance is None:
             return EMPTY
+        if self._told:
+            pin = self._pin_under_cursor() if self.has_focus else None
+            if pin is not None and y == len(self._told) - 1:
+                return row((f" {clip(pin.text, self.line_width - 1)}", "dim"))
+            return self._told[y] if y < len(self._told) else EMPTY
         if y == 0:
             link = " CONNECT " if instance.addr is None else " CONFIG  "
             return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
@@ -234,7 +282,10 @@ class FunctionBlock(LineView):
         if instance is None or snapshot is None:
             return
         value, _ = self.value_of(pin)
-        if not pin.is_bool:
+        if pin.is_wired:
+            line = line_for(pin.name, instance, self._scene)
+            self._voice.open_prompt(line) if line else self._voice.complain(why_not(pin.name, instance))
+        elif not pin.is_bool:
             self._voice.open_prompt(f"set {instance.name} {pin.name}=")
         elif pin.edge:
             self._voice.submit(f"pulse {instance.name} {pin.name}")
@@ -285,7 +336,8 @@ class FunctionBlock(LineView):
         place, drawing = self.place_of(event), self.drawing()
         if place is None or not 1 <= place[1] <= len(drawing.inputs):
             return None
-        return place[1] - 1 if place[0] < drawing.name_width + 7 + self._box() else None
+        edge = drawing.name_width + self._lead() + 1 + len(self._joints()[0]) + self._box()
+        return place[1] - 1 if place[0] < edge else None
 
 
 def _last(instance: InstanceSnapshot) -> str:

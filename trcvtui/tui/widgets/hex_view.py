@@ -10,6 +10,7 @@ from textual import events
 
 from trcvtui.rig.history_window import Before
 from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
+from trcvtui.tui.frame_marks import OLD, Marked
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_search import all_in, first_in, last_in
@@ -41,6 +42,7 @@ class HexView(LineView):
         self.link = range(0)
         self.starts: frozenset[int] = frozenset()
         self.patterns: tuple[bytes, ...] = ()
+        self.frame: Marked | None = None  # the frame that begins with the first byte
         self.before: Before | None = None
         self.shows_before = False
 
@@ -107,7 +109,7 @@ class HexView(LineView):
             return self._was(start, stop)
         found = self._matches(start, stop)
         styles = [self._style_of(offset) + (" match" * (offset in found)) for offset in range(start, stop)]
-        mark = START if start in self.starts else " "
+        mark = START if start in self.starts else self._sign(start) or " "
         parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), (mark, "key")]
         parts += self._hex(start, styles)
         parts += self._text(start, styles)
@@ -142,6 +144,8 @@ class HexView(LineView):
 
     def _style_of(self, offset: int) -> str:
         style = CLASS_OF[self.content[offset]] if offset < len(self.content) else "ghost"
+        if self.frame is not None and offset < len(self.content):
+            style = OLD if offset >= self.frame.stop else self.frame.style(offset) or style
         if self._differs(offset):
             style += " changed"
         if offset in self.link:
@@ -168,8 +172,13 @@ class HexView(LineView):
         inside = not last and offset in self.link and offset + 1 in self.link
         style = "link" if inside else ""
         begins = not last and offset + 1 in self.starts
-        mark = (START, f"key {style}") if begins else (" ", style)
+        sign = "" if last else self._sign(offset + 1)
+        mark = (START, f"key {style}") if begins else (sign, f"key {style}") if sign else (" ", style)
         return [(" ", style), mark] if wide else [mark]
+
+    def _sign(self, offset: int) -> str:
+        """Return what parts the marks of a frame from its data, before a byte."""
+        return self.frame.sign(offset) if self.frame is not None else ""
 
     def _text(self, start: int, styles: list[str]) -> list[Part]:
         shown = self.content[start : start + len(styles)]

@@ -16,6 +16,7 @@ from textual.widget import Widget
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.history_window import HistoryRequest, JobSpan
 from trcvtui.tui.formatting import clip, moment, plain
+from trcvtui.tui.frame_marks import of_data, of_part
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.past_words import origin_words
 from trcvtui.tui.scene import Scene
@@ -102,6 +103,7 @@ class Received(Vertical):
             self._show_now(instance)
 
     def _show_now(self, instance: InstanceSnapshot) -> None:
+        self.data.frame, self.job.frame = of_data(instance), of_part(instance)
         self.data.show_bytes(self._scene.data, 0, self._starts(False))
         self._line.show()
         self._size_job(instance)
@@ -115,6 +117,7 @@ class Received(Vertical):
     def _show_nothing(self) -> None:
         """No instance is left: its bytes go with it."""
         for view in (self.data, self.job):
+            view.frame = None
             view.show_bytes(b"", 0, frozenset())
         self._line.show()
         self._show_origin()

@@ -20,12 +20,12 @@ from trcvtui.rig.history_window import (
     RecvSpan,
     Seek,
 )
-from trcvtui.tui import rulers
+from trcvtui.tui import frame_marks, rulers
 from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
 from trcvtui.tui.formatting import clip
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.rulers import MESSAGES, RECVS, RULERS, WAS
-from trcvtui.tui.widgets.hex_view import GHOST_HEX, GHOST_TEXT, NARROW, START, WIDE, merged
+from trcvtui.tui.widgets.hex_view import GHOST_HEX, GHOST_TEXT, NARROW, WIDE, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_search import all_in
 
@@ -209,16 +209,16 @@ class StreamView(LineView):
         stop = min(start + self.per_row, self.window.end)
         if start >= stop:
             return EMPTY
-        marks = rulers.cuts(self.window, start, stop)
+        signs = rulers.signs(self.window, start, stop)
         begins = {m.position for m in rulers.within(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
-        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), _mark(start, marks, begins)]
+        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), rulers.before_byte(start, signs, begins)]
         for index, position in enumerate(range(start, stop)):
             byte = self._byte(position)
             parts.append((GHOST_HEX if byte is None else HEX_OF[byte], styles[index]))
             if position + 1 < stop:
                 parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
-                parts.append(_mark(position + 1, marks, begins))
+                parts.append(rulers.before_byte(position + 1, signs, begins))
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
         text = [self._character(position) for position in range(start, stop)]
         parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
@@ -237,8 +237,10 @@ class StreamView(LineView):
         return GHOST_TEXT if byte is None else CHARACTER_OF[byte]
 
     def _style_of(self, position: int) -> str:
-        byte = self._byte(position)
+        byte, job = self._byte(position), rulers.covering(self.window.jobs, position)
         style = "ghost" if byte is None else CLASS_OF[byte]
+        if job is not None and (job.prefix or job.suffix or not job.done):
+            style = frame_marks.of_span(job).style(position) or (style if job.done else "ghost")
         if byte is not None and self._before.get(position, byte) != byte:
             style += " changed"
         if position in self.link:
@@ -391,10 +393,3 @@ class StreamView(LineView):
 
     def _index(self, column: int) -> int:
         return (column - (self._blank if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3
-
-
-def _mark(position: int, marks: frozenset[int], begins: set[int]) -> Part:
-    """Return what stands before a byte: a cut, the beginning of a message, or room."""
-    if position in marks:
-        return rulers.CUT, "warn strong"
-    return (START, "key") if position in begins else (" ", "")

@@ -12,9 +12,9 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.parameters import BUFFER_PIN
+from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.net.connect_config import ConnectConfig
@@ -47,8 +47,9 @@ from trcvtui.plc.link_snapshot import connection_snapshot
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.roster import Roster
 from trcvtui.plc.serial_lines import SerialLines
-from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, FramerSnapshot, SentBytes, Snapshot
+from trcvtui.plc.snapshot import ConnectionSnapshot, FramerSnapshot, SentBytes, Snapshot
 from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
+from trcvtui.plc.variables import area_of, data_snapshot
 
 
 class Runtime:
@@ -77,16 +78,16 @@ class Runtime:
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
         self._resolve = self._resolver(resolve_peer)
-        self._data = {d.name: _area(d) for d in project.data}
+        self._data = {d.name: area_of(d) for d in project.data}
         self._connections = {config.name: self._connection(config) for config in project.connects}
         self._ports = {config.name: self._port(config) for config in project.udp_configs}
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
-        self._lines = SerialLines(project.combuffers, self.ledger.write, ports)
+        self._lines = SerialLines(project.combuffers, self._env, self.ledger.write, ports)
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._roster = self._new_roster()
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
         self._connection_snapshots = {n: self._link_snapshot(n) for n in (*self._connections, *self._ports)}
-        self._data_snapshots = {name: _data_snapshot(data) for name, data in self._data.items()}
+        self._data_snapshots = {name: data_snapshot(data) for name, data in self._data.items()}
 
     def _connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
@@ -189,6 +190,10 @@ class Runtime:
     def framer(self, instance: str) -> FramerSnapshot | None:
         """Return the framer of a block that receives from a ComBuffer."""
         return self._instances[instance].framer() if instance in self._instances else None
+
+    def recording(self, combuffer: str) -> Recording:
+        """Return what has come over the line of a ComBuffer, with its times."""
+        return self._lines.recording(combuffer, self._env.now, self.interval_ns)
 
     def sent(self, connect: str) -> SentBytes | None:
         """Return what a CONNECT's present connection has sent, None without a connection."""
@@ -294,8 +299,8 @@ class Runtime:
     def _declare(self, decl: DataDecl | ConnectConfig | UdpConfig | AddrParam) -> None:
         match decl:
             case DataDecl(name):
-                data = self._data[name] = _area(decl)
-                self._data_snapshots[name] = _data_snapshot(data)
+                data = self._data[name] = area_of(decl)
+                self._data_snapshots[name] = data_snapshot(data)
             case ConnectConfig(name):
                 self._connections[name] = self._connection(decl)
                 self._connection_snapshots[name] = self._link_snapshot(name)
@@ -384,17 +389,9 @@ class Runtime:
             self._connection_snapshots[name] = self._link_snapshot(name)
         for name, data in self._data.items():
             if self._data_snapshots[name].generation != data.generation:
-                self._data_snapshots[name] = _data_snapshot(data)
+                self._data_snapshots[name] = data_snapshot(data)
 
     def _link_snapshot(self, name: str) -> ConnectionSnapshot:
         if name in self._ports:
             return port_snapshot(self._ports[name], self._env.now)
         return connection_snapshot(self._connections[name], self._env.now)
-
-
-def _area(decl: DataDecl) -> DataArea:
-    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized)
-
-
-def _data_snapshot(data: DataArea) -> DataSnapshot:
-    return DataSnapshot(data.name, data.type_name, data.size, data.generation)

@@ -14,6 +14,7 @@ from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
+from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.serial_notes import SerialNote
 from trcvtui.net.connection import Connection
@@ -24,6 +25,9 @@ from trcvtui.plc.project import ComBufferDecl, InstanceDecl
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.plc.stream_feed import StreamFeed
 
+STREAM: Final = "tcp"  # what a recording says of a source that is a TRCV_C
+CABLE: Final = "cable"
+OVER_TCP: Final = ("socket://", "rfc2217://")
 QUEUE: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
 
 
@@ -33,11 +37,15 @@ class SerialLines:
     def __init__(
         self,
         decls: tuple[ComBufferDecl, ...],
+        env: Environment,
         write: Callable[[SerialNote | BenchNote], None],
         ports: SerialPorts | None,
     ) -> None:
+        def now() -> int:
+            return env.now
+
         self._decls = {decl.name: decl for decl in decls}
-        self._buffers = {decl.name: ComBuffer(decl.name, _size(decl), write) for decl in decls}
+        self._buffers = {decl.name: ComBuffer(decl.name, _size(decl), write, now) for decl in decls}
         self._feeds: list[StreamFeed] = []
         self._ports: dict[str, PortFeed] = {}
         for decl in decls if ports is not None else ():
@@ -81,6 +89,15 @@ class SerialLines:
                 self._feeds.append(feed)
                 return feed
         return None
+
+    def recording(self, name: str, until: int, tick: int) -> Recording:
+        """Return what has come over the line of a ComBuffer; of an unknown one nothing."""
+        if name not in self._decls:  # it is declared by the next scan
+            return Recording("", ())
+        decl = self._decls[name]
+        is_stream = decl.is_fed or (decl.serial is not None and decl.serial.port.startswith(OVER_TCP))
+        source = CABLE if decl.source in self._decls else STREAM if is_stream else decl.source
+        return self._buffers[name].recorded.kept(source, until, tick)
 
     def _is_up(self, name: str) -> bool:
         return self._ports[name].is_open if name in self._ports else True

@@ -38,6 +38,7 @@ SCAN_CONTROL: Final = ("hold", "go")
 MARK: Final = "mark"
 SAVE: Final = "save"
 UDT: Final = "udt"
+FRAMING: Final = "framing"
 SAVE_LINES: Final = "save scenario FILE, or save project [FILE] [!]"
 TRIGGER: Final = "trigger"
 SCENARIO: Final = "scenario"
@@ -102,6 +103,8 @@ class Console:
                 return self._save(rest.strip())
             if verb == UDT:
                 return self._udt(rest)
+            if verb == FRAMING:
+                return self._framing(rest)
             command = parse_line(line, self.bench.project, "prompt")
         except UserError as error:
             return error.lines()[0]
@@ -154,6 +157,20 @@ class Console:
         self.bench.project = fresh
         self._edits.take_types(fresh, given)
         return ""
+
+    def _framing(self, rest: str) -> str:
+        """Tell how the bytes of a ComBuffer may be cut, or set an instance so."""
+        from trcvtui.rig import framing_command as framing  # read when first asked for
+
+        name, buffer, number = framing.read_framing(rest, self.bench.project, "prompt")
+        recording = self.bench.runtime.recording(buffer)
+        if not number:
+            self._told = framing.told(recording)
+            return ""
+        lines = framing.chosen_lines(recording, self.bench.project, name, number, "prompt")
+        wrong = next(filter(None, map(self._carry_out, lines)), "")
+        self._told = "; ".join(lines)
+        return wrong
 
     def _pass(self, scans: int) -> str:
         if not self.holding:
@@ -318,6 +335,7 @@ class Console:
             waves=self._wave_news(request.waves, known),
             history=self._history.window(request.history) if request.history and known else None,
             unsaved=self._edits.unsaved,
+            recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
         )
         return self._watching.completed(picture, request.partial_of, since) if known else picture
 

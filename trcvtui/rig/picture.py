@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from trcvtui.blocks.serial.recording import Recording
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.facts import Facts, Fired
@@ -33,6 +34,7 @@ class PictureRequest:
     project: int = 0
     waves: tuple[tuple[str, int], ...] = ()
     history: HistoryRequest | None = None
+    recordings_of: tuple[str, ...] = ()  # ComBuffers
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,3 +229,6 @@ class Picture:
     facts: tuple[tuple[str, Facts], ...] = ()
     armed: str = ""
     fired: Fired | None = None
+    recordings: tuple[
+        tuple[str, Recording], ...
+    ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from trcvtui.blocks.serial.recording import Recorder
 from trcvtui.blocks.serial_notes import BytesArrived, BytesLost, LineHeld, SerialNote
 
 ROOM: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
@@ -17,9 +18,16 @@ MOST_ENDS: Final = 64
 
 
 class ComBuffer:
-    """One ComBuffer. `head` and `tail`: how many bytes have left and have come, ever."""
+    """One ComBuffer. `head` and `tail`: how many bytes have left and have come, ever.
 
-    def __init__(self, name: str, size: int, write: Callable[[SerialNote], None]) -> None:
+    `recorded` is what came over the line, with the times that `now` tells.
+    """
+
+    def __init__(
+        self, name: str, size: int, write: Callable[[SerialNote], None], now: Callable[[], int]
+    ) -> None:
+        self.recorded = Recorder()
+        self._now = now
         self.name = name
         self.size = size
         self.head = 0
@@ -49,6 +57,7 @@ class ComBuffer:
 
     def put(self, payload: bytes) -> int:
         """Append bytes and return how many had room; the others are dropped."""
+        self.recorded.add(payload, self._now())
         taken = min(len(payload), self.free)
         if taken:
             self._write(BytesArrived(self.name, self.tail, taken))
@@ -59,6 +68,7 @@ class ComBuffer:
 
     def end(self, reason: str) -> None:
         """Mark the end of a connection behind the last byte."""
+        self.recorded.end()
         if not self._ends or self._ends[-1] != (self.tail, reason):
             self._ends.append((self.tail, reason))
 

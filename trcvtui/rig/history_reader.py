@@ -99,7 +99,7 @@ class HistoryReader:
         if self._seek != seek:
             self._seek, self._answer, self._reached = seek, None, seek.start
             if not seek.patterns:
-                self._answer = Sought(seek.number, stream.done(seek.start, seek.is_forward))
+                self._answer = Sought(seek.number, stream.done(seek.start, seek.is_forward, not seek.dropped))
         if self._answer is None or self._answer.share < 1:
             self._answer = self._search(stream, seek)
         return self._answer

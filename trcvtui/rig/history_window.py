@@ -85,12 +85,13 @@ class MessageSpan(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Seek:
-    """Look for another place, from position `start` on: a DONE, or one of the `patterns`."""
+    """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes."""
 
     number: int
     start: int
     is_forward: bool
     patterns: tuple[bytes, ...] = ()
+    dropped: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,11 +80,14 @@ class JobStream:
                 break
         return None
 
-    def done(self, position: int, is_forward: bool) -> int | None:
-        """Return where the next job that ended with DONE begins, or the one that began before."""
+    def done(self, position: int, is_forward: bool, is_done: bool = True) -> int | None:
+        """Return where the next job that ended with DONE begins, or the one that began before.
+
+        Without `is_done`: the next bytes that were dropped.
+        """
         chunks = self.from_position(position) if is_forward else self.newest_first(position)
         for chunk in chunks:
-            if chunk.span.done and (not is_forward or chunk.span.position > position):
+            if chunk.span.done is is_done and (not is_forward or chunk.span.position > position):
                 return chunk.span.position
         return None
 

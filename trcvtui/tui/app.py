@@ -49,6 +49,8 @@ class BenchApp(App[None]):
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
         Binding("D", "race", show=False, id="race"),
+        Binding("X", "dropped", show=False, id="dropped"),
+        Binding("B", "framings", show=False, id="framings"),
     ]
 
     def __init__(
@@ -276,6 +278,14 @@ class BenchApp(App[None]):
     def _race_left(self, nothing: None) -> None:
         self.race = None
         self._show(self.scene.bench)
+
+    # -- frames -------------------------------------------------------------------------------------
+
+    def action_dropped(self) -> None:
+        """Show the bytes that no frame and no job has: the newest, then the ones before."""
+        if self.screen is self.main:
+            self.main.action_pane(5)
+            self.main.received.action_dropped()
 
     # -- the project --------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import Part, Row, row
 
 LABEL: Final = 9
-BAR: Final = 10
+BAR: Final = 8
 NEAR: Final = 4  # a ComBuffer with less than a quarter of its room left
 ROOMY: Final = 72
 
@@ -67,7 +67,7 @@ def _buffer(scene: Scene, instance: InstanceSnapshot, width: int) -> Row:
 
 def source_words(buffer: ComBufferSnapshot) -> str:
     """Return where the bytes of a ComBuffer come from."""
-    known = {SIMULATED: "simulated line", SERIAL: "serial port"}
+    known = {SIMULATED: "simulated", SERIAL: "serial port"}
     return known.get(buffer.source, f"from {plain(buffer.source)}")
 
 

@@ -29,7 +29,7 @@ def gap_of(scene: Scene, instance: InstanceSnapshot) -> Gap | None:
     if not limit:
         return Gap(0, 0, NO_WATCH)
     if not instance.busy or instance.last_receive_ns is None:
-        return Gap(0, limit, "starts with the first byte of a frame")
+        return Gap(0, limit, "waits for a first byte")
     return Gap(max(0, scene.t_ns - instance.last_receive_ns), limit, _frozen(scene, snapshot.running))
 
 

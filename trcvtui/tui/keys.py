@@ -20,6 +20,7 @@ EVERYWHERE: Final = (
     ("S or F2", "scenarios: read them, play them step by step"),
     ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
     ("D", "dialect race: the session since the mark through several dialects, scan beside scan"),
+    ("B", "framing advice: how the bytes on a ComBuffer may be cut into frames, with evidence"),
     (":", "bench command line; up and down walk its history"),
     ("ctrl+p", "command palette: everything by name"),
     ("y", "yank: a menu of twelve formats; y y takes what the pane is about"),
@@ -34,6 +35,7 @@ EVERYWHERE: Final = (
 PINS: Final = (
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
+    ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
     ("C", "in pane 2: the connection description byte for byte; y takes it as hex, s as SCL"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
 )
@@ -44,6 +46,7 @@ BYTES: Final = (
     ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("[ ]", "the DONE before, the next one"),
+    ("X", "bytes that were thrown away: noise, parts of frames, lost ones; again: those before"),
     ("/, n N", 'find hex, "text" or =number in either byte order; next, previous; esc ends it'),
     ("d, u", "the job before where it differs; fewer rulers"),
 )
@@ -58,6 +61,7 @@ TIMING: Final = (
     ("e", "export as VCD (GTKWave, PulseView), SVG or text"),
 )
 PEER: Final = (
+    ("enter s → b", "a simulated line: type bytes, the same again, byte by byte, the cable pulled"),
     ("s c f", "send the message; connect or listen; FIN (UDP: close)"),
     ("r h z", "RST; half-close, the peer still receives; stall: it reads no more, and on again"),
     ("l u", "silence: the wire goes down without a word; a fault of a kernel call, or clear them"),

@@ -22,7 +22,7 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
         byte = message.first + place - message.position
         words.append(f"{plain(message.peer)} #{message.number} byte {byte}")
     byte = place - job.position
-    words.append(f"{plain(job.instance)} job {job.number} byte {byte}" if job.instance else "no job")
+    words.append(_job_words(job, byte))
     if job.done and (field := field_at(project, job.instance, byte)):
         words.append(field)
     if recv is not None and recv.number:
@@ -30,6 +30,18 @@ def origin_words(place: int, values: tuple[int | None, int | None], labels: Labe
     if not job.done:
         words.append(plain(job.reason))
     return " · ".join(words)
+
+
+def _job_words(job: JobSpan, byte: int) -> str:
+    """Return whose byte it is, and of which part of a frame."""
+    if not job.instance:
+        return "no job"
+    if not job.done and not job.number:
+        return plain(job.instance)
+    if not job.prefix and not job.suffix:
+        return f"{plain(job.instance)} job {job.number} byte {byte}"
+    part = "prefix" if byte < job.prefix else "suffix" if byte >= job.size - job.suffix else "data"
+    return f"{plain(job.instance)} frame {job.number} byte {byte}, {part}"
 
 
 def _value_words(value: int | None, was: int | None, job: JobSpan) -> str:

@@ -85,7 +85,7 @@ class MainScreen(Screen[None]):
         self.received = Received(scene)
         self.table = UdtTable(scene)
         self.peer = PeerPanel(scene, voice)
-        self.prompt = Prompt(scene, submit)
+        self.prompt = Prompt(scene, self.peer.lines.heard(submit))
         self.key_line = KeyLine()
 
     def compose(self) -> Iterator[Widget]:
@@ -111,7 +111,7 @@ class MainScreen(Screen[None]):
         }
 
     def _focus_target(self, digit: int) -> Widget:
-        inner: dict[int, Widget] = {1: self.instances, 5: self._bytes_view(), 7: self.peer.peers}
+        inner: dict[int, Widget] = {1: self.instances, 5: self._bytes_view(), 7: self.peer.first}
         return inner.get(digit) or self._panes()[digit]
 
     def on_mount(self) -> None:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.blocks.framing.frame import Ending
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import bar, clip, plain, wrapped
+from trcvtui.tui.frame_marks import CLOSES, OPENS
+from trcvtui.tui.gap_timer import gap_of, gap_parts
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row, ruled
 
 BAR: Final = 12
+GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfinished frame
+GOOD: Final = (Ending.SUFFIX, Ending.SIZE)
 ROOMY: Final = 100
 
 
@@ -33,6 +38,8 @@ class JobLine(LineView, can_focus=False):
             return EMPTY
         if instance.sends:
             return ruled(self.line_width, *self._sent(instance))
+        if instance.framer is not None:
+            return ruled(self.line_width, *self._framed(instance, instance.framer))
         if not instance.need:
             return ruled(self.line_width, ("── no job running ", "dim"))
         full, empty = bar(instance.have, instance.need, BAR)
@@ -42,6 +49,27 @@ class JobLine(LineView, can_focus=False):
             self.line_width, ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
             ("not in DATA yet ", "dim"),
         )  # fmt: skip
+
+    def _framed(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
+        """Return how the frame stands that has no end yet; without one, what the newest frame is made of."""
+        if instance.busy:
+            full, empty = bar(instance.have, framer.size, BAR)
+            told: list[Part] = [
+                ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),
+                (f" {instance.have} of at most {framer.size} B ", "strong"),
+            ]  # fmt: skip
+            gap = gap_of(self._scene, instance)
+            if gap is not None and gap.limit_ns and self.line_width >= GAP_BESIDE:
+                told += [("· gap ", "dim"), *gap_parts(gap), (" ", "")]
+            return told
+        last = framer.last
+        if last is None:
+            return [("── no frame has begun ", "dim")]
+        data = last.size - last.prefix - last.suffix
+        marks = f"prefix {last.prefix} {OPENS} data {data} {CLOSES} suffix {last.suffix}"
+        style = "dim" if last.ending in GOOD else "warn"
+        return [("── ", "dim"), (f"frame of {last.size} B", "strong"), (f" · {marks} · ", "dim"),
+                (f"ended by: {last.ending} ", style)]  # fmt: skip
 
     def _sent(self, instance: InstanceSnapshot) -> list[Part]:
         """Return how far the bytes of this connection have come: DONE tells of the local stack only."""

@@ -17,7 +17,8 @@ from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.button_line import ButtonLine
 from trcvtui.tui.widgets.composer import Composer
-from trcvtui.tui.widgets.line_view import pane_title
+from trcvtui.tui.widgets.line_feed import LineFeed
+from trcvtui.tui.widgets.line_view import LineView, pane_title
 from trcvtui.tui.widgets.peer_list import PeerList
 from trcvtui.tui.widgets.peer_notes import PeerNotes
 
@@ -46,6 +47,7 @@ class PeerPanel(Vertical):
         self._scene = scene
         self._voice = voice
         self._title = ""
+        self.lines = LineFeed(scene, voice)
         self.peers = PeerList(scene)
         self.composer = Composer(scene, voice)
         self._buttons = ButtonLine("buttons", self._labels, self._press)
@@ -56,6 +58,7 @@ class PeerPanel(Vertical):
 
     def compose(self) -> Iterator[Widget]:
         """Compose the pane."""
+        yield self.lines
         yield self.peers
         if self._speaks:
             yield self.composer
@@ -72,12 +75,20 @@ class PeerPanel(Vertical):
         await self.mount(self.composer, self._buttons, self._notes)
         await self.prepare()
 
+    @property
+    def first(self) -> LineView:
+        """Return where the focus goes: the lines of a project without peers, else the peers."""
+        return self.lines if self.lines.names and not self._scene.project.peers else self.peers
+
     def show(self) -> None:
-        """Show the peers and what the buttons would do."""
-        name = plain(self._scene.peer)
+        """Show the lines, the peers and what the buttons would do."""
+        name = plain(self._scene.peer) if self._scene.peer or not self.lines.names else self.lines.chosen
         if name != self._title or not self.border_title:
             self._title = name
-            self.border_title = pane_title(7, f"Peer {clip(name, 20)}")
+            kind = "Peer" if self.first is self.peers else "Line"
+            self.border_title = pane_title(7, f"{kind} {clip(name, 20)}")
+        self.lines.display, self.peers.display = bool(self.lines.names), self.first is self.peers
+        self.lines.show()
         self.peers.show()
         if self._scene.project.peers and not self._speaks:
             self._speaks = True

@@ -29,6 +29,8 @@ from trcvtui.udt.byte_search import Wanted
 
 MOST_JOB_ROWS: Final = 4
 PAST: Final = "-past"
+MOST: Final = 1 << 62  # behind every position
+NO_DROP: Final = "no bytes were thrown away before this place"
 NOT_KEPT: Final = "its bytes were not kept when the view froze: F shows those of now"
 
 
@@ -69,6 +71,7 @@ class Received(Vertical):
         self._find = FindLine(self._look_for, self._back_to_bytes)
         self._wanted: Wanted | None = None
         self._nowhere = ""
+        self._seeks_drop = False
         self._known = ("", 0)  # CONNECT and bench of the stream
         self._title = ""
         self._subtitle = ""
@@ -196,6 +199,9 @@ class Received(Vertical):
         window = self._scene.past
         sought = window.sought if window is not None else None
         if self.stream.seek is None:
+            if self._seeks_drop and sought is not None:
+                self._seeks_drop = False
+                self._nowhere = NO_DROP if sought.position is None else ""
             if sought is not None and sought.position is None and self._wanted is not None:
                 self._nowhere = f"{self._wanted.about}: not found there"
             return ""
@@ -264,6 +270,16 @@ class Received(Vertical):
         here = stream.cursor if stream.cursor is not None else stream.window.end + 1
         stream.look_for(here, is_forward)
         self._nowhere = ""
+        self.show()
+
+    def action_dropped(self) -> None:
+        """Go to the newest bytes that were thrown away, then to the ones before, and so on."""
+        if not self.is_past:
+            self.action_past()
+            self.stream.cursor = None
+        stream = self.stream
+        self._seeks_drop, self._nowhere = True, ""
+        stream.look_for(stream.cursor if stream.cursor is not None else MOST, False, dropped=True)
         self.show()
 
     def action_before(self) -> None:
@@ -335,6 +351,8 @@ class Received(Vertical):
         # Between two jobs there is a scan without one: the room stays, or the screen would jump at each DONE.
         if not instance.need and instance.pin("EN_R") and self._connected():
             return
+        if not instance.need and instance.framer is not None and self._job_rows:
+            return  # the next frame will want it
         need = 0 if instance.sends else instance.need
         self.job.rows_kept = -(-need // self.job.per_row)
         rows = min(MOST_JOB_ROWS, self.job.rows_kept)

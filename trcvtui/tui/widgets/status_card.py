@@ -60,7 +60,16 @@ class StatusCard(LineView):
             when = f"in scan {self._past.scan}, at {moment(self._past.t_ns)} s"
             return self._rows_for(edge, when, self._explainer.then(self._past, edge), [])
         told = self._explainer.now(instance)
-        return self._rows_for(instance, f"since scan {instance.since_scan}", told, self._lamps(instance))
+        when = f"since scan {instance.since_scan}"
+        return self._rows_for(instance, when, told, self._lamps(instance), self._warnings(instance))
+
+    def _warnings(self, instance: InstanceSnapshot) -> Sequence[str]:
+        """Return what will go wrong with the framing of a block on a ComBuffer."""
+        if instance.framer is None or self._scene.snapshot is None:
+            return ()
+        from trcvtui.rig.framer_warnings import warnings_of  # read when the first framer is here
+
+        return warnings_of(self._scene.snapshot, self._scene.project, instance.name)
 
     def _nothing(self) -> list[Row]:
         if self._scene.project.instances or self._scene.picture is None:
@@ -69,7 +78,12 @@ class StatusCard(LineView):
         return [row((text, "dim")) for text in texts]
 
     def _rows_for(
-        self, shown: InstanceSnapshot | StatusEdge, when: str, told: Advice, lamps: list[Part]
+        self,
+        shown: InstanceSnapshot | StatusEdge,
+        when: str,
+        told: Advice,
+        lamps: list[Part],
+        warnings: Sequence[str] = (),
     ) -> list[Row]:
         found = self._scene.project.dialect.row(shown.status, shown.block)
         title = found.title if found else shown.condition
@@ -87,6 +101,7 @@ class StatusCard(LineView):
             rows += [row(*lamps), row(*rest)]
         elif lamps:
             rows.append(row(*lamps))
+        rows += self._paragraph("warn", warnings, "warn")
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
         if found is not None:

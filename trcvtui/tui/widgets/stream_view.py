@@ -117,10 +117,12 @@ class StreamView(LineView):
         if not self.follows:
             self.scroll_to(y=max(0, self.scroll_offset.y - rows), animate=False)
 
-    def look_for(self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = ()) -> None:
-        """Ask for the next DONE, or the next place with one of the patterns."""
+    def look_for(
+        self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), dropped: bool = False
+    ) -> None:
+        """Ask for the next DONE, the next place with one of the patterns, or the next dropped bytes."""
         self._seeks += 1
-        self.seek = Seek(self._seeks, start, is_forward, patterns)
+        self.seek = Seek(self._seeks, start, is_forward, patterns, dropped)
 
     def mark(self, patterns: tuple[bytes, ...]) -> None:
         """Mark what is looked for."""

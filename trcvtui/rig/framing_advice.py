@@ -4,7 +4,8 @@
 `Picture.recordings` have one) and answers `FramingAdvice`: `.proposals`, the best first, and `.said`. A
 `Proposal` (framing_proposal.py) has `title`, `evidence`, `doubt`, `instead`, `preview` for the screen, and
 `framing_lines.lines_for(proposal, project, "RD")` has the bench lines that set an instance so; `framing RD
-apply 1` runs them. It takes some 10 to 60 ms for 64 KiB: the screen calls it in its own process.
+apply 1` runs them. It takes some 10 ms, 100 at
+most: the screen calls it in its own process.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from trcvtui.rig.framing_weight import KNOWN_ENDS, KNOWN_STARTS, TEXT, Scale, sc
 from trcvtui.rig.wording import count
 
 MILLISECOND: Final = 1_000_000
-WINDOWS: Final = (4096, 32_768)  # bytes that are tried: more, where fewer have too few frames
+WINDOWS: Final = (4096, 16_384)  # bytes that are tried: more, where fewer have too few frames
 ENOUGH_FRAMES: Final = 12
 LEAST_BYTES: Final = 8
 LEAST_FRAMES: Final = 3
@@ -43,7 +44,7 @@ LEAST_SHARE: Final = 0.2  # of the best's weight
 LEAST_SHARE_OF_FRAMES: Final = 0.8
 LEAST_EXPLAINED: Final = 0.5
 MOST_PROPOSALS: Final = 6
-MOST_FRAMES: Final = 500  # of one trial
+MOST_FRAMES: Final = 200  # of one trial
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
 MARKED: Final = (Kind.PREFIX_SUFFIX, Kind.SUFFIX, Kind.PREFIX)
 
@@ -200,7 +201,7 @@ def _try(recording: Recording, guess: Guess, scale: Scale) -> Tried | None:
     if framing.timeout_ns:
         each = GAP_BITS / 2 if recording.source == "tcp" else GAP_BITS
         are_alike = len({len(frame.content) for frame in good}) == 1
-        bits = max(bits, 0.0) + each * min(len(good), 15) / (2 if are_alike else 1)
+        bits = max(bits, 0.0) + each * min(len(good), 15) / (1.5 if are_alike else 1)
     return Tried(guess, made, bits) if bits >= LEAST_BITS else None
 
 

@@ -65,7 +65,8 @@ def weight(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths
     runs = len(cut.frames) - len(good)
     if cut.noise_runs:
         saved -= cut.noise_runs * max(EXCEPTION, log2(1 + cut.noise))
-    return saved + _of_marks(good, scale, prefix, suffix) - EXCEPTION * (1 + runs)
+    saved += _of_marks(good, scale, prefix, suffix) - EXCEPTION * (1 + runs)
+    return saved * (sum(lengths) / cut.total) ** 2  # what it does not explain speaks against it
 
 
 def _columns(good: Sequence[Placed], scale: Scale) -> dict[int, float]:
@@ -134,12 +135,7 @@ def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes
     if prefix in KNOWN_STARTS and scale.is_text:
         bits += min(1.0 * number, MOST_OF_A_MARK / 2)
     empty = sum([len(frame.content) <= len(prefix) + len(suffix) for frame in good])
-    if (
-        len(suffix) == 1
-        and suffix != b"\0"
-        and empty * 5 <= number
-        and not (scale.is_text and suffix[0] in TEXT)
-    ):
+    if len(suffix) == 1 and empty * 5 <= number and not (scale.is_text and suffix[0] in TEXT):
         bits += min(_frequency(suffix[0], scale), MOST_OF_A_MARK)
     return bits
 

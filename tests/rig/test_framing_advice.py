@@ -1,0 +1,210 @@
+"""What the advice on framings says of a recording: transcripts, and framings that were hidden in bytes."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.rig.framing_recordings import cut_up, every, recorded
+from trcvtui.blocks.framing.frame import Framing
+from trcvtui.blocks.serial.recording import MOST_BYTES, Recorder
+from trcvtui.rig.framing_advice import MOST_PROPOSALS, advise
+from trcvtui.rig.framing_proposal import MOST_BYTES_SHOWN, MOST_SHOWN, Kind
+from trcvtui.rig.framing_trial import LengthField, cut
+
+CODES = [b"\x02400638%d\r\n" % number for number in (1333931, 77, 1333955, 90210, 1333962, 4711)]
+
+
+def numbers(seed: int, size: int) -> bytes:
+    """Return bytes of any value, always the same for a seed."""
+    return random.Random(seed).randbytes(size)
+
+
+def test_a_barcode_reader_has_a_prefix_and_a_suffix() -> None:
+    recording = every(200, [b"READY" + CODES[0], *CODES[1:]], "tcp")
+    assert advise(recording).text().splitlines()[:7] == [
+        "91 bytes in 6 chunks of a TCP stream",
+        "1. prefix 02 (STX), suffix 0D 0A (CR LF)",
+        "   6 of 6 frames end in 0D 0A (CR LF); 0D 0A occurs nowhere else",
+        "   6 of 6 frames begin with 02 (STX); 02 occurs nowhere else",
+        "   6 frames, of 11 to 16 bytes: 86 of 91 bytes",
+        "   5 of 6 chunks begin where a frame does",
+        "   left over: 5 bytes of noise before a prefix",
+    ]
+
+
+def test_lines_of_text_have_a_suffix_and_their_first_letters_may_be_data() -> None:
+    lines = [f"T={20 + n / 7:.2f} H={40 + n}\n".encode() for n in range(15)]
+    first, second, *_ = advise(cut_up(b"".join(lines), [7] * 40)).proposals
+    assert (first.title, first.rank) == ("suffix 0A (LF)", 1)
+    assert first.evidence[0] == "15 of 15 frames end in 0A (LF); 0A occurs nowhere else"
+    assert (second.title, second.rank) == ("prefix 54 3D 32 ('T' '=' '2'), suffix 0A (LF)", 1)
+    assert second.doubt == ("54 3D 32 ('T' '=' '2') may be data that has not changed yet",)
+
+
+def modbus(number: int) -> bytes:
+    """Return an answer of Modbus TCP."""
+    body = bytes([1, 3]) + numbers(number, (3, 5, 9, 17)[number % 4])
+    return number.to_bytes(2, "big") + b"\0\0" + len(body).to_bytes(2, "big") + body
+
+
+@pytest.mark.parametrize(
+    "recording",
+    [every(50, map(modbus, range(20)), "tcp"), cut_up(b"".join(map(modbus, range(20))), [7] * 50)],
+)
+def test_a_length_field_is_found_and_what_does_it_in_the_place_of_receivedata(recording: object) -> None:
+    best = advise(recording).proposals[0]  # type: ignore[arg-type]
+    assert best.title == "length field: 2 bytes, high byte first, at byte 4; counts the bytes behind it"
+    assert best.field == LengthField(4, 2, "big", 6)
+    assert not best.can_be_set
+    assert best.evidence[0] == "20 lengths lead from frame to frame, the last to byte 330 of 330"
+    assert best.instead == (
+        "cannot be set: ReceiveData has no length field; a program does it with two jobs: "
+        "LEN of TRCV_C (or SizeReceiveData) = 6 for the head, then = what the head tells"
+    )
+
+
+def test_blocks_of_eight_bytes_have_a_fixed_size_and_no_start() -> None:
+    best, gap = advise(every(100, [numbers(n, 8) for n in range(12)])).proposals
+    assert (best.title, best.framing) == ("fixed size 8", Framing(8))
+    assert best.evidence == (
+        "12 frames, all of 8 bytes: 96 of 96 bytes",
+        "12 of 12 chunks begin where a frame does",
+    )
+    assert best.doubt == ("nothing marks a start: one lost byte shifts all frames behind it until Reset",)
+    assert gap.title == "a gap of T#50ms"
+
+
+def test_a_counter_gives_a_fixed_size_away_though_no_pause_does() -> None:
+    stream = b"".join([n.to_bytes(2, "little") + b"\0\1" + numbers(n, 4) for n in range(30)])
+    assert advise(cut_up(stream, [7] * 40)).proposals[0].title == "fixed size 8"
+
+
+@pytest.mark.parametrize(
+    ("source", "doubt"),
+    [("serial", ()), ("tcp", ("a gap over TCP is a guess: the network joins and parts what was sent",))],
+)
+def test_where_only_pauses_part_the_bytes_it_is_a_gap(source: str, doubt: tuple[str, ...]) -> None:
+    frames = [numbers(n, 3 + n * 5 % 13) for n in range(20)]
+    (gap,) = advise(every(200, frames, source)).proposals
+    assert (gap.kind, gap.title, gap.doubt) == (Kind.GAP, "a gap of T#100ms", doubt)
+    assert gap.evidence[0] == "20 pauses of T#100ms or longer, no other near it"
+    assert [frame.content for frame in gap.preview] == frames[:MOST_SHOWN]
+
+
+def test_bytes_of_one_frame_that_come_scan_by_scan_are_within_the_gap() -> None:
+    chunks = [(10 if at else 300, numbers(n, 30)[at : at + 7]) for n in range(8) for at in range(0, 30, 7)]
+    best, gap = advise(recorded(chunks)).proposals
+    assert (best.title, gap.title, gap.frames) == ("fixed size 30", "a gap of T#155ms", 8)
+
+
+@pytest.mark.parametrize("size", [40, 1000, MOST_BYTES])
+def test_in_noise_nothing_fits_and_that_is_said(size: int) -> None:
+    noise = numbers(size, size)
+    advice = advise(cut_up(noise, [50] * (size // 50)))
+    assert advice.proposals == ()
+    assert advice.said == f"nothing fits: in {size} bytes no mark, length, size or pause parts frames"
+
+
+@pytest.mark.parametrize("size", [0, 1, 7])
+def test_too_few_bytes_are_too_few(size: int) -> None:
+    assert advise(recorded([(10, b"\r\n\r\n\r\n\r"[:size])])).said.endswith("recorded: too few to tell")
+
+
+def test_bytes_of_two_connections_are_never_one_frame() -> None:
+    recorder = Recorder()
+    for number in range(6):
+        recorder.add(CODES[number] + CODES[0][: number % 3], number * 10**9)
+        recorder.end()
+    best = advise(recorder.kept("tcp", 10**10, 10**7)).proposals[0]
+    assert best.title == "prefix 02 (STX), suffix 0D 0A (CR LF)"
+    assert (best.frames, best.broken, best.left) == (6, 4, 2)
+    assert best.evidence[-1] == (
+        "left over: 4 bytes whose connection ended before the frame did; "
+        "2 bytes at the end that are no whole frame yet"
+    )
+
+
+def test_a_recording_that_began_in_a_frame_is_read_from_the_first_pause_on() -> None:
+    recorder = Recorder()
+    for number in range(40):
+        recorder.add(numbers(number, 2000), number * 10**9)
+    recording = recorder.kept("serial", 10**11, 10**7)
+    assert recording.dropped == 80_000 - recording.size > 0
+    best = advise(recording).proposals[0]
+    assert (best.title, best.left) == ("fixed size 2000", 0)
+
+
+DELIMITERS = st.binary(min_size=1, max_size=4).filter(lambda mark: len(set(mark)) == len(mark))
+
+
+@st.composite
+def hidden(draw: st.DrawFn) -> tuple[Framing, list[bytes], list[int]]:
+    """Return a framing, frames of it whose payload avoids its marks, and cuts of the stream."""
+    seed = draw(st.integers(0, 2**32))
+    how = draw(st.sampled_from(["suffix", "prefix and suffix", "prefix and size"]))
+    prefix = draw(DELIMITERS) if how != "suffix" else b""
+    suffix = (
+        draw(DELIMITERS.filter(lambda mark: not set(mark) & set(prefix))) if how != "prefix and size" else b""
+    )
+    source = random.Random(seed)
+    allowed = [byte for byte in range(256) if byte not in prefix + suffix]
+    number = draw(st.integers(16, 40))
+    fixed = draw(st.integers(6, 20))
+    lengths = [fixed if how == "prefix and size" else source.randint(4, 20) for _ in range(number)]
+    frames = [prefix + bytes(source.choices(allowed, k=length)) + suffix for length in lengths]
+    framing = Framing(max(map(len, frames)), prefix, suffix)
+    cuts = draw(st.lists(st.integers(1, 40), max_size=60))
+    return framing, frames, cuts
+
+
+@given(hidden())
+@settings(max_examples=60, deadline=None)
+def test_a_framing_that_was_hidden_is_found_first(secret: tuple[Framing, list[bytes], list[int]]) -> None:
+    framing, frames, cuts = secret
+    recording = cut_up(b"".join(frames), cuts)
+    best = [each for each in advise(recording).proposals if each.rank == 1]
+    assert best, "nothing fits"
+    made = [cut(recording, each.framing) for each in best if each.framing is not None]
+    assert [frame.content for frame in made[0].good] == frames
+    suffixes = [each.framing.suffix for each in best if each.framing is not None]
+    assert framing.suffix in suffixes
+
+
+CHUNKS = st.lists(st.tuples(st.sampled_from([0, 10, 20, 500]), st.binary(max_size=40)), max_size=30)
+FEW_VALUES = st.lists(
+    st.tuples(st.sampled_from([10, 500]), st.text("\r\n\x02A", max_size=30).map(str.encode)), max_size=30
+)
+
+
+@given(CHUNKS | FEW_VALUES, st.sampled_from(["sim", "serial", "tcp", "cable"]))
+@settings(max_examples=80, deadline=None)
+def test_whatever_was_recorded_each_proposal_is_what_the_framer_cuts(
+    chunks: list[tuple[int, bytes]], source: str
+) -> None:
+    recording = recorded(chunks, source)
+    proposals = advise(recording).proposals
+    assert len(proposals) <= MOST_PROPOSALS
+    stream = b"".join([payload for _, payload in chunks])
+    for each in proposals:
+        assert each.explained + each.noise + each.left + each.broken <= each.total <= len(stream)
+        for frame in each.preview:
+            assert stream[frame.start : frame.start + frame.size].startswith(frame.content)
+            assert len(frame.content) <= MOST_BYTES_SHOWN
+        if each.framing is not None:
+            assert len(cut(recording, each.framing).good) == each.frames
+
+
+def test_a_recorder_keeps_the_newest_bytes_and_counts_the_others() -> None:
+    recorder = Recorder()
+    for number in range(100):
+        recorder.add(bytes([number]) * 1000, number)
+    recording = recorder.kept("serial", 100, 1)
+    assert recording.size == 65_000
+    assert (recording.chunks[0].payload[0], recording.chunks[-1].payload[0]) == (35, 99)
+    assert recording.dropped == 35_000
+    recorder.add(numbers(1, 100_000), 101)
+    assert recorder.kept("serial", 101, 1).size == MOST_BYTES

@@ -4,8 +4,8 @@
 `Picture.recordings` have one) and answers `FramingAdvice`: `.proposals`, the best first, and `.said`. A
 `Proposal` (framing_proposal.py) has `title`, `evidence`, `doubt`, `instead`, `preview` for the screen, and
 `framing_lines.lines_for(proposal, project, "RD")` has the bench lines that set an instance so; `framing RD
-apply 1` runs them. It takes some 10 ms, 100 at
-most: the screen calls it in its own process.
+apply 1` runs them. It takes some 10 ms, of
+long recordings 50 or more: the screen calls it in its own process.
 """
 
 from __future__ import annotations

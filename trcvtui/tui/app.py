@@ -28,6 +28,7 @@ from trcvtui.tui.theme import THEMES
 
 if TYPE_CHECKING:
     from trcvtui.tui.lab import Lab
+    from trcvtui.tui.screens.framings import FramingScreen
     from trcvtui.tui.screens.lab import LabScreen
     from trcvtui.tui.screens.race import RaceScreen
     from trcvtui.tui.screens.scenarios import ScenariosScreen
@@ -69,6 +70,7 @@ class BenchApp(App[None]):
         self._scenario: Path | None = None  # the one that was chosen last
         self.lab: LabScreen | None = None  # while it is open
         self.race: RaceScreen | None = None  # while it is open
+        self.framings: FramingScreen | None = None  # while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
         self._told_unsaved = 0
@@ -143,6 +145,8 @@ class BenchApp(App[None]):
             self._end(str(stopped))
 
     def _show(self, before: int) -> None:
+        if self.framings is not None:
+            self.framings.show()
         above = self.race or self.scenarios or self.lab
         if above is not None:
             if above.is_mounted:
@@ -286,6 +290,23 @@ class BenchApp(App[None]):
         if self.screen is self.main:
             self.main.action_pane(5)
             self.main.received.action_dropped()
+
+    def action_framings(self) -> None:
+        """Open the advice on how the bytes of a ComBuffer may be cut into frames."""
+        from trcvtui.tui.screens.framings import FramingScreen  # read when first asked for
+
+        if self.screen is not self.main:
+            return
+        if not self.scene.project.combuffers:
+            self.main.prompt.complain("no ComBuffer in this project: framing advice looks at one's bytes")
+            return
+        self.framings = FramingScreen(self.scene)
+        self.push_screen(self.framings, self._framing_chosen)
+
+    def _framing_chosen(self, lines: tuple[str, ...] | None) -> None:
+        self.framings = None
+        for line in lines or ():
+            self.submit(line)
 
     # -- the project --------------------------------------------------------------------------------
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.parameters import BUFFER_PIN, DATA_PIN, POINTERS
 from trcvtui.plc.project import Project
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.plc.wired_pins import BUFFER_PINS, buffer_pin, data_pin, mark_pins
 from trcvtui.tui.afterglow import DONE, ERROR, Afterglow
 from trcvtui.tui.formatting import lamp, status_word
 from trcvtui.tui.keys import letters_of
@@ -62,13 +62,13 @@ BEFORE: Final = {"pPrefix": "LenPrefix", "pSuffix": "LenSuffix", "pReceiveData":
 
 def wired_pins(block: str) -> dict[str, DrawnPin]:
     """Return the pins of a block on a ComBuffer that the project file wires, by name."""
-    if block not in BUFFER_PIN:
+    if not buffer_pin(block):
         return {}
-    marks = zip(POINTERS.get(block, ()), ("prefix", "suffix"), strict=False)
-    found = {name: f"{mark}, as hex or text; its length follows" for name, mark in marks}
-    if block in DATA_PIN:
-        found[DATA_PIN[block]] = "the variable of the bytes; its type is its size"
-    found[BUFFER_PIN[block]] = "the ComBuffer; a simulated line can be fed"
+    marks = mark_pins(block)
+    found = {name: f"{mark}, as hex or text; its length follows" for name, mark in marks.items()}
+    if data_pin(block):
+        found[data_pin(block)] = "the variable of the bytes; its type is its size"
+    found[buffer_pin(block)] = "the ComBuffer; a simulated line can be fed"
     return {
         name: DrawnPin(name, text, False, False, WIRED_LETTERS[name], name, True)
         for name, text in found.items()
@@ -82,7 +82,7 @@ def placed(pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, 
     for pin in pins:
         found += [rest.pop(name) for name, before in BEFORE.items() if before == pin.name and name in rest]
         found.append(pin)
-    buffer = [rest.pop(name) for name in BUFFER_PIN.values() if name in rest]
+    buffer = [rest.pop(name) for name in BUFFER_PINS if name in rest]
     return (*rest.values(), *found, *buffer)
 
 

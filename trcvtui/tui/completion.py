@@ -7,8 +7,8 @@ from typing import Final
 
 from textual.suggester import Suggester
 
-from trcvtui.blocks.parameters import POINTERS
 from trcvtui.plc.project import Project
+from trcvtui.plc.wired_pins import mark_pins
 from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
 from trcvtui.tui.add_fields import BARE, KINDS, fields_of, first_name
 
@@ -102,7 +102,7 @@ def _after_feed(words: list[str], project: Project) -> Iterable[str]:
 
 def _after_mark(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return [instance.name for instance in project.instances if instance.block in POINTERS]
+        return [instance.name for instance in project.instances if mark_pins(instance.block)]
     return ("hex", "text", "none") if len(words) == 2 else ()
 
 

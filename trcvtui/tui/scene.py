@@ -70,6 +70,7 @@ class Scene:
         self._project_number = 0
         self._seq = 0
         self.past_wanted: HistoryRequest | None = None  # of the bytes received so far
+        self.recordings_wanted: tuple[str, ...] = ()  # of ComBuffers, once
         self._thawing = 0  # pictures to come that may have been asked for before the view was live again
 
     # -- what comes in ------------------------------------------------------------------------------
@@ -181,7 +182,9 @@ class Scene:
         most = THAW_LINES if self._thawing else MOST_LINES
         waves = self.waves.asked(self.drawn_instances, self.frozen_at)
         numbers = self.bench, self._project_number
-        return PictureRequest(self._seq, data, partial, most, *numbers, waves, history=self.past_wanted)
+        return PictureRequest(
+            self._seq, data, partial, most, *numbers, waves, self.past_wanted, self.recordings_wanted
+        )
 
     def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:
         left, found = BYTES_ALONG, 0

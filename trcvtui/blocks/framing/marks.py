@@ -15,6 +15,11 @@ class FrameMarks(NamedTuple):
     suffix: int
     ending: Ending
 
+    @property
+    def is_good(self) -> bool:
+        """Return whether it ended as it should."""
+        return self.ending in (Ending.SUFFIX, Ending.SIZE)
+
 
 class Tally(NamedTuple):
     """How many frames ended well, by a gap, without the suffix; how many parts were thrown away, and why."""

@@ -6,15 +6,15 @@ from typing import ClassVar, Final
 
 from textual import events
 
-from trcvtui.blocks.parameters import TIMES
 from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.plc.wired_pins import is_time
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
-from trcvtui.tui.framer_lines import framer_lines
 from trcvtui.tui.messages import DescriptionWanted
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.serial_pins import line_for, why_not, wired_value
 from trcvtui.tui.voice import Voice
+from trcvtui.tui.widgets.framer_lines import framer_lines
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
 
@@ -139,7 +139,7 @@ class FunctionBlock(LineView):
         instance = self._scene.instance
         if pin.is_wired:
             return wired_value(pin.name, instance) if instance is not None else ""
-        return f"{self.value_of(pin)[0]}{' ms' if pin.name in TIMES else ''}"
+        return f"{self.value_of(pin)[0]}{' ms' if is_time(pin.name) else ''}"
 
     def _pin_row(self, drawing: Drawing, y: int) -> Row:
         parts: list[Part] = []
@@ -312,7 +312,7 @@ class FunctionBlock(LineView):
         """Move the cursor from pin to pin."""
         last = len(self.drawing().inputs) - 1
         self._cursor = max(0, min(last, self._cursor + rows))
-        self.keep_in_view(self._cursor + 1)
+        self.keep_in_view(self.row_count() - 1 if self._told and self._cursor == last else self._cursor + 1)
         self.show()
 
     def on_click(self, event: events.Click) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.framing.frame import Ending
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.tui.formatting import bar, clip, plain, wrapped
 from trcvtui.tui.frame_marks import CLOSES, OPENS
@@ -14,7 +13,6 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row, ruled
 
 BAR: Final = 12
 GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfinished frame
-GOOD: Final = (Ending.SUFFIX, Ending.SIZE)
 ROOMY: Final = 100
 
 
@@ -56,7 +54,7 @@ class JobLine(LineView, can_focus=False):
             full, empty = bar(instance.have, framer.size, BAR)
             told: list[Part] = [
                 ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),
-                (f" {instance.have} of at most {framer.size} B ", "strong"),
+                (f" {instance.have} of ≤{framer.size} B ", "strong"),
             ]  # fmt: skip
             gap = gap_of(self._scene, instance)
             if gap is not None and gap.limit_ns and self.line_width >= GAP_BESIDE:
@@ -67,7 +65,7 @@ class JobLine(LineView, can_focus=False):
             return [("── no frame has begun ", "dim")]
         data = last.size - last.prefix - last.suffix
         marks = f"prefix {last.prefix} {OPENS} data {data} {CLOSES} suffix {last.suffix}"
-        style = "dim" if last.ending in GOOD else "warn"
+        style = "dim" if last.is_good else "warn"
         return [("── ", "dim"), (f"frame of {last.size} B", "strong"), (f" · {marks} · ", "dim"),
                 (f"ended by: {last.ending} ", style)]  # fmt: skip
 

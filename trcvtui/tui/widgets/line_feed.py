@@ -12,9 +12,9 @@ from trcvtui.plc.project import SERIAL, SIMULATED
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.rig.bench_words import FeedLine
 from trcvtui.tui.formatting import bar, clip, plain
-from trcvtui.tui.framer_lines import source_words
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
+from trcvtui.tui.widgets.framer_lines import source_words
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 FEED: Final = "feed"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.plc.project import SERIAL, SIMULATED
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot
+from trcvtui.plc.wired_pins import buffer_pin
 from trcvtui.tui.formatting import bar, clip, count, plain
 from trcvtui.tui.gap_timer import gap_of, gap_parts
 from trcvtui.tui.scene import Scene
@@ -20,16 +20,16 @@ ROOMY: Final = 72
 
 def framer_lines(scene: Scene, instance: InstanceSnapshot, width: int) -> list[Row]:
     """Return the lines, none for a block that has no ComBuffer."""
-    if instance.block not in BUFFER_PIN:
+    if not buffer_pin(instance.block):
         return []
-    rows = [_buffer(scene, instance, width), _data(scene, instance)]
+    rows, data = [_buffer(scene, instance, width)], _data(scene, instance)
     if instance.framer is None:
-        return [*rows, _jobs(instance), row()]
-    rows.append(_frames(instance, instance.framer))
+        return [*rows, _jobs(instance), data, row()]
+    rows.append(_frames(instance.framer))
     gap = gap_of(scene, instance)
     if gap is not None:
         rows += _labelled("gap", gap_parts(gap), width)
-    return [*rows, *_thrown(instance.framer, width), row()]
+    return [*rows, *_thrown(instance.framer, width), data, row()]
 
 
 def _label(text: str) -> Part:
@@ -84,7 +84,7 @@ def _jobs(instance: InstanceSnapshot) -> Row:
     return row(_label("jobs"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
 
 
-def _frames(instance: InstanceSnapshot, framer: FramerSnapshot) -> Row:
+def _frames(framer: FramerSnapshot) -> Row:
     tally = framer.tally
     parts: list[Part] = [_label("frames"), (f"{tally.good} good", "strong")]
     parts.append((f"  {tally.gaps} by a gap", "warn" if tally.gaps else "dim"))

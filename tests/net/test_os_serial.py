@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from trcvtui.net.answers import Fault
 from trcvtui.net.os_serial import OsSerialPort
-from trcvtui.net.serial_line import SerialSettings
+from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 
 pytest.importorskip("serial")
 MOST_LOOKS = 200_000
@@ -24,25 +25,39 @@ def until(holds: Callable[[], object]) -> None:
     raise AssertionError("never")
 
 
+def opened(port: OsSerialPort) -> Fault | None:
+    """Ask until it is known."""
+    shown: Fault | Opening | None = OPENING
+
+    def is_known() -> bool:
+        nonlocal shown
+        shown = port.open()
+        return not isinstance(shown, Opening)
+
+    until(is_known)
+    assert not isinstance(shown, Opening)
+    return shown
+
+
 def test_a_device_that_is_not_there_is_named_by_its_errno(tmp_path: Path) -> None:
-    assert OsSerialPort(SerialSettings(str(tmp_path / "ttyX"))).open() == Fault("open", "ENOENT")
+    assert opened(OsSerialPort(SerialSettings(str(tmp_path / "ttyX")))) == Fault("open", "ENOENT")
 
 
 def test_a_url_that_pyserial_does_not_know_is_a_fault() -> None:
-    assert OsSerialPort(SerialSettings("pigeon://1")).open() == Fault("open", "EINVAL")
+    assert opened(OsSerialPort(SerialSettings("pigeon://1"))) == Fault("open", "EINVAL")
 
 
 def test_a_file_is_no_port(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_bytes(b"")
-    wrong = OsSerialPort(SerialSettings(str(file))).open()
+    wrong = opened(OsSerialPort(SerialSettings(str(file))))
     assert wrong is not None and wrong.call == "open"
 
 
 def test_a_tcp_server_is_a_port_by_its_url() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = OsSerialPort(SerialSettings(f"socket://127.0.0.1:{server.getsockname()[1]}"))
-        assert port.open() is None
+        assert opened(port) is None
         client, _ = server.accept()
         assert port.read(100) == b""
         client.sendall(b"hello")
@@ -66,8 +81,89 @@ def test_a_tcp_server_is_a_port_by_its_url() -> None:
 def test_a_partner_that_does_not_read_fills_the_line_and_a_write_still_does_not_wait() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = OsSerialPort(SerialSettings(f"socket://127.0.0.1:{server.getsockname()[1]}"))
-        assert port.open() is None
+        assert opened(port) is None
         client, _ = server.accept()
         until(lambda: port.write(b"\x55" * 256) == 0)
         client.close()
         port.close()
+
+
+@pytest.mark.filterwarnings("ignore:setDaemon|setName:DeprecationWarning")  # pyserial 3.5's own
+def test_a_port_of_a_far_host_is_opened_over_rfc_2217_and_carries_bytes_both_ways() -> None:
+    import serial
+    from serial.rfc2217 import PortManager
+
+    class Wire:
+        """What PortManager answers over."""
+
+        def write(self, payload: bytes) -> None:
+            client.sendall(payload)
+
+    with socket.create_server(("127.0.0.1", 0)) as server, serial.serial_for_url("loop://") as device:
+        port = OsSerialPort(SerialSettings(f"rfc2217://127.0.0.1:{server.getsockname()[1]}", 19200))
+        assert port.open() is OPENING
+        client, _ = server.accept()
+        client.setblocking(False)
+        far, heard = PortManager(device, Wire()), bytearray()
+
+        def far_end() -> None:
+            with suppress(BlockingIOError):
+                heard.extend(b"".join(far.filter(client.recv(1000))))
+
+        def is_open() -> bool:
+            far_end()
+            return port.open() is None
+
+        until(is_open)
+        assert device.baudrate == 19200
+        assert port.write(b"hello") == 5
+
+        def has_come() -> bool:
+            far_end()
+            return heard == b"hello"
+
+        until(has_come)
+        client.sendall(b"".join(far.escape(b"\xffthanks")))
+        got = bytearray()
+
+        def is_here() -> bool:
+            got.extend(port.read(100))  # type: ignore[arg-type]
+            return got == b"\xffthanks"
+
+        until(is_here)
+        port.close()
+        client.close()
+
+
+@pytest.mark.filterwarnings("ignore:setDaemon|setName:DeprecationWarning")
+def test_a_host_that_does_not_answer_keeps_nobody_waiting_and_is_asked_once() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = OsSerialPort(SerialSettings(f"rfc2217://127.0.0.1:{server.getsockname()[1]}?timeout=0.1"))
+        assert port.open() is OPENING
+        client, _ = server.accept()  # and not a word of RFC 2217
+        assert client.recv(1) == b"\xff"
+        assert [port.open() for _ in range(50)] == [OPENING] * 50
+        server.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            server.accept()
+        port.close()
+        while client.recv(100):  # until pyserial has given up, too
+            pass
+        client.close()
+
+
+def test_an_attempt_that_was_given_up_leaves_no_port_behind() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = OsSerialPort(SerialSettings(f"socket://127.0.0.1:{server.getsockname()[1]}"))
+        port.open()
+        port.close()
+        first, _ = server.accept()
+        assert opened(port) is None  # the second
+        second, _ = server.accept()
+        assert first.recv(1) == b""
+        second.sendall(b"x")
+        until(lambda: port.read(10) == b"x")
+        port.close()
+        assert second.recv(1) == b""
+        first.close()
+        second.close()

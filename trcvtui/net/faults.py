@@ -25,6 +25,7 @@ from trcvtui.net.kernel import (
     SocketOptions,
     WouldBlock,
 )
+from trcvtui.net.serial_line import SERIAL_CALLS
 
 # The errno of a call when the plan names none: what status-reproduction 2.2 and 2.3 found for it.
 DEFAULT_ERROR: Final = {
@@ -43,6 +44,9 @@ DEFAULT_ERROR: Final = {
     "close": "EIO",
     "buffer": "ENOMEM",
     "queue": "EAGAIN",
+    "open": "ENOENT",
+    "read": "EIO",
+    "write": "EIO",
 }
 # This system's names and those of the connection errors that another system may not have.
 KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
@@ -97,8 +101,8 @@ class FaultPlan:
         times: int | None = 1,
     ) -> None:
         """Plan a fault; `nth` counts from now. Raise UserError for what no call or errno is."""
-        if call not in CALLS:
-            raise mistake("fault", call, "one of " + ", ".join(CALLS))
+        if call not in CALLS and call not in SERIAL_CALLS:
+            raise mistake("fault", call, "one of " + ", ".join((*CALLS, *SERIAL_CALLS)))
         name = error if error is not None else DEFAULT_ERROR[call]
         if name not in KNOWN_ERRORS:
             raise mistake(f"fault {call}", name, "an errno name such as " + DEFAULT_ERROR[call])

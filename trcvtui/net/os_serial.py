@@ -1,19 +1,20 @@
 """Real serial ports, through pyserial (the extra `serial`): a device, or a URL that pyserial knows.
 
-Rule: no call waits. A device opens at once; a URL opens as fast as its host answers (pyserial: 5 s at most).
+Rule: no call waits. Threads open and close (os_serial_opening.py), one attempt at a time for each port:
+as long as a device hangs, nobody tries again.
 """
 
 from __future__ import annotations
 
 import errno
 import select
-from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.answers import Fault
 from trcvtui.net.os_errors import error_name
-from trcvtui.net.serial_line import SerialSettings
+from trcvtui.net.os_serial_opening import Attempt, put_away
+from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 
 PARITIES: Final = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 HANDSHAKES: Final[dict[str, dict[str, bool]]] = {
@@ -38,27 +39,40 @@ class OsSerialPort:
         self._settings = settings
         self._serial = serial
         self._port: Any = None
+        self._attempt: Attempt | None = None
+        self._is_given_up = False  # the attempt that still runs
 
-    def open(self) -> Fault | None:
-        """Open it; return what is in the way."""
-        s = self._settings
-        try:
-            self._port = self._serial.serial_for_url(
-                s.port,
-                baudrate=s.baud,
-                bytesize=s.data_bits,
-                parity=PARITIES[s.parity],
-                stopbits=s.stop_bits,
-                timeout=0,
-                write_timeout=0,
-                **HANDSHAKES[s.handshake],
-            )
-        except (
-            OSError,
-            ValueError,
-        ) as problem:  # SerialException is an OSError; ValueError: it cannot do that
-            return Fault("open", _name_of(problem))
+    def open(self) -> Fault | Opening | None:
+        """Open it; return what is in the way, OPENING as long as that is not known."""
+        if self._attempt is None:
+            self._attempt, self._is_given_up = Attempt(self._made), False
+        if not self._attempt.is_over:
+            return OPENING
+        attempt, self._attempt = self._attempt, None
+        if self._is_given_up:
+            if attempt.port is not None:
+                put_away(attempt.port)
+            return OPENING  # the next call begins anew
+        if attempt.problem is not None:
+            return Fault("open", _name_of(attempt.problem))
+        self._port = attempt.port
         return None
+
+    def _made(self) -> Any:
+        """Return the port, which the thread opens."""
+        s = self._settings
+        return self._serial.serial_for_url(
+            s.port,
+            do_not_open=True,
+            baudrate=s.baud,
+            bytesize=s.data_bits,
+            parity=PARITIES[s.parity],
+            stopbits=s.stop_bits,
+            timeout=0,
+            # pyserial 3.5 has none for rfc2217; there a socket that has room takes a piece at once.
+            write_timeout=None if s.port.startswith("rfc2217://") else 0,
+            **HANDSHAKES[s.handshake],
+        )
 
     def read(self, most: int) -> bytes | Fault:
         """Return the bytes that have come."""
@@ -77,24 +91,23 @@ class OsSerialPort:
             return self._gone("write", problem)
 
     def close(self) -> None:
-        """Give the port back."""
-        if self._port is None:
-            return
-        # pyserial 3.5 leaves a socket open that its partner has reset: its shutdown fails before its close.
-        left = getattr(self._port, "_socket", None)
-        with suppress(OSError):  # it is gone already
-            self._port.close()
-        if left is not None:
-            left.close()
+        """Give the port back; an attempt that still runs is given up."""
+        self._is_given_up = True
+        if self._port is not None:
+            put_away(self._port)
         self._port = None
+
+    def arrive(self, payload: bytes) -> bool:
+        """Return that the line is a real one."""
+        return False
 
     def _has_room(self) -> bool:
         """Return whether a write would take bytes at once: pyserial itself tries until it does."""
         try:
-            number = self._port.fileno()
-        except (AttributeError, OSError):  # rfc2217, Windows: pyserial has a queue or a timeout of its own
+            number = (getattr(self._port, "_socket", None) or self._port).fileno()
+        except (AttributeError, OSError, ValueError):  # Windows: a queue of its own
             return True
-        return bool(select.select([], [number], [], 0)[1])
+        return number < 0 or bool(select.select([], [number], [], 0)[1])
 
     def _gone(self, call: str, problem: Exception) -> Fault:
         self.close()

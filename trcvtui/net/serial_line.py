@@ -1,12 +1,22 @@
-"""A serial line as its settings, and the seam to it: four calls that never wait and never raise."""
+"""A serial line as its settings, and the seam to it: calls that never wait and never raise."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from trcvtui.net.answers import Fault
+
+# The calls that a fault plan can make fail, beside those of the network.
+SERIAL_CALLS: Final = ("open", "read", "write")
+
+
+class Opening:
+    """What `open` answers while it is not known yet whether the port opens."""
+
+
+OPENING: Final = Opening()
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +34,8 @@ class SerialSettings:
 class SerialPort(Protocol):
     """One port. A Fault of `read` or `write` means that it is gone, and closed."""
 
-    def open(self) -> Fault | None:
-        """Open it; return what is in the way."""
+    def open(self) -> Fault | Opening | None:
+        """Open it; return what is in the way, OPENING as long as that is not known: ask again."""
         ...
 
     def read(self, most: int) -> bytes | Fault:
@@ -37,8 +47,12 @@ class SerialPort(Protocol):
         ...
 
     def close(self) -> None:
-        """Give the port back."""
+        """Give the port back, or the attempt to open it up."""
+        ...
+
+    def arrive(self, payload: bytes) -> bool:
+        """Let bytes come over a simulated line; return whether it is one."""
         ...
 
 
-SerialPorts = Callable[[SerialSettings], SerialPort]
+SerialPorts = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer

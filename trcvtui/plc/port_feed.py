@@ -10,10 +10,11 @@ from typing import Final
 
 from trcvtui.blocks.serial.com_buffer import ComBuffer
 from trcvtui.net.answers import Fault
-from trcvtui.net.serial_line import SerialPort
+from trcvtui.net.serial_line import Opening, SerialPort
 
 RETRY_NS: Final = 1_000_000_000
 MOST_A_SCAN: Final = 4096
+SLOW: Final = "port opens slowly"
 
 
 class PortFeed:
@@ -27,6 +28,12 @@ class PortFeed:
         self._note = note
         self._retry_at: int | None = None  # None: at once
         self._wrong = ""
+        self._opening_since: int | None = None
+
+    def arrive(self, payload: bytes) -> None:
+        """Let bytes come as if over the line."""
+        if not self._port.arrive(payload):
+            self._rx.put(payload)
 
     def receive(self, now: int) -> None:
         """Take what has come; what the ComBuffer has no room for is lost, as on a real line."""
@@ -52,7 +59,7 @@ class PortFeed:
     def close(self) -> None:
         """Give the port back."""
         self._port.close()
-        self.is_open, self._retry_at = False, None
+        self.is_open, self._retry_at, self._opening_since = False, None, None
 
     def _is_there(self, now: int) -> bool:
         if self.is_open:
@@ -60,6 +67,10 @@ class PortFeed:
         if self._retry_at is not None and now < self._retry_at:
             return False
         wrong = self._port.open()
+        if isinstance(wrong, Opening):
+            self._wait(now)
+            return False
+        self._opening_since = None
         if wrong is None:
             self.is_open, self._wrong = True, ""
             self._note("port open", "")
@@ -69,6 +80,14 @@ class PortFeed:
             self._wrong = str(wrong)
             self._note("port not there", self._wrong)
         return False
+
+    def _wait(self, now: int) -> None:
+        """Tell, once, that a port takes long to open."""
+        if self._opening_since is None:
+            self._opening_since = now
+        elif now - self._opening_since >= RETRY_NS and self._wrong != SLOW:
+            self._wrong = SLOW
+            self._note(SLOW, "nobody has answered yet")
 
     def _lost(self, fault: Fault, now: int) -> None:
         self.close()

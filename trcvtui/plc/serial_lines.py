@@ -51,7 +51,9 @@ class SerialLines:
         for decl in decls if ports is not None else ():
             if decl.serial is not None and ports is not None:
                 note = partial(_noted, write, f"{decl.name} {decl.serial.port}")
-                self._ports[decl.name] = PortFeed(ports(decl.serial), self._buffers[decl.name], note)
+                self._ports[decl.name] = PortFeed(
+                    ports(decl.name, decl.serial), self._buffers[decl.name], note
+                )
         for decl in decls:
             if decl.line in self._ports:
                 self._ports[decl.line].tx = self._buffers[decl.name]
@@ -104,7 +106,7 @@ class SerialLines:
 
     def arrive(self, name: str, payload: bytes) -> None:
         """Let bytes arrive on a simulated line."""
-        self._buffers[name].put(payload)
+        self._ports[name].arrive(payload) if name in self._ports else self._buffers[name].put(payload)
 
     def pull(self, name: str) -> None:
         """Pull the cable: what has come is there, the frame that is half here will have no end."""

@@ -13,6 +13,8 @@ from trcvtui.net.kernel import Kernel
 from trcvtui.net.os_kernel import OsKernel
 from trcvtui.net.os_serial import OsSerialPort
 from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
+from trcvtui.net.serial_line import SerialPort, SerialSettings
+from trcvtui.net.serial_ports import FaultyPort, SimSerialPort
 from trcvtui.net.session_kernel import SessionKernel
 from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.plc import commands
@@ -43,8 +45,10 @@ class Bench:
         self.now = 0
         self._sim = _simulated(project) if kernel == "sim" else None
         self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
-        plc_kernel, ports = self._plc_kernel(project), None if self._sim is not None else OsSerialPort
-        self.runtime = Runtime(project, plc_kernel, self._resources(project), self._peer_port, ports)
+        plc_kernel = self._plc_kernel(project)
+        self.runtime = Runtime(
+            project, plc_kernel, self._resources(project), self._peer_port, self._serial_port
+        )
         self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
@@ -75,6 +79,10 @@ class Bench:
         if decl.session is None:
             return self._kernel
         return SessionKernel(self._kernel, lambda: self.now, self._client_dropped, polls=False)
+
+    def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
+        port = OsSerialPort(settings) if self._sim is None else SimSerialPort()
+        return FaultyPort(port, self.plan, owner)
 
     def _client_dropped(self, owner: str, client: str, why: str) -> None:
         self.note(owner, "client dropped", f"{client}: {why}")

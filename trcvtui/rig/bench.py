@@ -10,6 +10,7 @@ from trcvtui.blocks.parameters import Direction, Pin
 from trcvtui.errors import Problem, UserError
 from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
 from trcvtui.net.kernel import CALLS
+from trcvtui.net.serial_line import SERIAL_CALLS
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.tables import shown, whole
@@ -157,21 +158,31 @@ def _fault(words: Words, project: Project) -> FaultOn | FaultClear:
     call = words.next("a kernel call such as bind, or clear")
     if call == "clear":
         return FaultClear()
-    if call not in CALLS:
-        raise words.wrong(shown(call), expected_name(call, (*CALLS, "clear"), "call"))
+    ports = tuple(buffer.name for buffer in project.combuffers if buffer.serial is not None)
+    calls = (*CALLS, *SERIAL_CALLS) if ports else CALLS
+    if call not in calls:
+        raise words.wrong(shown(call), expected_name(call, (*calls, "clear"), "call"))
     error = _error(words, call)
     on, counts = None, {"nth": 1, "times": 1}
     while words:
         word = words.next("")
         key, equals, text = word.partition("=")
         if word == "on" and on is None:
-            on = _connect(words, project)
+            on = _port(words, ports) if call in SERIAL_CALLS else _connect(words, project)
         elif key in counts and equals:
             forever = key == "times" and text == "forever"
             counts[key] = FOREVER if forever else value_of(COUNT, text, f"{key}=", words.where)
         else:
-            raise words.wrong(shown(word), "on CONNECT, nth=1, times=1 or times=forever")
+            owner = "ComBuffer" if call in SERIAL_CALLS else "CONNECT"
+            raise words.wrong(shown(word), f"on {owner}, nth=1, times=1 or times=forever")
     return FaultOn(call, error, on, counts["nth"], counts["times"])
+
+
+def _port(words: Words, ports: tuple[str, ...]) -> str:
+    name = words.next("the name of a ComBuffer")
+    if name not in ports:
+        raise words.wrong(shown(name), expected_name(name, ports, 'ComBuffer with source = "serial"'))
+    return name
 
 
 def _error(words: Words, call: str) -> str | None:

@@ -8,7 +8,7 @@ from typing import Final
 from textual.suggester import Suggester
 
 from trcvtui.plc.project import Project
-from trcvtui.plc.wired_pins import mark_pins
+from trcvtui.plc.wired_pins import buffer_pin, mark_pins
 from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
 from trcvtui.tui.add_fields import BARE, KINDS, fields_of, first_name
 
@@ -16,7 +16,7 @@ PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
     "scenarios", "race", "export timing", "find", "create", "delete", "download", "resize", "mark",
-    "save scenario", "add", "save project", "lab", "udt", "feed", "prefix", "suffix",
+    "save scenario", "add", "save project", "lab", "udt", "feed", "prefix", "suffix", "framing",
 )  # fmt: skip
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -106,6 +106,13 @@ def _after_mark(words: list[str], project: Project) -> Iterable[str]:
     return ("hex", "text", "none") if len(words) == 2 else ()
 
 
+def _after_framing(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        readers = [i.name for i in project.instances if mark_pins(i.block)]
+        return (*readers, *(buffer.name for buffer in project.combuffers))
+    return ("apply",) if len(words) == 2 else ()
+
+
 def _after_link(words: list[str], project: Project) -> Iterable[str]:
     return project.links() if len(words) == 1 else ("down", "up")
 
@@ -137,13 +144,17 @@ def _after_create(words: list[str], project: Project) -> Iterable[str]:
         )
     if words[1] not in project.dialect.blocks:
         return ()
+    lines = project.combuffers if buffer_pin(words[1]) else ()
     named = (
-        ("connect", project.connects), ("data", project.data), ("task", project.tasks),
-        ("config", project.udp_configs), ("addr", project.addrs),
+        ("connect", [each.name for each in project.connects]), ("data", [each.name for each in project.data]),
+        ("task", [each.name for each in project.tasks]),
+        ("config", [each.name for each in project.udp_configs]), ("addr", [a.name for a in project.addrs]),
+        (buffer_pin(words[1]), [each.name for each in lines]),
+        *((pin, [each.name for each in project.data]) for pin in mark_pins(words[1])),
     )  # fmt: skip
     given = {word.partition("=")[0] for word in words}
     pins = (f"{pin.name}=" for pin in project.pins(words[1]) if pin.direction != "out")
-    links = (f"{key}={each.name}" for key, declared in named if key not in given for each in declared)
+    links = (f"{key}={name}" for key, names in named if key not in given for name in names)
     return (*links, *pins)
 
 
@@ -208,6 +219,7 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "fault": _after_fault,
     "link": _after_link,
     "feed": _after_feed,
+    "framing": _after_framing,
     "prefix": _after_mark,
     "suffix": _after_mark,
     "write": _after_write,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from textual.app import SystemCommand
 
+from trcvtui.plc.wired_pins import buffer_pin
 from trcvtui.rig import demo_path
 from trcvtui.tui.add_fields import TITLES
 from trcvtui.tui.formatting import plain
@@ -85,6 +86,7 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
     if instance is None:
         return
     name, link = plain(instance.name), "connect" if instance.addr is None else "config"
+    link = buffer_pin(instance.block) or link
     create = f"create {instance.block} {name}_2 {link}={plain(instance.connect)}"
     create += f" data={plain(instance.data)}" if instance.data else ""
     lines = [
@@ -141,6 +143,11 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
         "the session since the mark through several dialects · key D",
         partial(bench.submit, RACE),
     )
+    for title, about, action in (
+        ("Framing advice", "how the bytes on a ComBuffer may be cut into frames · key B", "app.framings"),
+        ("Thrown-away bytes", "noise, parts of frames, lost ones · key X", "app.dropped"),
+    ):
+        yield SystemCommand(title, about, partial(bench.main.run_action, action))
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
 
 

@@ -56,6 +56,8 @@ def _places(main: MainScreen) -> Iterator[tuple[int, Widget]]:
     """Yield what has keys of its own, with the digit of its pane."""
     yield from ((1, main.instances), (2, main.block), (3, main.status), (4, main.history))
     yield from ((5, main.received), (5, main.received.data), (5, main.received.stream), (6, main.table))
+    if main.peer.lines.names:
+        yield 7, main.peer.lines
     if main.peer.composer.is_mounted:
         yield from ((7, main.peer), (7, main.peer.peers), (7, main.peer.composer.cut_row))
     yield 8, main.timing

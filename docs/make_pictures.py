@@ -97,6 +97,16 @@ SENT: Final[Play] = (
     "peer P1 send hex 05 0D 10 20 30 40 50 60",
     6,
 )
+FRAMER: Final[Play] = (
+    "prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50", 20, keys("7", "enter"),
+    Typed("FF EE 02 41 31 37 0D 0A"), keys("enter"), 3, "feed RX hex 02 41", 4, keys("2"),
+)  # fmt: skip
+READINGS: Final = ("A17;12.5", "B3;7.25", "A17;12.6", "C120;0.5", "B3;7.5", "A18;99")
+FRAMINGS: Final[Play] = (
+    "set RD SizeReceiveData=0",
+    *[move for text in READINGS for move in (f'feed RX text "\\x02{text}\\r\\n"', 12)],
+    keys("B"),
+)
 
 # The pictures of README.md and docs/stories.md.
 TOLD: Final = (
@@ -174,6 +184,10 @@ SHOWN: Final = (
     Picture("description", "`C` in pane 2: the connection description byte for byte, its flaw at its field",
             ("description",), CONFIGS / "scenarios" / "siemens" / "description-faults.toml",
             (1, keys("2", "C", "right", "right")), SMALL),
+    Picture("framer", "ReceiveData: marks told apart, an unfinished frame, its gap timer, noise, a line",
+            ("block", "received"), CONFIGS / "twincat-line.toml", FRAMER, WIDE),
+    Picture("framings", "`B`: framing advice: how the bytes may be cut, why, what it gives, what enter does",
+            ("framings",), CONFIGS / "twincat-line.toml", FRAMINGS, PANE),
     Picture("yank", "`y`: what the pane shows in twelve formats", ("yank",), demo_path(),
             (*DEMO, keys("5", "y"))),
     Picture("palette", "`ctrl+p`: every action by name", ("palette",), demo_path(),

@@ -6,6 +6,7 @@ import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from rich.style import Style
 from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
@@ -53,13 +54,15 @@ class LineBench:
         assert found, f"{needle!r} is not there:\n{self.text}"
         return found[0]
 
-    def style_at(self, needle: str, offset: int = 0) -> str:
+    def style_at(self, needle: str, offset: int = 0) -> Style:
         """Return the style of the character `offset` behind the beginning of `needle`."""
         for strip in self.app.screen._compositor.render_strips():
             place = strip.text.find(needle)
             if place >= 0:
                 cells = strip.crop(place + offset, place + offset + 1)
-                return str(next(iter(cells)).style)
+                style = next(iter(cells)).style
+                assert style is not None
+                return style
         raise AssertionError(f"{needle!r} is not there:\n{self.text}")
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
 from tests.tui.looking import typed as typed_keys
 from tests.tui.on_a_line import STREAM, LineBench, on_a_line
+from tests.tui.test_screen_snapshots import READABLE, contrast
 
 FRAME = "feed RX hex 02 41 42 43 0D 0A"
 NOISE = "feed RX hex FF EE"
@@ -85,6 +86,20 @@ async def test_prefix_data_and_suffix_are_told_apart_by_sign_and_by_colour() -> 
         assert "frame of 6 B · prefix 1 › data 3 ‹ suffix 2 · ended by: suffix" in shown.words
         styles = [shown.style_at(row, place) for place in (0, 3, 12)]
         assert len(set(styles)) == 3, styles
+
+
+async def test_marks_noise_and_warnings_can_be_read_in_dark_and_in_light() -> None:
+    async with on_a_line() as shown:
+        await shown.do(NOISE, FRAME, "set RD SizeReceiveData=6", scans=2)
+        for theme in ("bench-light", "bench-dark"):
+            shown.app.theme = theme
+            await shown.press("5")
+            row = "02›41 42 43‹0d 0a 00"
+            found = [shown.style_at(row, place) for place in (0, 2, 3, 11, 12, 18)]
+            await shown.press("H")
+            found.append(shown.style_at("ff ee"))
+            await shown.press("H")
+            assert [style for style in found if contrast(style) < READABLE] == [], theme
 
 
 async def test_an_unfinished_frame_is_shown_as_such() -> None:

@@ -72,7 +72,7 @@ class FrameHistory:
         span = JobSpan(
             position, event.size, event.instance, number, scan, t_ns, True, reason if content else NOT_KEPT,
             is_kept=bool(content), whole=event.size, prefix=marks.prefix if marks is not None else 0,
-            suffix=marks.suffix if marks is not None else 0,
+            suffix=marks.suffix if marks is not None else 0, is_frame=True,
         )  # fmt: skip
         recvs = self._taken(event.buffer, event.size, position, event.size)
         self._add(event.buffer, Chunk(span, event.buffer, 0, content, recvs))

@@ -34,6 +34,7 @@ class JobSpan(NamedTuple):
     whole: int = 0
     prefix: int = 0
     suffix: int = 0
+    is_frame: bool = False  # of a block on a ComBuffer
 
     @property
     def stop(self) -> int:

@@ -82,7 +82,8 @@ class JobHistory:
         self._note_last(event for _, _, event in news)
         for self._scan, self._t_ns, event in news:
             takers[type(event)](event)
-        self._frames.scanned(written, self._end_of)
+        if self._bench.project.combuffers:
+            self._frames.scanned(written, self._end_of)
         while self._bytes > MOST_BYTES or self._recvs > MOST_RECVS or len(self._order) > MOST_JOBS:
             self._forget_oldest()
 

@@ -38,7 +38,7 @@ def _job_words(job: JobSpan, byte: int) -> str:
         return "no job"
     if not job.done and not job.number:
         return plain(job.instance)
-    if not job.prefix and not job.suffix:
+    if not job.is_frame:
         return f"{plain(job.instance)} job {job.number} byte {byte}"
     part = "prefix" if byte < job.prefix else "suffix" if byte >= job.size - job.suffix else "data"
     return f"{plain(job.instance)} frame {job.number} byte {byte}, {part}"

@@ -160,7 +160,7 @@ def of_job(span: JobSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
     name = plain(span.instance)
     if not span.done:
         return True, True, DROPPED, (f"{span.whole} B dropped: {plain(span.reason)}", "dropped", "")
-    number = f"{'frame' if span.prefix or span.suffix else 'job'} {span.number}"
+    number = f"{'frame' if span.is_frame else 'job'} {span.number}"
     return True, True, JOB, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
 
 

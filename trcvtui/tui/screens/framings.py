@@ -100,13 +100,20 @@ class FramingList(LineView):
         chosen = number == self.cursor
         told = f"{proposal.frames} of {proposal.of_frames} frames end well"
         room = self._width - len(told) - 7
+        title = plain(proposal.title) + self._alike(number, proposal)
         parts: list[Part] = [
             ("▸ " if chosen else "  ", "key"),
-            (f"{proposal.rank} ", "dim"),
-            (f"{clip(plain(proposal.title), room):<{room}} ", "strong" if proposal.can_be_set else "dim"),
+            (f"{number + 1} ", "dim"),
+            (f"{clip(title, room):<{room}} ", "strong" if proposal.can_be_set else "dim"),
             (told, "on" if proposal.frames == proposal.of_frames else "warn"),
         ]
         return row(*parts, style="cursor" if chosen else "")
+
+    def _alike(self, number: int, proposal: Proposal) -> str:
+        """Return which earlier one cuts alike; the numbers are those of `framing RD apply 1`."""
+        proposals = self.advice.proposals if self.advice is not None else ()
+        first = next(n for n, each in enumerate(proposals) if each.rank == proposal.rank)
+        return f" · cuts as {first + 1} does" if first != number else ""
 
     def _details(self, chosen: Proposal) -> list[Row]:
         rows = [ruled(self._width, ("── why ", "dim"))]

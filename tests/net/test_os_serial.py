@@ -90,8 +90,8 @@ def test_a_partner_that_does_not_read_fills_the_line_and_a_write_still_does_not_
 
 @pytest.mark.filterwarnings("ignore:setDaemon|setName:DeprecationWarning")  # pyserial 3.5's own
 def test_a_port_of_a_far_host_is_opened_over_rfc_2217_and_carries_bytes_both_ways() -> None:
-    import serial
-    from serial.rfc2217 import PortManager
+    import serial  # type: ignore[import-untyped]
+    from serial.rfc2217 import PortManager  # type: ignore[import-untyped]
 
     class Wire:
         """What PortManager answers over."""

@@ -83,7 +83,7 @@ MISTAKES = [
     (
         (RX, 'line = "RX"'),
         "b.toml: combuffer RX: line: found 'RX', "
-        'expected the name of a ComBuffer with source = "serial", but there is none',
+        'expected the name of a TSEND_C, or ComBuffer with source = "serial", but there is none',
     ),
     (
         (READER,),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
-from trcvtui.plc.project import DataDecl, InstanceDecl
+from trcvtui.plc.project import ComBufferDecl, DataDecl, InstanceDecl
 
 PinValue = bool | int
 
@@ -64,9 +64,9 @@ class CreateInstance:
 
 @dataclass(frozen=True, slots=True)
 class Declare:
-    """One more global variable, CONNECT, UDP_CONFIG or ADDR; no instance has it yet."""
+    """One more global variable, CONNECT, UDP_CONFIG, ADDR or ComBuffer; no instance has it yet."""
 
-    decl: DataDecl | ConnectConfig | UdpConfig | AddrParam
+    decl: DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
 
 
 @dataclass(frozen=True, slots=True)

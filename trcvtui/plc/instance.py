@@ -18,11 +18,13 @@ from trcvtui.plc.framer_snapshot import framer_key, framer_snapshot
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 from trcvtui.plc.project import InstanceDecl
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
+from trcvtui.plc.stream_drain import StreamDrain
 from trcvtui.plc.stream_feed import StreamFeed
 
 PinValue = bool | int
 
 KNOWN_OUTCOMES: Final = 64
+ASKS: Final = {"TRCV_C": "EN_R", "TSEND_C": "REQ"}  # the pin of a job, of blocks beside a ComBuffer
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,6 @@ class Instance:
         decl: InstanceDecl,
         bound: Binding | UdpBinding | SerialBinding,
         note: Callable[[InputEdge], None],
-        feed: StreamFeed | None = None,
     ) -> None:
         self.name = decl.name
         self.block_name = decl.block
@@ -80,13 +81,19 @@ class Instance:
         self._bound = bound
         self._env = bound.env
         self._note = note
-        self._feed = feed  # the ComBuffer that this TRCV_C feeds
+        self._stream: StreamFeed | StreamDrain | None = (
+            None  # the ComBuffer that this TRCV_C feeds, or this TSEND_C empties
+        )
         self._known: dict[Outcome, Shown] = {}
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
         self._seen: tuple[object, ...] = ()
         self.fresh()
+
+    def join(self, stream: StreamFeed | StreamDrain | None) -> None:
+        """Let it feed or empty a ComBuffer from the next call on."""
+        self._stream = stream
 
     def fresh(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
@@ -135,7 +142,7 @@ class Instance:
         """Call the block once; return whether any output differs from the scan before."""
         if self._fading or self._blinking:
             self._go_on_by_itself()
-        if self._feed is not None and self._feed.hold(self._block.job.have):
+        if self._stream is not None and self._stream.before(self._block.job):
             self._frozen = None
         if self._frozen is None:
             self._frozen = self._freeze()
@@ -145,9 +152,9 @@ class Instance:
         if outcome.clear_com_rst:
             self._write("COM_RST", False)
         goes_on = self._frozen is None or bool(self._blinking or self._fading)
-        if self._feed is not None:
-            self._feed.called(outcome.done, outcome.rcvd_len, bool(self.inputs["EN_R"]))
-            goes_on = goes_on or self._feed.is_held
+        if self._stream is not None:
+            self._stream.after(outcome, bool(self.inputs[ASKS[self.block_name]]))
+            goes_on = goes_on or self._stream.keeps_awake
         self.asleep = outcome.lasts and not goes_on
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
@@ -156,8 +163,8 @@ class Instance:
 
     def _freeze(self) -> Inputs:
         values = {pin.lower(): value for pin, value in self.inputs.items()}
-        if self._feed is not None and self._feed.is_held:
-            values["en_r"] = False
+        if self._stream is not None:
+            values |= self._stream.overrides()
         return Inputs(**values)  # type: ignore[arg-type]
 
     def _go_on_by_itself(self) -> None:

@@ -77,7 +77,7 @@ class ComBufferDecl:
     """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
 
     `serial`: the port of that source; simulated, the line of such a ComBuffer is fed as that of `sim`.
-    `line`: the ComBuffer over whose port goes out what is written into this one.
+    `line`: what sends what is written into this one: a ComBuffer with a port, or an instance of TSEND_C.
 
     `size` in bytes, 0: what suits the source. `per_cycle`: how many bytes leave a written one in a scan, 0:
     all. `is_written`: a send block fills it; `is_fed`: a TRCV_C does.

@@ -12,6 +12,7 @@ from typing import Any, Final
 from trcvtui.blocks.parameters import PINS
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc import project_parts as parts
+from trcvtui.plc.combuffers import joined_up, read_combuffer
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_keys import KIND_OF, Declaration
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
@@ -28,12 +29,13 @@ FIELDS: Final = {
     "peer": "peers",
     "message": "messages",
     "sequence": "sequences",
+    "combuffer": "combuffers",
 }
-KEPT: Final = {"combuffer": "combuffers"}  # of the file alone: nobody adds one to a running project
 SHARED_NAMES: Final = (("data", "instance"), ("connect", "udp_config", "peer", "combuffer"))
 CHECKS: Final[dict[str, Callable[[Names, Table], None]]] = {
     "connect": Names.check_connect,
     "addr": Names.check_addr,
+    "combuffer": Names.check_combuffer,
     "instance": Names.check_instance,
     "peer": Names.check_peer,
     "message": Names.check_message,
@@ -67,7 +69,14 @@ def _sharing(kind: str) -> tuple[str, ...]:
 
 def _names(project: Project) -> Names:
     kinds = ("data", "connect", "peer", "udp_config", "addr", "combuffer")
-    return Names(tuple(task.name for task in project.tasks), *(names_of(kind, project) for kind in kinds))
+    of_block = {block: _instances(block, project) for block in ("TRCV_C", "TSEND_C")}
+    ports = tuple([buffer.name for buffer in project.combuffers if buffer.serial is not None])
+    known = [*(names_of(kind, project) for kind in kinds), of_block["TRCV_C"], ports, of_block["TSEND_C"]]
+    return Names(tuple(task.name for task in project.tasks), *known)
+
+
+def _instances(block: str, project: Project) -> tuple[str, ...]:
+    return tuple([each.name for each in project.instances if each.block == block])
 
 
 def _read(kind: str, table: Table, project: Project) -> Declaration | None:
@@ -81,6 +90,9 @@ def _read(kind: str, table: Table, project: Project) -> Declaration | None:
             return parts.read_instance(table, blocks, project.tasks[0].name)
         case "connect":
             return reader.connect(table, len(project.connects) + 1, _head(project), project.certificates)
+        case "combuffer":
+            buffer = read_combuffer(table)
+            return buffer and joined_up((buffer,), project.instances)[0]
         case "peer":
             return parts.read_peer(table, project.certificates)
         case _:
@@ -113,11 +125,12 @@ def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
 
 def names_of(kind: str, project: Project) -> tuple[str, ...]:
     """Return the names of a project's entries of one kind."""
-    return tuple([entry.name for entry in getattr(project, (FIELDS | KEPT)[kind])])
+    return tuple([entry.name for entry in getattr(project, FIELDS[kind])])
 
 
 def with_entry(project: Project, decl: Declaration) -> Project:
     """Return the project with one more entry, the last of its kind."""
     field = FIELDS[KIND_OF[type(decl)]]
     changed: dict[str, Any] = {field: (*getattr(project, field), decl)}
-    return replace(project, **changed)
+    grown = replace(project, **changed)
+    return replace(grown, combuffers=joined_up(grown.combuffers, grown.instances))

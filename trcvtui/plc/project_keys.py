@@ -13,6 +13,9 @@ from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
+    SERIAL,
+    SIMULATED,
+    ComBufferDecl,
     DataDecl,
     InstanceDecl,
     MessageDecl,
@@ -23,15 +26,24 @@ from trcvtui.plc.project_parts import FREE_PORT, link_key
 from trcvtui.udt.literals import format_time
 
 Declaration = (
-    ConnectConfig | UdpConfig | AddrParam | DataDecl | InstanceDecl | PeerDecl | MessageDecl | SequenceDecl
+    ConnectConfig
+    | UdpConfig
+    | AddrParam
+    | ComBufferDecl
+    | DataDecl
+    | InstanceDecl
+    | PeerDecl
+    | MessageDecl
+    | SequenceDecl
 )
-KeyValue = bool | int | str | list[str]
+KeyValue = bool | int | float | str | list[str]
 Keys = list[tuple[str, KeyValue]]
 
 KIND_OF: Final[dict[type, str]] = {
     ConnectConfig: "connect",
     UdpConfig: "udp_config",
     AddrParam: "addr",
+    ComBufferDecl: "combuffer",
     DataDecl: "data",
     InstanceDecl: "instance",
     PeerDecl: "peer",
@@ -66,6 +78,17 @@ def _addr(a: AddrParam) -> Keys:
     ]
 
 
+def _combuffer(b: ComBufferDecl) -> Keys:
+    keys = _unless(SIMULATED, "source", b.source)
+    s = b.serial
+    if s is not None and b.source == SERIAL:
+        keys += [("port", s.port), ("baud", s.baud), *_unless(8, "data_bits", s.data_bits)]
+        keys += [*_unless("none", "parity", s.parity), *_unless(1, "stop_bits", _plain(s.stop_bits))]
+        keys += _unless("none", "handshake", s.handshake)
+    keys += [*_unless(0, "size", b.size), *_unless(0, "per_cycle", b.per_cycle)]
+    return keys + _unless("", "line", b.line)
+
+
 def _instance(i: InstanceDecl) -> Keys:
     keys: Keys = [("block", i.block), (link_key(i.block), i.connect)]
     keys += [("addr", i.addr)] if i.addr is not None else []
@@ -97,6 +120,10 @@ def _message(m: MessageDecl) -> Keys:
     return [("text", m.text), *_unless("", "peer", m.peer)]
 
 
+def _plain(number: float) -> KeyValue:
+    return int(number) if number == int(number) else number
+
+
 def _unless(default: KeyValue, key: str, value: KeyValue) -> Keys:
     return [(key, value)] if value != default else []
 
@@ -105,6 +132,7 @@ _KEYS: Final[dict[type, Callable[[Any], Keys]]] = {
     ConnectConfig: _connect,
     UdpConfig: _udp_config,
     AddrParam: _addr,
+    ComBufferDecl: _combuffer,
     DataDecl: lambda d: [("type", d.type_name)],
     InstanceDecl: _instance,
     PeerDecl: _peer,

@@ -47,6 +47,7 @@ class Names:
     combuffers: tuple[str, ...] = ()
     receivers: tuple[str, ...] = ()  # instances of TRCV_C
     serial_lines: tuple[str, ...] = ()  # ComBuffers with a port
+    senders: tuple[str, ...] = ()  # instances of TSEND_C
 
     def check_connect(self, table: Table) -> None:
         """Record a RemotePort, or an IsoPort, that names nothing."""
@@ -79,7 +80,8 @@ class Names:
             _check(table, "source", name, known, "source")
         line = table.text("line")
         if line is not None:
-            _check(table, "line", line, self.serial_lines, 'ComBuffer with source = "serial"')
+            what = 'TSEND_C, or ComBuffer with source = "serial"'
+            _check(table, "line", line, (*self.serial_lines, *self.senders), what)
 
     def check_message(self, table: Table) -> None:
         """Record a peer that does not exist."""

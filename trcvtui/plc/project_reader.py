@@ -154,7 +154,8 @@ class Reader:
         kinds = ("task", "data", "connect", "peer", "udp_config", "addr", "combuffer")
         receivers = [table for table in tables["instance"] if table.peek("block") == "TRCV_C"]
         ports = [table for table in tables["combuffer"] if table.text("source") == SERIAL]
-        kept = (*map(tables.__getitem__, kinds), receivers, ports)
+        senders = [table for table in tables["instance"] if table.peek("block") == "TSEND_C"]
+        kept = (*map(tables.__getitem__, kinds), receivers, ports, senders)
         names = Names(*(_declared(of_kind) for of_kind in kept))
         for table in tables["connect"]:
             names.check_connect(table)

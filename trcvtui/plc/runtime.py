@@ -44,7 +44,7 @@ from trcvtui.plc.elements import elements_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.link_snapshot import connection_snapshot
-from trcvtui.plc.project import DataDecl, InstanceDecl, Project
+from trcvtui.plc.project import ComBufferDecl, DataDecl, InstanceDecl, Project
 from trcvtui.plc.roster import Roster
 from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import ConnectionSnapshot, FramerSnapshot, SentBytes, Snapshot
@@ -98,11 +98,9 @@ class Runtime:
         return UdpPort(config, self._kernel, policy, self._resolve, journal)
 
     def _instance(self, decl: InstanceDecl) -> Instance:
-        bound = self._binding(decl)
-        feed = None
-        if isinstance(bound, Binding):
-            feed = self._lines.feed_of(decl, bound.connection, bound.data, self._project.rules)
-        return Instance(decl, bound, self.ledger.write, feed)
+        instance = Instance(decl, self._binding(decl), self.ledger.write)
+        self._lines.join(instance, self._connections, self._project.rules)
+        return instance
 
     def _binding(self, decl: InstanceDecl) -> Binding | UdpBinding | SerialBinding:
         task = self._project.task(decl.task)
@@ -296,8 +294,12 @@ class Runtime:
         self._roster = self._new_roster()
         self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
 
-    def _declare(self, decl: DataDecl | ConnectConfig | UdpConfig | AddrParam) -> None:
+    def _declare(self, decl: DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl) -> None:
         match decl:
+            case ComBufferDecl():
+                self._lines.declare(decl)
+                for name in {decl.source, decl.line} & self._instances.keys():
+                    self._lines.join(self._instances[name], self._connections, self._project.rules)
             case DataDecl(name):
                 data = self._data[name] = area_of(decl)
                 self._data_snapshots[name] = data_snapshot(data)

@@ -7,11 +7,13 @@ Source of a ComBuffer: `sim` (bench commands), `serial` (port_feed.py; simulated
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
 from trcvtui.blocks.serial.recording import Recording
@@ -19,15 +21,18 @@ from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.serial_notes import SerialNote
 from trcvtui.net.connection import Connection
 from trcvtui.net.serial_line import SerialPorts
+from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.port_feed import PortFeed
 from trcvtui.plc.project import ComBufferDecl, InstanceDecl
 from trcvtui.plc.snapshot import ComBufferSnapshot
+from trcvtui.plc.stream_drain import StreamDrain
 from trcvtui.plc.stream_feed import StreamFeed
 
 STREAM: Final = "tcp"  # what a recording says of a source that is a TRCV_C
 CABLE: Final = "cable"
 OVER_TCP: Final = ("socket://", "rfc2217://")
+StreamEnd = StreamFeed | StreamDrain
 QUEUE: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
 
 
@@ -44,19 +49,24 @@ class SerialLines:
         def now() -> int:
             return env.now
 
-        self._decls = {decl.name: decl for decl in decls}
-        self._buffers = {decl.name: ComBuffer(decl.name, _size(decl), write, now) for decl in decls}
-        self._feeds: list[StreamFeed] = []
+        self._now, self._write, self._new_port = now, write, ports
+        self._decls: dict[str, ComBufferDecl] = {}
+        self._buffers: dict[str, ComBuffer] = {}
+        self._streams: list[StreamEnd] = []
         self._ports: dict[str, PortFeed] = {}
-        for decl in decls if ports is not None else ():
-            if decl.serial is not None and ports is not None:
-                note = partial(_noted, write, f"{decl.name} {decl.serial.port}")
-                self._ports[decl.name] = PortFeed(
-                    ports(decl.name, decl.serial), self._buffers[decl.name], note
-                )
         for decl in decls:
-            if decl.line in self._ports:
-                self._ports[decl.line].tx = self._buffers[decl.name]
+            self.declare(decl)
+
+    def declare(self, decl: ComBufferDecl) -> None:
+        """Take one more ComBuffer."""
+        buffer = ComBuffer(decl.name, _size(decl), self._write, self._now)
+        self._decls[decl.name], self._buffers[decl.name] = decl, buffer
+        if decl.serial is not None and self._new_port is not None:
+            note = partial(_noted, self._write, f"{decl.name} {decl.serial.port}")
+            self._ports[decl.name] = PortFeed(self._new_port(decl.name, decl.serial), buffer, note)
+        for other in self._decls.values():
+            if other.line in self._ports:
+                self._ports[other.line].tx = self._buffers[other.name]
 
     def __contains__(self, name: str) -> bool:
         """Return whether there is a ComBuffer of that name."""
@@ -71,26 +81,31 @@ class SerialLines:
         self, env: Environment, decl: InstanceDecl, data: Mapping[str, DataArea], priority: int
     ) -> SerialBinding:
         """Return what an instance on a ComBuffer is tied to."""
+        if BUFFER_PIN[decl.block] == "TxBuffer":
+            self._decls[decl.connect] = replace(self._decls[decl.connect], is_written=True)
         areas = [data[name] if name else None for name in (decl.data, *decl.pointers)]
         bound, prefix, suffix = (*areas, None, None)[:3]
         return SerialBinding(env, self._buffers[decl.connect], bound, prefix, suffix, decl.name, priority)
 
-    def feed_of(
-        self, decl: InstanceDecl, connection: Connection, data: DataArea | None, rules: Rules
-    ) -> StreamFeed | None:
-        """Return what a TRCV_C feeds, None where no ComBuffer names it as its source."""
-        for buffer in self._decls.values():
-            if buffer.source == decl.name:
-                feed = StreamFeed(
-                    connection,
-                    data,
-                    self._buffers[buffer.name],
-                    holds=not buffer.size,
-                    follows_en_r=rules.part_follows_en_r,
-                )
-                self._feeds.append(feed)
-                return feed
-        return None
+    def join(self, instance: Instance, connections: Mapping[str, Connection], rules: Rules) -> None:
+        """Let a TRCV_C feed, or a TSEND_C empty, the ComBuffer that names it."""
+        connection = connections.get(instance.decl.connect)
+        for buffer in self._decls.values() if connection is not None else ():
+            if instance.name in (buffer.source, buffer.line) and instance.name not in self._decls:
+                assert connection is not None
+                stream = self._stream(buffer, instance, connection, rules)
+                self._streams.append(stream)
+                instance.join(stream)
+                return
+
+    def _stream(
+        self, decl: ComBufferDecl, instance: Instance, connection: Connection, rules: Rules
+    ) -> StreamEnd:
+        buffer = self._buffers[decl.name]
+        if decl.line == instance.name:
+            return StreamDrain(connection, instance.data, buffer, decl.per_cycle)
+        follows = rules.part_follows_en_r
+        return StreamFeed(connection, instance.data, buffer, holds=not decl.size, follows_en_r=follows)
 
     def recording(self, name: str, until: int, tick: int) -> Recording:
         """Return what has come over the line of a ComBuffer; of an unknown one nothing."""
@@ -124,7 +139,7 @@ class SerialLines:
             if decl.line in self._ports:
                 self._ports[decl.line].send(decl.per_cycle, now)
                 continue
-            if not decl.is_written:
+            if not decl.is_written or decl.line:  # a TSEND_C takes the bytes of its own
                 continue
             gone = self._buffers[name].take(decl.per_cycle or self._buffers[name].count)
             if gone and name in receivers:
@@ -135,8 +150,8 @@ class SerialLines:
         self.close()
         for buffer in self._buffers.values():
             buffer.empty("PLC STOP")
-        for feed in self._feeds:
-            feed.stop()
+        for stream in self._streams:
+            stream.stop()
 
     def close(self) -> None:
         """Give the ports back."""

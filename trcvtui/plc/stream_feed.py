@@ -6,7 +6,9 @@ bytes stay with the network, which slows the sender (row 15). Never in a job tha
 
 from __future__ import annotations
 
+from trcvtui.blocks.block import Job
 from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.serial.com_buffer import ComBuffer
 from trcvtui.net.connection import Connection, State
 
@@ -34,6 +36,23 @@ class StreamFeed:
         self._buffer = buffer
         self._holds = holds
         self._incarnation: int | None = None  # of the connection whose bytes were the last
+
+    @property
+    def keeps_awake(self) -> bool:
+        """Return whether the next call may differ though the block says nothing."""
+        return self.is_held
+
+    def before(self, job: Job) -> bool:
+        """Decide whether the next call is held; return whether its inputs change by it."""
+        return self.hold(job.have)
+
+    def overrides(self) -> dict[str, int]:
+        """Return the inputs that the program writes."""
+        return {"en_r": False} if self.is_held else {}
+
+    def after(self, outcome: Outcome, asked: bool) -> None:
+        """Take what a call has brought."""
+        self.called(outcome.done, outcome.rcvd_len, asked)
 
     def hold(self, job_has: int) -> bool:
         """Decide, before a call, whether it is held; return whether that is new."""

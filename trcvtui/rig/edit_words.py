@@ -6,9 +6,18 @@ from dataclasses import dataclass, field
 
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
-from trcvtui.plc.project import DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl
+from trcvtui.plc.project import ComBufferDecl, DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl
 
-AddedDecl = ConnectConfig | UdpConfig | AddrParam | InstanceDecl | PeerDecl | MessageDecl | SequenceDecl
+AddedDecl = (
+    ConnectConfig
+    | UdpConfig
+    | AddrParam
+    | ComBufferDecl
+    | InstanceDecl
+    | PeerDecl
+    | MessageDecl
+    | SequenceDecl
+)
 
 
 @dataclass(frozen=True, slots=True)

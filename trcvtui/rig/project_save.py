@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.plc.project import DataDecl, Project
+from trcvtui.plc.project import ComBufferDecl, DataDecl, Project
 from trcvtui.plc.project_edit import FIELDS
 from trcvtui.plc.project_file import read_project
 from trcvtui.plc.project_keys import KIND_OF, Declaration, keys_of
@@ -86,7 +86,8 @@ def _loaded(text: str, path: Path, added: Sequence[Declaration]) -> Project:
 
 
 def _same(decl: Declaration, other: Declaration) -> bool:
-    if isinstance(decl, DataDecl):  # a type is laid out anew with each reading
+    # A type is laid out anew with each reading; who writes and feeds a ComBuffer, its neighbours tell.
+    if isinstance(decl, DataDecl | ComBufferDecl):
         return decl.name == other.name and keys_of(decl) == keys_of(other)
     return decl == other
 

@@ -13,9 +13,10 @@ import pytest
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 STORIES = (ROOT / "docs" / "stories.md").read_text(encoding="utf-8")
+TWINCAT = (ROOT / "docs" / "twincat.md").read_text(encoding="utf-8")
 COMMANDS = [
     line
-    for block in re.findall(r"```sh\n(.*?)```", README + STORIES, re.DOTALL)
+    for block in re.findall(r"```sh\n(.*?)```", README + STORIES + TWINCAT, re.DOTALL)
     for line in block.splitlines()
     if line.strip()
 ]
@@ -37,7 +38,7 @@ def test_every_file_that_the_readme_links_is_there() -> None:
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 
-@pytest.mark.parametrize("page", ["stories", "gallery"])
+@pytest.mark.parametrize("page", ["stories", "gallery", "twincat"])
 def test_every_picture_and_page_that_the_docs_link_is_there(page: str) -> None:
     links = re.findall(r"\]\(([^)#:]+)\)", (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8"))
     assert links

@@ -147,3 +147,47 @@ def test_a_connect_that_is_added_has_no_name_of_a_combuffer() -> None:
     assert caught.value.lines() == [
         "w: connect RX: name: found 'RX', the name of another combuffer, expected a name of its own"
     ]
+
+
+PORT = 'source = "serial"\nport = "/dev/ttyS0"'
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "fault open",
+        "fault open ENOENT on RX",
+        "fault read EIO on RX nth=3",
+        "fault write on RX times=forever",
+    ],
+)
+def test_a_fault_of_a_port_is_read_and_written_back(line: str) -> None:
+    command = parse_line(line, read(RX, PORT), "w")
+    assert command is not None
+    assert to_line(command) == line
+
+
+FAULT_MISTAKES = [
+    ("fault open on C1", "w: found 'C1', expected RX"),
+    ("fault open of RX", "w: found 'of', expected on ComBuffer, nth=1, times=1 or times=forever"),
+    ("fault bind on RX", "w: found 'RX', expected C1"),
+]
+
+
+@pytest.mark.parametrize(("line", "wrong"), FAULT_MISTAKES, ids=[line for line, _ in FAULT_MISTAKES])
+def test_a_mistake_in_a_fault_of_a_port_is_one_line(line: str, wrong: str) -> None:
+    with pytest.raises(UserError) as caught:
+        parse_line(line, read(RX, PORT), "w")
+    assert caught.value.lines() == [wrong]
+
+
+def test_without_a_port_a_fault_has_no_call_of_one() -> None:
+    with pytest.raises(UserError) as caught:
+        parse_line("fault open on RX", read(RX), "w")
+    assert caught.value.lines()[0].startswith("w: found 'open', expected one of socket, set_reuse, bind")
+
+
+def test_a_combuffer_goes_out_over_a_tsend_c() -> None:
+    sender = '[[instance]]\nname = "S"\nblock = "TSEND_C"\nconnect = "C1"\ndata = "rx"'
+    (decl,) = read(RX, 'line = "S"', sender).combuffers
+    assert decl.line == "S"

@@ -16,6 +16,7 @@ from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig import advice_receive as receive
 from trcvtui.rig import advice_refusal as refusal
+from trcvtui.rig import advice_serial as serial
 from trcvtui.rig import advice_udp as udp
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.wording import count
@@ -47,6 +48,7 @@ _LOST: Final = dict.fromkeys(
 )
 NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     **refusal.NEXT,
+    **serial.NEXT,
     Condition.RECEIVING: (*receive.RECEIVING, link.second_client),
     Condition.RECEIVED: receive.RECEIVED,
     Condition.ESTABLISHING: link.ESTABLISHING,

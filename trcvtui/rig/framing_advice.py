@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Final
 
 from trcvtui.blocks.framing.frame import Framing
@@ -43,6 +44,7 @@ LEAST_BITS: Final = 16.0
 LEAST_SHARE: Final = 0.2  # of the best's weight
 LEAST_SHARE_OF_FRAMES: Final = 0.8
 LEAST_EXPLAINED: Final = 0.5
+MOST_GUESSES: Final = 48
 MOST_PROPOSALS: Final = 6
 MOST_FRAMES: Final = 200  # of one trial
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
@@ -120,7 +122,7 @@ def _tried(recording: Recording) -> list[Tried]:
     scale = scale_of(stream, bursts.pauses, bursts.starts)
     found: dict[tuple[object, ...], Tried] = {}
     starts: list[Tried] = []
-    for guess in dict.fromkeys(_guesses(recording, stream, bursts)):
+    for guess in islice(dict.fromkeys(_guesses(recording, stream, bursts)), MOST_GUESSES):
         tried = _try(recording, guess, scale)
         if tried is not None:
             starts.append(tried)
@@ -143,10 +145,6 @@ def _guesses(recording: Recording, stream: bytes, bursts: Bursts) -> Iterator[Gu
             if suffix:
                 kind = Kind.PREFIX_SUFFIX if prefix else Kind.SUFFIX
                 yield Guess(kind, Framing(size, prefix, suffix))
-    for start in marks:
-        for end in marks:
-            if start != end and take_turns(start, end, stream[: WINDOWS[0]]):
-                yield Guess(Kind.PREFIX_SUFFIX, Framing(size, start, end))
     for fixed in sizes_of(stream, bursts, marks):
         yield Guess(Kind.SIZE, Framing(fixed))
         for mark in marks:
@@ -158,6 +156,10 @@ def _guesses(recording: Recording, stream: bytes, bursts: Bursts) -> Iterator[Gu
         middle = min((bursts.within + bursts.between) // 2, bursts.between - recording.tick_ns)
         timeout = max(1, middle // MILLISECOND) * MILLISECOND
         yield Guess(Kind.GAP, Framing(size, timeout_ns=timeout))
+    for start in marks:
+        for end in marks:
+            if start != end and take_turns(start, end, stream[: WINDOWS[0]]):
+                yield Guess(Kind.PREFIX_SUFFIX, Framing(size, start, end))
 
 
 def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:

@@ -16,6 +16,7 @@ LOOKED_AT: Final = 4096  # bytes in which marks are looked for
 LONGEST_MARK: Final = 12
 MOST_SEEDS: Final = 10
 MOST_MARKS: Final = 7
+MOST_PLACES: Final = 100  # of a mark that are looked at
 LONGEST_LAG: Final = 300
 LEAST_TIMES: Final = 3
 ALIKE: Final = 0.9
@@ -90,7 +91,7 @@ def marks_of(stream: bytes) -> list[bytes]:
 
 def grown(mark: bytes, stream: bytes) -> bytes:
     """Return a mark with all that stands beside it each time."""
-    places = places_of(mark, stream)
+    places = places_of(mark, stream)[:MOST_PLACES]
     before = after = 0
     while len(mark) + before + after < LONGEST_MARK:
         following = Counter(stream[p + len(mark) + after : p + len(mark) + after + 1] for p in places)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 MOST_BYTES: Final = 65_536
-MOST_CHUNKS: Final = 16_384
+MOST_CHUNKS: Final = 8192
 
 
 class Chunk(NamedTuple):

@@ -274,7 +274,7 @@ def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording) -> Propo
         field=guess.field,
         evidence=evidence_of(guess.kind, framing, guess.field, made, recording),
         doubt=doubt_of(guess.kind, framing, made, recording),
-        instead=instead_of(guess.field, made),
+        instead=instead_of(guess.field),
         frames=len(good),
         of_frames=len(made.frames),
         explained=sum([len(frame.content) for frame in good]),

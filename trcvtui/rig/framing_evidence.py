@@ -138,13 +138,10 @@ def doubt_of(kind: Kind, framing: Framing, made: Cut, recording: Recording) -> t
     return tuple(doubt)
 
 
-def instead_of(field: LengthField | None, made: Cut) -> str:
+def instead_of(field: LengthField | None) -> str:
     """Return what does it where ReceiveData cannot."""
     if field is None:
         return ""
     cannot = "cannot be set: ReceiveData has no length field"
-    lengths = {len(frame.content) for frame in made.good}
-    if len(lengths) == 1:
-        return f"{cannot}; as all frames have {lengths.pop()} bytes, SizeReceiveData = that does it"
     jobs = f"LEN of TRCV_C (or SizeReceiveData) = {field.head} for the head, then = what the head tells"
     return f"{cannot}; a program does it with two jobs: {jobs}"

@@ -238,7 +238,7 @@ def _walk(stream: bytes, field: LengthField, ends: Sequence[int], pauses: frozen
         if at > end and end != len(stream):
             at = end  # the connection ended in the midst of a frame
     frames = len(begun)
-    if frames < LEAST_TIMES or (len(sizes) == 1 and not met):
+    if frames < LEAST_TIMES or len(sizes) == 1:  # a length that never changes is a mark
         return 0.0
     missed = max(0, len([place for place in pauses if place]) - met)
     alike = [_share(stream, begun[:64], place) for place in range(LAST_POSITION)]

@@ -135,8 +135,8 @@ def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes
     if prefix in KNOWN_STARTS and scale.is_text:
         bits += min(1.0 * number, MOST_OF_A_MARK / 2)
     empty = sum([len(frame.content) <= len(prefix) + len(suffix) for frame in good])
-    if len(suffix) == 1 and empty * 5 <= number and not (scale.is_text and suffix[0] in TEXT):
-        bits += min(_frequency(suffix[0], scale), MOST_OF_A_MARK)
+    if suffix and empty * 5 <= number and not (scale.is_text and suffix[-1] in TEXT):
+        bits += min(_frequency(suffix[-1], scale), MOST_OF_A_MARK)
     return bits
 
 

@@ -28,8 +28,8 @@ def said(line: str, project: Project) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
-VERBS = "set, pulse, write, resize, create, add, delete, download, plc, peer, feed, link, fault, run"
-VERBS += ", wait, expect"
+VERBS = "set, pulse, write, resize, create, add, delete, download, plc, peer, feed, prefix, suffix, link"
+VERBS += ", fault, run, ..."
 NO_LINE = 'the name of a ComBuffer with source = "sim", but there is none'
 FORMS = "hex, text, udt, file or random"
 HOLE = "{n}, {n:2}, {n:2:big} or a checksum such as {crc32} or {crc16-modbus:little}"

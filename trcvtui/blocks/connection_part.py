@@ -61,6 +61,11 @@ class ConnectionPart:
             and not self._script
         )
 
+    @property
+    def is_closing(self) -> bool:
+        """Return whether something of a close is still to be shown."""
+        return not self.cont and bool(self._script)
+
     def call(
         self, cont: bool, com_rst: bool, asks: bool = False, job_error: Condition | None = None
     ) -> Outcome | None:

@@ -23,7 +23,7 @@ class TrcvC:
         self._part = ConnectionPart(bound.env, bound.connection)
         self._inputs: Inputs | None = None
         self._course = bound.env.rules.course
-        self._cont = ContLevel(self._course.one_shot)
+        self._cont = ContLevel(self._course.one_shot, asks_by_level=True)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -33,7 +33,7 @@ class TrcvC:
             return self._receive(inputs) if self._goes_on(inputs) else self._idle(None)
         self._inputs = inputs
         self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
-        cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running)
+        cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running, self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=inputs.en_r)
         if outcome is not None:
             return self._while_not_receiving(outcome)

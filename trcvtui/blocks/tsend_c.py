@@ -37,7 +37,7 @@ class TsendC:
         self._req = inputs.req
         asks = self._asked or req_rose
         waits = self._course.waiting_req_sends and (inputs.req or self._course.one_shot) and asks
-        cont = self._cont.level(inputs.cont, asks, self.job.running)
+        cont = self._cont.level(inputs.cont, asks, self.job.running, self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=self._reset_error())
         if outcome is not None:
             return self._while_not_sending(inputs, outcome, req_rose)

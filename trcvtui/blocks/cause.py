@@ -32,6 +32,7 @@ NO_KERNEL_CALLS: Final = {
     "buffer": (Why.RESOURCE, "no buffer is left"),
     "budget": (Why.RESOURCE, "no connection is left"),
     "description": (Why.PARAMETER, "the connection description is wrong"),
+    "identity": (Why.OWNER, "another CONNECT has this ID"),
     "session": (Why.PARTNER, "the handshake failed"),
     "address": (Why.PARAMETER, "the address cannot be used"),
     "resolve": (Why.WAITING, "nobody has listened there yet"),

@@ -58,6 +58,8 @@ class Condition(StrEnum):
     FOUND_CLOSED = "found closed"
     STILL_ASKED = "link gone, still asked"
     ENDPOINT_THERE = "already connected"
+    ID_BUILDING = "ID being built by another"
+    ID_OTHER = "ID of another connection"
     ENDPOINT_GONE = "no such connection"
     LET_GO = "let go by another block"
     RESET_IN_JOB = "reset in a job"

@@ -16,8 +16,10 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
 from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.job_checks import in_use, rival_of
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.connection import Connection, State
+from trcvtui.net.ownership import Claim
 from trcvtui.net.set_up import Stage, StepFault
 
 
@@ -33,13 +35,14 @@ class Phase(Enum):
 class ConnectionPart:
     """Show a connection's life on STATUS; `call` answers None when the job may decide."""
 
-    def __init__(self, env: Environment, connection: Connection) -> None:
+    def __init__(self, env: Environment, connection: Connection, claim: Claim) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
         self.waits = 0  # how many scans of 7002 have been shown since connecting began
         self._env = env
         self._course = env.rules.course
         self._connection = connection
+        self._claim = claim
         self._asks = False
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
@@ -104,6 +107,11 @@ class ConnectionPart:
     def _start(self) -> Outcome:
         self._script.clear()
         self._close_wanted = self._reset_wanted = False
+        rival = rival_of(self._env, self._connection, self._claim)
+        if rival is not None:
+            self.phase, self._queued = Phase.STARTING, False
+            return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+        self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:
             return self.wait("another block has opened the connection")
         fault = self._connection.open()
@@ -198,9 +206,16 @@ class ConnectionPart:
 
     # -- CONT falls, COM_RST rises ----------------------------------------------------------------
 
+    def leave(self) -> None:
+        """Be gone; the connection stays as it is."""
+        self._connection.keeping.give_back(self._claim)
+
     def _close(self) -> Outcome:
         self._script.clear()
         self._reset_wanted = False
+        if not self._connection.keeping.holds(self._claim):  # it never came to build it
+            self.phase = Phase.IDLE
+            return _NO_JOB
         cause = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
         fault = self._connection.queue_job() if self._has_connection() else None
         self._close_wanted = fault is not None
@@ -208,6 +223,7 @@ class ConnectionPart:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         was_up = self.phase is Phase.CONNECTED and self._connection.lost(self.incarnation) is None
         self.phase = Phase.IDLE
+        self._connection.keeping.give_back(self._claim)
         shown, *more = closing.disconnect(self._connection, cause)
         self._script.extend(more if was_up else ())
         return shown

@@ -10,6 +10,7 @@ from trcvtui.blocks.data_area import DataArea, Elements
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.rules import AreaRules
+from trcvtui.net.connection import Connection
 from trcvtui.net.ownership import Claim, Direction
 
 
@@ -22,11 +23,27 @@ def refuse(
     connect: str,
     most: int | None = None,
     adhoc: bool = False,
+    rival: Claim | None = None,
 ) -> Outcome | None:
     """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken.
 
-    `most` bytes fit into one job, None: as many as the rules say for a connection.
+    `most` bytes fit into one job, None: as many as the rules say for a connection. `rival` keeps every job
+    off this connection.
     """
+    unfit = misfit(env, data, length, most, adhoc)
+    if unfit is not None:
+        return unfit
+    other = rival or direction.take(claim)
+    if other is not None:
+        return Outcome(Condition.CONNECT_IN_USE, in_use(other, claim))
+    fault = env.resources.buffers.acquire(connect)
+    return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
+
+
+def misfit(
+    env: Environment, data: DataArea | None, length: int, most: int | None = None, adhoc: bool = False
+) -> Outcome | None:
+    """Return what is wrong with DATA and LEN of a job that would start now."""
     limit = env.rules.max_len if most is None else most
     if data is None:
         return replace(_EMPTY, condition=env.rules.area.missing)
@@ -37,11 +54,16 @@ def refuse(
         return unfit
     if length > data.size or (length or data.size) > limit:
         return _wrong_length(env, limit, data, length)
-    other = direction.take(claim)
-    if other is not None:
-        return Outcome(Condition.CONNECT_IN_USE, _in_use(other))
-    fault = env.resources.buffers.acquire(connect)
-    return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
+    return None
+
+
+def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
+    """Return who works on this connection with another priority, where a vendor does not take that."""
+    if not env.rules.one_class:
+        return None
+    directions = connection.keeping, connection.receiving, connection.sending
+    found = (direction.of_another_priority(claim) for direction in directions)
+    return next((rival for rival in found if rival is not None), None)
 
 
 def _unfit(area: AreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
@@ -76,10 +98,13 @@ def _wrong_length(env: Environment, most: int, data: DataArea, length: int) -> O
     return Outcome(condition, cause)
 
 
-def _in_use(other: Claim) -> Cause:
+def in_use(other: Claim, asking: Claim) -> Cause:
+    """Return who is in the way."""
     if other.is_orphan:
         name = "an instance that is gone still holds this CONNECT"
         return Cause(Why.OWNER, name, detail=f"{other.instance}: disconnect or reset frees it")
+    if other.priority != asking.priority:
+        return Cause(Why.OWNER, "a block of another priority works on this CONNECT", detail=other.instance)
     return Cause(Why.OWNER, "another instance works on this CONNECT", detail=other.instance)
 
 

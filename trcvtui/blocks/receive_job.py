@@ -16,7 +16,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.job_checks import changed as area_changed
-from trcvtui.blocks.job_checks import refuse
+from trcvtui.blocks.job_checks import refuse, rival_of
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.answers import WOULD_BLOCK, Datagram
@@ -80,7 +80,10 @@ class ReceiveJob:
         receiving, asked = self._connection.receiving, length
         if length in self._area.adhoc_lens:
             length, adhoc = 0, True
-        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect, adhoc=adhoc)
+        rival = rival_of(self._env, self._connection, self.claim)
+        refused = refuse(
+            self._env, self._data, length, receiving, self.claim, self._connect, adhoc=adhoc, rival=rival
+        )
         if refused is not None:
             return self.check_loss() or refused
         assert self._data is not None

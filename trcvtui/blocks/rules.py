@@ -64,6 +64,7 @@ class Rules:
     max_datagram: int = 2048
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
+    one_class: bool = False  # blocks of another priority are kept off a connection while one works on it
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64
     queue: int = 64

@@ -15,7 +15,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import changed, refuse
+from trcvtui.blocks.job_checks import changed, refuse, rival_of
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import OUTCOMES_KEPT
@@ -55,7 +55,8 @@ class SendJob:
         if loss is not None:
             return loss
         sending = self._connection.sending
-        refused = refuse(self._env, self._data, inputs.len, sending, self.claim, self._connect)
+        rival = rival_of(self._env, self._connection, self.claim)
+        refused = refuse(self._env, self._data, inputs.len, sending, self.claim, self._connect, rival=rival)
         if refused is not None:
             sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused

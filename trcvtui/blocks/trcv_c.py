@@ -20,7 +20,7 @@ class TrcvC:
     def __init__(self, bound: Binding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection)
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim())
         self._inputs: Inputs | None = None
         self._course = bound.env.rules.course
         self._cont = ContLevel(self._course.one_shot, asks_by_level=True)
@@ -49,6 +49,7 @@ class TrcvC:
 
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
+        self._part.leave()
         self.job.leave(reason)
 
     def _while_not_receiving(self, outcome: Outcome) -> Outcome:

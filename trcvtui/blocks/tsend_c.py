@@ -20,7 +20,7 @@ class TsendC:
     def __init__(self, bound: Binding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection)
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim())
         self._inputs: Inputs | None = None
         self._req = False
         self._course = bound.env.rules.course
@@ -55,6 +55,7 @@ class TsendC:
 
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
+        self._part.leave()
         self.job.leave(reason)
 
     # -- 80A1: asked for data, not connected (design 6, row 4) -------------------------------------

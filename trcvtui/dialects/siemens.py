@@ -17,6 +17,7 @@ from trcvtui.dialects.siemens_secure import SECURE_SET_UP
 from trcvtui.dialects.siemens_status import STATUS
 from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.description_check import Flaw
+from trcvtui.net.identities import Taken
 from trcvtui.net.policy import Policy
 from trcvtui.net.set_up import Stage
 
@@ -56,7 +57,7 @@ SWITCHES: Final = (
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
-# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1.
+# siemens.md 4.4: an ID that is taken; 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1.
 SET_UP: Final = {
     (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
     (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
@@ -74,6 +75,9 @@ SET_UP: Final = {
     (Stage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
     (Stage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
     (Stage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
+    (Stage.IDENTITY, Taken.SAME): Condition.ENDPOINT_THERE,
+    (Stage.IDENTITY, Taken.BUILDING): Condition.ID_BUILDING,
+    (Stage.IDENTITY, Taken.OTHER): Condition.ID_OTHER,
     (Stage.SOCKET, ""): Condition.NO_SOCKET,
     (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
     (Stage.REUSE, ""): Condition.NOT_NOW,
@@ -131,6 +135,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        one_class=True,  # 2.1, 4.4
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
         datagram_too_long=Condition.MESSAGE_TOO_LONG,

@@ -21,6 +21,7 @@ MANUAL: Final = "siemens.md 1.11"
 UNSURE: Final = "what instructions before 3.0 show between these words is pieced together from two help pages"
 
 BLOCKS: Final = tuple(block for block in S7_1200.blocks if block != "T_DIAG")
+_NEWER_ID_ERROR: Final = 0x80C8  # 80A5 here
 _NOT_THESE: Final = frozenset({0x0001, 0x7005})  # of the _C blocks
 
 
@@ -75,6 +76,7 @@ def _kept(row: StatusRow) -> StatusRow | None:
     """Return what these instructions have of a row of the newer ones."""
     gone = {block for block in row.blocks if (row.code, block) in _OWN or block not in BLOCKS}
     gone |= set(BOTH_C) if row.code in _NOT_THESE else set()
+    gone |= set(row.blocks) if row.code == _NEWER_ID_ERROR else set()
     blocks = tuple(block for block in row.blocks if block not in gone)
     return replace(row, blocks=blocks) if blocks else None
 

@@ -72,6 +72,7 @@ class Condition(StrEnum):
     DATA_MISSING = "no DATA"
     DATA_REFUSED = "DATA of a type that is refused"
     DATA_SYMBOLIC = "LEN with a symbolic DATA"
+    LEN_OF_TEXT = "LEN cuts a STRING"
     RESULT_WRONG = "RESULT cannot hold it"
     NO_DESCRIPTION = "no connection description"
     DESCRIPTION_LENGTH = "wrong length of CONNECT"

@@ -23,14 +23,15 @@ def refuse(
     connect: str,
     most: int | None = None,
     adhoc: bool = False,
+    least: int = 0,
     rival: Claim | None = None,
 ) -> Outcome | None:
     """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken.
 
-    `most` bytes fit into one job, None: as many as the rules say for a connection. `rival` keeps every job
-    off this connection.
+    `most` bytes fit into one job, None: as many as the rules say for a connection. `least` is the smallest
+    LEN but 0 of a text. `rival` keeps every job off this connection.
     """
-    unfit = misfit(env, data, length, most, adhoc)
+    unfit = misfit(env, data, length, most, adhoc, least)
     if unfit is not None:
         return unfit
     other = rival or direction.take(claim)
@@ -41,7 +42,12 @@ def refuse(
 
 
 def misfit(
-    env: Environment, data: DataArea | None, length: int, most: int | None = None, adhoc: bool = False
+    env: Environment,
+    data: DataArea | None,
+    length: int,
+    most: int | None = None,
+    adhoc: bool = False,
+    least: int = 0,
 ) -> Outcome | None:
     """Return what is wrong with DATA and LEN of a job that would start now."""
     limit = env.rules.max_len if most is None else most
@@ -52,6 +58,15 @@ def misfit(
     unfit = _unfit(env.rules.area, data, length, adhoc)
     if unfit is not None:
         return unfit
+    if env.rules.area.texts_whole and 0 < length < least:
+        cause = Cause(
+            Why.PARAMETER,
+            f"LEN cuts a {data.type_name}",
+            pin="LEN",
+            value=length,
+            detail=f"0, or from {least} on",
+        )
+        return Outcome(Condition.LEN_OF_TEXT, cause)
     if length > data.size or (length or data.size) > limit:
         return _wrong_length(env, limit, data, length)
     return None

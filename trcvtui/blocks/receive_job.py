@@ -80,10 +80,12 @@ class ReceiveJob:
         receiving, asked = self._connection.receiving, length
         if length in self._area.adhoc_lens:
             length, adhoc = 0, True
+        least = self._data.text_lens.received if self._data is not None else 0
         rival = rival_of(self._env, self._connection, self.claim)
         refused = refuse(
-            self._env, self._data, length, receiving, self.claim, self._connect, adhoc=adhoc, rival=rival
-        )
+            self._env, self._data, length, receiving, self.claim, self._connect,
+            adhoc=adhoc, least=least, rival=rival,
+        )  # fmt: skip
         if refused is not None:
             return self.check_loss() or refused
         assert self._data is not None

@@ -26,7 +26,8 @@ class AreaRules:
     `missing`: an open DATA pin. `longer`: LEN against the size of DATA. `refuses_bits`: no BOOL, no ARRAY OF
     BOOL. `symbolic_alone`: a symbolic DATA goes with LEN = 0 only, `symbolic_bytes`: and ad-hoc with elements
     of 8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
-    LEN mean ad-hoc.
+    LEN mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it in a send job and its
+    header in a receive job.
     """
 
     missing: Condition = Condition.DATA_EMPTY
@@ -36,6 +37,7 @@ class AreaRules:
     symbolic_bytes: bool = False
     must_stay: bool = False
     adhoc_lens: frozenset[int] = frozenset()
+    texts_whole: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,7 +56,10 @@ class SendJob:
             return loss
         sending = self._connection.sending
         rival = rival_of(self._env, self._connection, self.claim)
-        refused = refuse(self._env, self._data, inputs.len, sending, self.claim, self._connect, rival=rival)
+        least = self._data.text_lens.sent if self._data is not None else 0
+        refused = refuse(
+            self._env, self._data, inputs.len, sending, self.claim, self._connect, least=least, rival=rival
+        )
         if refused is not None:
             sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused

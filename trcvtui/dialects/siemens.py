@@ -57,7 +57,8 @@ SWITCHES: Final = (
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
-# siemens.md 4.4: an ID that is taken; 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1.
+# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1;
+# 4.4: a taken ID.
 SET_UP: Final = {
     (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
     (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
@@ -131,6 +132,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_alone=True,
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
+            texts_whole=True,
         ),
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),

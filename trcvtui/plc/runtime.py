@@ -36,7 +36,7 @@ from trcvtui.plc.commands import (
     SetInput,
     WriteData,
 )
-from trcvtui.plc.elements import elements_of
+from trcvtui.plc.elements import elements_of, text_lens_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
@@ -253,7 +253,8 @@ class Runtime:
             case DownloadInstance(name):
                 self._download(name)
             case ResizeData(data):
-                self._data[data.name].resize(data.type_name, data.size, elements_of(data.type))
+                kind = elements_of(data.type), text_lens_of(data.type, data.size)
+                self._data[data.name].resize(data.type_name, data.size, *kind)
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
     def _create(self, decl: InstanceDecl) -> None:
@@ -382,7 +383,8 @@ class Runtime:
 
 
 def _area(decl: DataDecl) -> DataArea:
-    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized)
+    text = text_lens_of(decl.type, decl.size)
+    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized, text)
 
 
 def _data_snapshot(data: DataArea) -> DataSnapshot:

@@ -14,7 +14,6 @@ from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
 from trcvtui.net.connection import State
 
-
 STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
 
 
@@ -28,7 +27,7 @@ class Tdiscon:
         self._script: deque[Outcome] = deque()
 
     def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing to close is 80A3, still being built 80C4."""
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing to close is 80A3, not built yet 80C4."""
         rose, self._req = inputs.req and not self._req, inputs.req
         if self._script:
             return self._script.popleft()

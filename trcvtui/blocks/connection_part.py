@@ -161,6 +161,12 @@ class ConnectionPart:
         begins = self._course.job_begins if self._asks else self._course.established
         return Outcome(begins or Condition.CONNECTED, cause)
 
+    def first_scan(self, begun: Outcome, reserved: bool) -> Outcome:
+        """Return the first scan of a connection: that of a job, unless the job will be refused."""
+        if reserved:
+            return begun
+        return replace(begun, condition=self._course.established or Condition.CONNECTED)
+
     def hold_back(self, outcome: Outcome) -> None:
         """Show the first "connected" one scan later: another code takes this scan."""
         if outcome.condition is Condition.CONNECTED:

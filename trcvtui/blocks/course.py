@@ -31,7 +31,8 @@ PLAIN_SET_UP: Final[SetUpConditions] = {
 class Course:
     """What shows when. A tuple of conditions shows one a scan.
 
-    `job_begins`: the first scan of a connection that a job has been waiting for; None: "connected" as ever.
+    `job_begins`: the first scan of a connection that a job has been waiting for, which has what it takes from
+    then on; a job that will be refused shows `established`. None: "connected" as ever.
     `established`: the same of a connection that no job waits for.
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.

@@ -15,8 +15,8 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.job_checks import Wish, refuse, reserve, rival_of
 from trcvtui.blocks.job_checks import changed as area_changed
-from trcvtui.blocks.job_checks import refuse, rival_of
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.answers import WOULD_BLOCK, Datagram
@@ -77,21 +77,26 @@ class ReceiveJob:
         return self._deliver()
 
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
-        receiving, asked = self._connection.receiving, length
+        wish, receiving = self._wish(length, adhoc), self._connection.receiving
+        refused = refuse(self._env, self._data, wish, receiving, self.claim, self._connect)
+        if refused is not None:
+            return self.check_loss() or refused
+        assert self._data is not None
+        self._asked = length, self._data.shape
+        self._start(wish.length or self._data.size, wish.adhoc)
+        return self._collect() or self.receiving()
+
+    def _wish(self, length: int, adhoc: bool) -> Wish:
         if length in self._area.adhoc_lens:
             length, adhoc = 0, True
         least = self._data.text_lens.received if self._data is not None else 0
         rival = rival_of(self._env, self._connection, self.claim)
-        refused = refuse(
-            self._env, self._data, length, receiving, self.claim, self._connect,
-            adhoc=adhoc, least=least, rival=rival,
-        )  # fmt: skip
-        if refused is not None:
-            return self.check_loss() or refused
-        assert self._data is not None
-        self._asked = asked, self._data.shape
-        self._start(length or self._data.size, adhoc)
-        return self._collect() or self.receiving()
+        return Wish(length, adhoc=adhoc, least=least, rival=rival)
+
+    def reserve(self, inputs: Inputs) -> bool:
+        """Keep the receive side for the job that begins in the next call; False: it would be refused."""
+        wish = self._wish(inputs.len, inputs.adhoc)
+        return reserve(self._env, self._data, wish, self._connection.receiving, self.claim)
 
     def _changed(self, length: int) -> Outcome | None:
         """End the job when LEN or DATA is another than at its start."""

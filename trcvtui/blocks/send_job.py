@@ -15,7 +15,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import changed, refuse, rival_of
+from trcvtui.blocks.job_checks import Wish, changed, refuse, reserve, rival_of
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import OUTCOMES_KEPT
@@ -55,11 +55,7 @@ class SendJob:
         if loss is not None:
             return loss
         sending = self._connection.sending
-        rival = rival_of(self._env, self._connection, self.claim)
-        least = self._data.text_lens.sent if self._data is not None else 0
-        refused = refuse(
-            self._env, self._data, inputs.len, sending, self.claim, self._connect, least=least, rival=rival
-        )
+        refused = refuse(self._env, self._data, self._wish(inputs.len), sending, self.claim, self._connect)
         if refused is not None:
             sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused
@@ -74,6 +70,15 @@ class SendJob:
             self._end(done=False, reason="the send buffer is full")
             return _full(self.need)
         return _sending(self.have, self.need)
+
+    def _wish(self, length: int) -> Wish:
+        least = self._data.text_lens.sent if self._data is not None else 0
+        return Wish(length, least=least, rival=rival_of(self._env, self._connection, self.claim))
+
+    def reserve(self, inputs: Inputs) -> bool:
+        """Keep the send side for the job that begins in the next call; False: it would be refused."""
+        wish = self._wish(inputs.len)
+        return reserve(self._env, self._data, wish, self._connection.sending, self.claim)
 
     def go_on(self) -> Outcome | ConnectionLoss:
         """Send what is left; end the job when the stack has it all."""

@@ -22,6 +22,7 @@ class TrcvC:
         self._connection = bound.connection
         self._part = ConnectionPart(bound.env, bound.connection, bound.claim())
         self._inputs: Inputs | None = None
+        self._begins = False  # the job has had its first scan, and starts in this one
         self._course = bound.env.rules.course
         self._cont = ContLevel(self._course.one_shot, asks_by_level=True)
         self._request = StandingRequest(bound.env.rules.not_connected)
@@ -36,12 +37,13 @@ class TrcvC:
         cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running, self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=inputs.en_r)
         if outcome is not None:
-            return self._while_not_receiving(outcome)
+            return self._while_not_receiving(inputs, outcome)
         return self._connected(inputs)
 
     def _goes_on(self, inputs: Inputs) -> bool:
-        """Return whether the job has this scan: EN_R is 1, or a job that runs outlives it."""
-        return inputs.en_r or (self.job.running and self._course.en_r_keeps_job)
+        """Return whether the job has this scan: EN_R is 1, or a job that has begun outlives it."""
+        has_begun = self.job.running or self._begins
+        return inputs.en_r or (has_begun and self._course.en_r_keeps_job)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""
@@ -52,8 +54,11 @@ class TrcvC:
         self._part.leave()
         self.job.leave(reason)
 
-    def _while_not_receiving(self, outcome: Outcome) -> Outcome:
+    def _while_not_receiving(self, inputs: Inputs, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
+        self._begins = outcome.condition is Condition.JOB_BEGINS and self.job.reserve(inputs)
+        if outcome.condition is Condition.JOB_BEGINS:
+            return self._part.first_scan(outcome, self._begins)
         if outcome.condition is Condition.CONNECTED:
             self._request.answered()
         elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1 and self._request.is_told():
@@ -74,6 +79,7 @@ class TrcvC:
         return self._receive(inputs)
 
     def _receive(self, inputs: Inputs) -> Outcome:
+        self._begins = False
         got = self.job.call(inputs)
         return got if isinstance(got, Outcome) else self._lost(got)
 

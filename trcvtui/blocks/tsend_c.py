@@ -62,6 +62,8 @@ class TsendC:
 
     def _while_not_sending(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         self.job.abandon(outcome.cause.name)
+        if outcome.condition is Condition.JOB_BEGINS:
+            outcome = self._part.first_scan(outcome, self.job.reserve(inputs))
         if self._course.waiting_req_sends:
             return self._keep_asking(inputs, outcome, req_rose)
         self._asked = (self._asked or req_rose) and inputs.cont

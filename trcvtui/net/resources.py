@@ -55,10 +55,15 @@ class BufferPool:
         fault = self._take("buffer", owner)
         if fault is not None:
             return fault
-        if self.used >= self.count:
+        if self.is_full:
             return Fault("buffer", "ENOBUFS")
         self.used += 1
         return None
+
+    @property
+    def is_full(self) -> bool:
+        """Return whether no buffer is left."""
+        return self.used >= self.count
 
     def release(self) -> None:
         """Give one buffer back."""

@@ -71,7 +71,6 @@ class TrcvC:
         loss = self._connection.lost(self._part.incarnation, self.job.claim)
         if not self._goes_on(inputs):
             self.job.abandon("EN_R fell")
-            self.job.let_go()
             return self._idle(loss)
         if loss is not None:
             return self._lost(loss)
@@ -84,6 +83,7 @@ class TrcvC:
         return got if isinstance(got, Outcome) else self._lost(got)
 
     def _idle(self, loss: ConnectionLoss | None) -> Outcome:
+        self.job.let_go()
         loss = loss or self.job.check_loss()
         return READY if loss is None else self._lost(loss)
 

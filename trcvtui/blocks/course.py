@@ -49,6 +49,7 @@ class Course:
     `silent_connect`: an attempt to connect that fails shows no error.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
     `one_shot`: the request itself connects; CONT only keeps what stands behind its job.
+    `faults_once`: a receive job that every call refuses shows its error once, else with each call.
     `set_up`: the error of a set-up step.
     """
 
@@ -73,6 +74,7 @@ class Course:
     silent_connect: bool = False
     reset_closes: bool = False
     one_shot: bool = False
+    faults_once: bool = False
     set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
 
     def of_set_up(self, stage: Stage, error: str) -> Condition:

@@ -11,6 +11,7 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.not_connected import StandingRequest, not_connected
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import ReceiveJob
+from trcvtui.blocks.told_once import ToldOnce
 from trcvtui.net.connection_loss import ConnectionLoss
 
 
@@ -24,6 +25,7 @@ class TrcvC:
         self._inputs: Inputs | None = None
         self._begins = False  # the job has had its first scan, and starts in this one
         self._course = bound.env.rules.course
+        self._told = ToldOnce(self._course.faults_once, Condition.CONNECTED)
         self._cont = ContLevel(self._course.one_shot, asks_by_level=True)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
@@ -56,6 +58,7 @@ class TrcvC:
 
     def _while_not_receiving(self, inputs: Inputs, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
+        self._told.forget()
         self._begins = outcome.condition is Condition.JOB_BEGINS and self.job.reserve(inputs)
         if outcome.condition is Condition.JOB_BEGINS:
             return self._part.first_scan(outcome, self._begins)
@@ -80,10 +83,11 @@ class TrcvC:
     def _receive(self, inputs: Inputs) -> Outcome:
         self._begins = False
         got = self.job.call(inputs)
-        return got if isinstance(got, Outcome) else self._lost(got)
+        return self._told.shown(got, inputs) if isinstance(got, Outcome) else self._lost(got)
 
     def _idle(self, loss: ConnectionLoss | None) -> Outcome:
         self.job.let_go()
+        self._told.forget()
         loss = loss or self.job.check_loss()
         return READY if loss is None else self._lost(loss)
 

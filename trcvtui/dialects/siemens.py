@@ -52,6 +52,13 @@ SWITCHES: Final = (
         "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped (A5)",
         ("keeps", "drops"),
     ),
+    Switch(
+        "receive_faults",
+        "choice",
+        "each_call",
+        "EN_R = 1 and a receive job that is refused: ERROR with each call, or once until EN_R or LEN changes",
+        ("each_call", "once"),
+    ),
     Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80C3"),
     Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80C3"),
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
@@ -169,6 +176,7 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
         teardown=bool(chosen["teardown_before_error"]),  # A7
         silent_connect=bool(chosen["silent_connect"]),  # A15
         one_shot=chosen["cont_mode"] == "oneshot",  # A9
+        faults_once=chosen["receive_faults"] == "once",
         set_up=SET_UP,
     )
 

@@ -19,7 +19,7 @@ from trcvtui.net.description import (
     Value,
     pack,
     rows,
-    structure_of_size,
+    structure_of,
 )
 from trcvtui.net.description_check import Asked, Finding, Flaw, Protocol, judge, meaning
 
@@ -107,8 +107,8 @@ def test_no_bytes_are_beyond_reading_judging_and_showing(structure: Structure, d
 
 
 def test_a_size_names_its_structure() -> None:
-    assert structure_of_size(80) is CONNECTIONS["TCON_IP_RFC"]
-    assert structure_of_size(15) is None
+    assert structure_of(bytes(80)) is CONNECTIONS["TCON_IP_RFC"]
+    assert structure_of(bytes(15)) is None
 
 
 def test_the_view_shows_each_field_with_its_bytes_and_a_remark() -> None:

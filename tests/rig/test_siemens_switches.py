@@ -165,10 +165,13 @@ def test_one_shot_ends_with_its_error_and_closes() -> None:
 
 
 def test_a_trcv_that_is_refused_shows_it_each_call_or_once() -> None:
-    script = "set TRCV_1 EN_R=1; run 3; pulse TCON_1 REQ; run 2; set TRCV_1 EN_R=0; run 1; set TRCV_1 EN_R=1; run 1"
+    script = (
+        "peer P1 close; set TRCV_1 EN_R=1; run 3; pulse TCON_1 REQ; run 2;"
+        "set TRCV_1 EN_R=0; run 1; set TRCV_1 EN_R=1; run 1"
+    )
     project = "s7-single-active.toml"
-    each = shown(project, "TRCV_1", "peer P1 close; " + script)
-    once = shown(project, "TRCV_1", "peer P1 close; " + script, "options.receive_faults=once")
+    each = shown(project, "TRCV_1", script)
+    once = shown(project, "TRCV_1", script, "options.receive_faults=once")
     assert each == "80A1!{3} 80C4!{2} 7000 80A1!"
     assert once == "80A1! 7000{2} 80C4! 7000{2} 80A1!"
 

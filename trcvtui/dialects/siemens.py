@@ -68,6 +68,7 @@ SWITCHES: Final = (
 # 4.4: a taken ID.
 SET_UP: Final = {
     (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
+    (Stage.DESCRIPTION, Flaw.STRUCTURE): Condition.DESCRIPTION_LENGTH,
     (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
     (Stage.DESCRIPTION, Flaw.ID): Condition.ID_WRONG,
     (Stage.DESCRIPTION, Flaw.INTERFACE): Condition.INTERFACE_WRONG,

@@ -118,6 +118,7 @@ S7_1200_LEGACY: Final = Dialect(
     default_model=S7_1200.default_model,
     layout=S7_1200.layout,
     describes_connects=S7_1200.describes_connects,
+    structures=("TCON_Param",),  # 1.11
     folder="siemens-legacy",
     answer=legacy_answer,
 )

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from trcvtui.net.description import LONGEST_SELECTOR, Description
+from trcvtui.net.description import CONFIGURED, LONGEST_SELECTOR, Description
 from trcvtui.net.ipv4 import is_group, is_loopback
 
 ANY_ADDRESS: Final = "0.0.0.0"
 MOST_ID: Final = 4095
-CONFIGURED: Final = 254
 UDP_TYPE: Final = 19
 CHECKS_NAME: Final = 1  # bit 0 of ExtTLSCapabilities
 RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})
@@ -38,6 +37,7 @@ class Flaw(StrEnum):
     """What can be wrong with a description."""
 
     NO_DESCRIPTION = "no description"
+    STRUCTURE = "structure not taken"
     LENGTH = "wrong length"
     ID = "wrong ID"
     INTERFACE = "wrong interface"
@@ -95,6 +95,20 @@ _TYPES: Final = {
 }
 
 
+# What the newer structures call a field -> TCON_Param's name.
+_PARAM_NAMES: Final = {
+    "ActiveEstablished": "active_est",
+    "RemoteAddress": "rem_staddr",
+    "RemotePort": "rem_tsap_id",
+    "LocalPort": "local_tsap_id",
+}
+
+
+def field_name(description: Description, name: str) -> str:
+    """Return what this structure calls a field of TCON_IP_v4."""
+    return _PARAM_NAMES.get(name, name) if description.structure.name == "TCON_Param" else name
+
+
 def types_of(structure: str) -> tuple[int, ...]:
     """Return the numbers that ConnectionType may have, the usual one first."""
     return tuple(_TYPES[structure])
@@ -142,6 +156,7 @@ class Asked:
 
     `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened
     on; `remote_is_known`: it says where the partner listens (`@NAME`); `has_addr`: the block is one of UDP.
+    `structures`: what the instructions take, () all.
     """
 
     description: Description
@@ -150,19 +165,28 @@ class Asked:
     takes_free_port: bool = False
     remote_is_known: bool = False
     has_addr: bool = False
+    structures: tuple[str, ...] = ()
 
 
 def judge(asked: Asked) -> Finding | None:
     """Return the first flaw, None where a CPU would try to connect."""
-    return next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
+    found = next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
+    return found._replace(field=field_name(asked.description, found.field)) if found else None
 
 
 # -- the questions -----------------------------------------------------------------------------------------
 
 
+def _structure(asked: Asked) -> Finding | None:
+    name = asked.description.structure.name
+    if not asked.structures or name in asked.structures:
+        return None
+    return Finding(Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only")
+
+
 def _length(asked: Asked) -> Finding | None:
     structure, size = asked.description.structure, len(asked.description.data)
-    if size == structure.size:
+    if structure.size - structure.spare <= size <= structure.size:
         return None
     return Finding(Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}")
 
@@ -200,11 +224,15 @@ def _type(asked: Asked) -> Finding | None:
     return Finding(Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}")
 
 
+def _udp_active(asked: Asked) -> Finding | None:
+    if asked.meaning.protocol is not Protocol.UDP or not asked.meaning.is_active:
+        return None
+    return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
+
+
 def _udp(asked: Asked) -> Finding | None:
     if asked.meaning.protocol is not Protocol.UDP:
         return None
-    if asked.meaning.is_active:
-        return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
     if not asked.meaning.local_port and not asked.takes_free_port:
         return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port")
     if asked.has_addr:
@@ -269,6 +297,8 @@ def _param_lengths(says: Meaning) -> list[tuple[str, tuple[int, ...]]]:
             ("local_tsap_id_len", sizes),
             ("rem_tsap_id_len", sizes if says.is_active else (0, *sizes)),
         ]
+    elif says.protocol is Protocol.UDP:
+        lengths += [("local_tsap_id_len", (2,)), ("rem_tsap_id_len", (0,))]
     else:
         lengths += [
             ("local_tsap_id_len", (0, 2) if says.is_active else (2,)),
@@ -348,6 +378,6 @@ def _secure(asked: Asked) -> Finding | None:
 
 
 _QUESTIONS: Final[tuple[Callable[[Asked], Finding | None], ...]] = (
-    _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
-    _param, _udp, _ports, _remote, _local_port, _name, _secure,
+    _structure, _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
+    _udp_active, _param, _udp, _ports, _remote, _local_port, _name, _secure,
 )  # fmt: skip

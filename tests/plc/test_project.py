@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
@@ -193,6 +194,13 @@ def test_relative_files_start_beside_the_project(folder: Path) -> None:
 def test_a_project_crosses_to_another_process(folder: Path) -> None:
     project = pickle.loads(pickle.dumps(read(CONTRACT, folder)))
     assert project.data[0].size == 8 and project.rules == read(CONTRACT, folder).rules
+
+
+@pytest.mark.parametrize("dialect", sorted(DIALECTS))
+def test_each_dialect_crosses_to_another_process(dialect: str, folder: Path) -> None:
+    project = read(f'dialect = "{dialect}"\n', folder)
+    there = pickle.loads(pickle.dumps(project))
+    assert there.dialect.name == dialect and there.dialect.answer({}) == project.dialect.answer({})
 
 
 # -- scenario files ------------------------------------------------------------------------------------

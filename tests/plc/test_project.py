@@ -221,6 +221,22 @@ def test_a_scenario_file_may_name_another_file_as_its_project(folder: Path) -> N
     assert (project.model, project.connects[0].name, project.data[0].size) == ("T3", "C1", 8)
 
 
+def test_a_scenario_may_run_on_the_project_of_another_scenario_and_no_further(folder: Path) -> None:
+    (folder / "one.toml").write_text(CONTRACT + '[scenario]\nsteps = "run 1"\n')
+    (folder / "two.toml").write_text('project = "one.toml"\n[scenario]\nsteps = "run 2"\n')
+    (folder / "three.toml").write_text('project = "two.toml"\n[scenario]\nsteps = ""\n')
+    project, scenario = load_scenario_document(folder / "two.toml")
+    assert (project.connects[0].name, scenario["steps"]) == ("C1", "run 2")
+    with pytest.raises(UserError, match=r"two.toml: project: found an unknown key"):
+        load_scenario_document(folder / "three.toml")
+
+
+def test_of_a_file_in_an_unknown_dialect_the_dialect_alone_is_wrong() -> None:
+    with pytest.raises(UserError) as caught:
+        read('dialect = "s7-9000"\n[[connect]]\nname = "C1"\nID = 1\n')
+    assert caught.value.lines() == ["bench.toml: dialect: found 's7-9000', expected s7-1500"]
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [

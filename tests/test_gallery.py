@@ -12,7 +12,7 @@ from trcvtui.tui.screens.main import MainScreen
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
-MOST_BYTES = 3_000_000
+MOST_BYTES = 4_000_000
 
 
 def make_pictures() -> ModuleType:

@@ -6,6 +6,7 @@ One course for all of them; a dialect below it is its limits and its few differe
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
@@ -182,8 +183,11 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
     )
 
 
+def _answer_of(cpu: Cpu, chosen: Mapping[str, SwitchValue]) -> Rules:
+    return answer({switch.name: switch.default for switch in SWITCHES} | dict(chosen), cpu)
+
+
 def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
-    defaults = {switch.name: switch.default for switch in SWITCHES}
     return Dialect(
         name=name,
         title=title,
@@ -195,7 +199,7 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         layout="s7-standard",
         describes_connects=True,
         folder="siemens",
-        answer=lambda values: answer(defaults | dict(values), cpu),
+        answer=partial(_answer_of, cpu),
     )
 
 

@@ -116,7 +116,7 @@ CONNECTION_ERRORS: Final = (
         ),
         (
             "the order of calls: TCON, then jobs, then TDISCON once",
-            "the connection on the Links tab: closed means that nothing holds it",
+            "the line CONNECT of the block: closed means that nothing holds it",
         ),
         Reach.LOGIC,
         "siemens.md 2.6",

@@ -56,7 +56,7 @@ PARAMETER_ERRORS: Final = (
             "TDISCON has taken the endpoint away before the reset came",
         ),
         (
-            "the state of the connection on the Links tab: closed means that there is no endpoint",
+            "the line CONNECT of the block: closed means that there is no endpoint",
             "the order of calls: T_RESET behind TCON, and not behind TDISCON",
         ),
         Reach.LOGIC,

@@ -84,10 +84,10 @@ class Reader:
         name = top.must("dialect", TEXT)
         if name is not None and name not in DIALECTS:
             top.wrong("dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
-        known = name in DIALECTS
-        dialect = DIALECTS[name] if name in DIALECTS else next(iter(DIALECTS.values()))
-        model = self.model(top, dialect) if known else dialect.default_model
-        return Head(dialect, model, self.options(dialect) if known else {}, rules_for(dialect.layout))
+        if name is None or name not in DIALECTS:
+            raise UserError(self.problems)  # what else the file says means something in a dialect only
+        dialect = DIALECTS[name]
+        return Head(dialect, self.model(top, dialect), self.options(dialect), rules_for(dialect.layout))
 
     def model(self, top: Table, dialect: Dialect) -> str:
         model = top.get("model", TEXT, dialect.default_model)

@@ -49,6 +49,7 @@ class BenchApp(App[None]):
     BINDINGS: ClassVar = [
         Binding("P", "picture", show=False, id="picture"),
         Binding("D", "race", show=False, id="race"),
+        Binding("C", "description", show=False, id="description"),
     ]
 
     def __init__(
@@ -242,6 +243,11 @@ class BenchApp(App[None]):
     def _lab_left(self, nothing: None) -> None:
         self.lab = None
         self.main.show()
+
+    def action_description(self) -> None:
+        """Show the connection description from any pane."""
+        if self.screen is self.main:
+            self.on_description_wanted()
 
     def on_description_wanted(self) -> None:
         """Show the connection description of the selected instance, where there is any."""

@@ -34,7 +34,7 @@ EVERYWHERE: Final = (
 PINS: Final = (
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
-    ("C", "in pane 2: the connection description byte for byte; y takes it as hex, s as SCL"),
+    ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
 )
 BYTES: Final = (

@@ -83,7 +83,9 @@ class TrcvC:
     def _receive(self, inputs: Inputs) -> Outcome:
         self._begins = False
         got = self.job.call(inputs)
-        return self._told.shown(got, inputs) if isinstance(got, Outcome) else self._lost(got)
+        if not isinstance(got, Outcome):
+            return self._lost(got)
+        return self._told.shown(got, inputs) if self._course.faults_once else got
 
     def _idle(self, loss: ConnectionLoss | None) -> Outcome:
         self.job.let_go()

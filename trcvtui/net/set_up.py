@@ -72,6 +72,7 @@ class SetUp:
         self.local: Endpoint | None = None
         self.remote: Endpoint | None = None
         self.is_withdrawn = False  # somebody wants it closed who may not, before it has been established
+        self.is_closing = False  # a block is still showing that it closes the endpoint
         self._holder = Holder(config)
         self._identities = identities
         self._kernel = kernel

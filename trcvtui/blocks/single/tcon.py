@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
@@ -12,6 +14,8 @@ from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
 from trcvtui.net.connection import State
 from trcvtui.net.set_up import Stage, StepFault
+
+STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 
 class Tcon:
@@ -52,6 +56,8 @@ class Tcon:
         rival = rival_of(self._env, self._connection, self._claim)
         if rival is not None:
             return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+        if self._connection.set_up.is_closing:
+            return Outcome(Condition.NOT_NOW, STILL_CLOSED)
         if self._connection.state is not State.CLOSED:
             return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
         fault = self._connection.open()

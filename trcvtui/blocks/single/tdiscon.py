@@ -30,15 +30,19 @@ class Tdiscon:
         """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing to close is 80A3, not built yet 80C4."""
         rose, self._req = inputs.req and not self._req, inputs.req
         if self._script:
-            return self._script.popleft()
+            shown = self._script.popleft()
+            self._connection.set_up.is_closing = bool(self._script)
+            return shown
         return self._begin() if rose else IDLE
 
     def stop(self, reason: str) -> None:
         """Forget what was still to be shown."""
         self._script.clear()
+        self._connection.set_up.is_closing = False
 
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
+        self.stop(reason)
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:
@@ -53,5 +57,6 @@ class Tdiscon:
         ended = closing.disconnect(self._connection, REQ_ROSE)
         if ended[0].error:
             return ended[0]
+        set_up.is_closing = True
         self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
         return Outcome(Condition.STARTED, REQ_ROSE)

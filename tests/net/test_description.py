@@ -210,7 +210,6 @@ def test_any_other_port_is_taken(port: int) -> None:
     assert flaw_of(asked(LocalPort=port)) is None
 
 
-def test_udp_is_for_blocks_with_addr() -> None:
-    question = asked(ConnectionType=19)
-    assert flaw_of(question) is Flaw.NEEDS_ADDR
-    assert flaw_of(Asked(question.description, question.meaning, "10.0.0.1", has_addr=True)) is None
+def test_udp_needs_a_port_of_its_own_and_no_partner() -> None:
+    assert flaw_of(asked(ConnectionType=19)) is None
+    assert flaw_of(asked(ConnectionType=19, LocalPort=0)) is Flaw.PARAMETER

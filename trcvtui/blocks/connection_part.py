@@ -33,13 +33,14 @@ class Phase(Enum):
 class ConnectionPart:
     """Show a connection's life on STATUS; `call` answers None when the job may decide."""
 
-    def __init__(self, env: Environment, connection: Connection) -> None:
+    def __init__(self, env: Environment, connection: Connection, has_addr: bool = True) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
         self.waits = 0  # how many scans of 7002 have been shown since connecting began
         self._env = env
         self._course = env.rules.course
         self._connection = connection
+        self._has_addr = has_addr
         self._asks = False
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
@@ -101,7 +102,7 @@ class ConnectionPart:
         self._close_wanted = self._reset_wanted = False
         if self._connection.state is not State.CLOSED:
             return self.wait("another block has opened the connection")
-        fault = self._connection.open()
+        fault = self._connection.open(self._has_addr)
         self.phase, self._queued = Phase.STARTING, fault is None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
+from trcvtui.blocks.addressed import unfit
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
@@ -19,7 +20,7 @@ from trcvtui.blocks.job_checks import changed as area_changed
 from trcvtui.blocks.job_checks import refuse
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import WOULD_BLOCK, Datagram
+from trcvtui.net.answers import WOULD_BLOCK, Datagram, Endpoint
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
@@ -35,7 +36,7 @@ _RECEIVING: Final = {
 class ReceiveJob:
     """One instance's receive jobs, one after the other."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
         self.number = 0
         self.running = False
         self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
@@ -53,6 +54,10 @@ class ReceiveJob:
         self._connection = bound.connection
         self._connect = bound.connection.config.name
         self._is_message_oriented = bound.connection.config.is_message_oriented
+        self._unfit = unfit(bound, needs_datagrams)
+        self._address = bound.address if bound.connection.config.is_datagram else None
+        self._limit = bound.env.rules.max_datagram if self._address is not None else None
+        self._source: Endpoint | None = None  # of the message that has come
         self._instance = bound.instance
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
@@ -80,7 +85,8 @@ class ReceiveJob:
         receiving, asked = self._connection.receiving, length
         if length in self._area.adhoc_lens:
             length, adhoc = 0, True
-        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect, adhoc=adhoc)
+        wanted = self._env, self._data, length, receiving, self.claim, self._connect, self._limit
+        refused = self._unfit or refuse(*wanted, adhoc=adhoc)
         if refused is not None:
             return self.check_loss() or refused
         assert self._data is not None
@@ -134,7 +140,7 @@ class ReceiveJob:
             return None if got is WOULD_BLOCK else got
         self._first_offset = self._span_offset = self._connection.bytes_received - got.size
         self._next_offset = self._connection.bytes_received
-        self.have, self.whole = got.size, got.whole
+        self.have, self.whole, self._source = got.size, got.whole, got.source
         self.complete = True
         self.last_bytes = self._env.now
         return None
@@ -177,6 +183,8 @@ class ReceiveJob:
             self._buffer = data.swap(self._buffer)
         else:
             data.write(0, memoryview(self._buffer)[:size].toreadonly())
+        if self._address is not None and self._source is not None:
+            self._address.take(self._source)
         kept = min(size, data.size)
         if kept < size:
             self._drop(kept, "DATA resized")

@@ -141,7 +141,7 @@ class Asked:
     """A description and what the bench has written beside it.
 
     `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened
-    on; `remote_is_known`: it says where the partner listens (`@NAME`); `has_addr`: the block is one of UDP.
+    on; `remote_is_known`: it says where the partner listens (`@NAME`).
     """
 
     description: Description
@@ -149,7 +149,6 @@ class Asked:
     own_address: str
     takes_free_port: bool = False
     remote_is_known: bool = False
-    has_addr: bool = False
 
 
 def judge(asked: Asked) -> Finding | None:
@@ -207,9 +206,7 @@ def _udp(asked: Asked) -> Finding | None:
         return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
     if not asked.meaning.local_port and not asked.takes_free_port:
         return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port")
-    if asked.has_addr:
-        return None
-    return Finding(Flaw.NEEDS_ADDR, "", "UDP is for TUSEND and TURCV: this block has no ADDR")
+    return None
 
 
 def _tsap(asked: Asked) -> Finding | None:

@@ -243,6 +243,7 @@ def _config(
         flaw=written.flaw or judge(asked) or name_flaw or (session if isinstance(session, Finding) else None),
         any_local=any_local,
         remote_name=says.remote_name if bench.dns_answer is None else "",
+        is_datagram=says.protocol is Protocol.UDP,
     )
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import SPEAKS_UDP
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.project import (
@@ -67,7 +66,7 @@ def _addr(a: AddrParam) -> Keys:
 
 
 def _instance(i: InstanceDecl) -> Keys:
-    keys: Keys = [("block", i.block), ("config" if i.block in SPEAKS_UDP else "connect", i.connect)]
+    keys: Keys = [("block", i.block), ("config" if i.on_config else "connect", i.connect)]
     keys += [("addr", i.addr)] if i.addr is not None else []
     keys += [("data", i.data)] if i.data is not None else []
     return [*keys, ("task", i.task), *i.inputs]

@@ -67,15 +67,15 @@ class Bench:
         faulty = FaultyKernel(self._kernel, self.plan)
         if all(config.session is None for config in project.connects):
             return faulty
-        return SessionKernel(faulty, lambda: self.now, self._client_dropped)
+        return SessionKernel(faulty, lambda: self.now, self._of_a_session)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
-        return SessionKernel(self._kernel, lambda: self.now, self._client_dropped, polls=False)
+        return SessionKernel(self._kernel, lambda: self.now, self._of_a_session, polls=False)
 
-    def _client_dropped(self, owner: str, client: str, why: str) -> None:
-        self.note(owner, "client dropped", f"{client}: {why}")
+    def _of_a_session(self, owner: str, what: str, partner: str, why: str) -> None:
+        self.note(owner, what, f"{partner}: {why}")
 
     def _must_listen(self, peer: AnyPeer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""

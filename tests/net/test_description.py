@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -208,6 +210,28 @@ def test_a_port_of_the_system_is_refused(port: int) -> None:
 @pytest.mark.parametrize("port", [1, 19, 2000, 5000, 34961, 49151])
 def test_any_other_port_is_taken(port: int) -> None:
     assert flaw_of(asked(LocalPort=port)) is None
+
+
+@pytest.mark.parametrize(
+    ("tsap", "wide", "narrow"),
+    [
+        (b"\xe0\1", True, True),
+        (b"\xe0\0", True, True),
+        (b"\xe0\2", True, False),
+        (b"\xe1\1", False, True),
+        (b"\x10\1", False, False),
+        (b"\xe0\1AB", True, True),
+        (b"\xe0\1A\7", True, False),
+        (b"TCP-1", True, True),
+    ],
+)
+def test_an_s7_1200_takes_other_tsaps_than_an_s7_1500(tsap: bytes, wide: bool, narrow: bool) -> None:
+    values: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12, "LocalTSelector": tsap}
+    structure = CONNECTIONS["TCON_IP_RFC"]
+    description = Description(structure, pack(structure, values))
+    question = Asked(description, meaning(description), "10.0.0.1")
+    assert (flaw_of(question) is None) is wide
+    assert (flaw_of(replace(question, narrow_tsaps=True)) is None) is narrow
 
 
 def test_udp_needs_a_port_of_its_own_and_no_partner() -> None:

@@ -103,6 +103,7 @@ DESCRIPTION_ERRORS: Final = (
         (
             "LocalTSelector is empty, or has two bytes and does not begin with E0",
             "it begins with SIMATIC-, which is the system's own",
+            "S7-1200: behind E0 or E1 stands neither 00 nor 01, or no ASCII from the third byte on",
         ),
         (
             "LocalTSelector byte by byte: length first, then E0 and rack / slot, or a text such as TCP-1",

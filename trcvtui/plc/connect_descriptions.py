@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
+from trcvtui.blocks.rules import Rules
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
 from trcvtui.net.description import (
@@ -122,12 +123,9 @@ class _Bench:
 
 
 def read_described(
-    table: Table, number: int, cap: int, certificates: Certificates = NO_CERTIFICATES
+    table: Table, number: int, rules: Rules, certificates: Certificates = NO_CERTIFICATES
 ) -> ConnectConfig | None:
-    """Return one CONNECT; `number` is its place in the file, and its ID where none is written.
-
-    `cap` is the longest message in bytes.
-    """
+    """Return one CONNECT; `number` is its place in the file, and its ID where none is written."""
     name = table.must("name", NAME)
     written = _read_written(table, number)
     bench = _Bench(
@@ -143,7 +141,8 @@ def read_described(
         return None
     says = meaning(written.description)
     _check_own_keys(table, written.description, says)
-    return _config(name, written, says, bench, _session(written.description, says, bench, cap, certificates))
+    session = _session(written.description, says, bench, rules, certificates)
+    return _config(name, written, says, bench, session, rules.policy.narrow_tsaps)
 
 
 def _check_own_keys(table: Table, description: Description, says: Meaning) -> None:
@@ -223,13 +222,19 @@ def _has_name(description: Description) -> bool:
 
 
 def _config(
-    name: str, written: _Written, says: Meaning, bench: _Bench, session: Settings | Finding | None
+    name: str,
+    written: _Written,
+    says: Meaning,
+    bench: _Bench,
+    session: Settings | Finding | None,
+    narrow_tsaps: bool,
 ) -> ConnectConfig:
     remote, name_flaw = _remote_address(written, says, bench)
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
     takes_free_port = bench.listen_port is not None or written.is_plain
-    asked = Asked(written.description, says, address, takes_free_port, written.reference is not None)
+    knows_remote = written.reference is not None
+    asked = Asked(written.description, says, address, takes_free_port, knows_remote, narrow_tsaps)
     local_port, remote_port = _ports(written, says, bench)
     return ConnectConfig(
         name=name,
@@ -272,10 +277,11 @@ def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[st
 
 
 def _session(
-    description: Description, says: Meaning, bench: _Bench, cap: int, certificates: Certificates
+    description: Description, says: Meaning, bench: _Bench, rules: Rules, certificates: Certificates
 ) -> Settings | Finding | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)
     if says.protocol is not Protocol.ISO:
         return None
-    return IsoSettings(local=says.local_tsap, remote=says.remote_tsap, cap=cap)
+    own = says.local_tsap, says.remote_tsap
+    return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)

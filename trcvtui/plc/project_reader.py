@@ -195,7 +195,7 @@ class Reader:
     ) -> ConnectConfig | None:
         if not head.dialect.describes_connects:
             return parts.read_connect(table)
-        return read_described(table, number, head.dialect.answer(head.options).max_len, certificates)
+        return read_described(table, number, head.rules(), certificates)
 
     def instances(self, tables: list[Table], head: Head, first_task: str) -> tuple[InstanceDecl, ...]:
         blocks = tuple(block for block in head.dialect.blocks if block in PINS)

@@ -122,6 +122,10 @@ class Runtime:
         """Queue a command for phase 1 of the next scan."""
         self._commands.append(command)
 
+    def stand_on(self, kernel: Stirring) -> None:
+        """Use this kernel in front of the one of before; CONNECTs that are there keep theirs."""
+        self._kernel = kernel
+
     @property
     def scans(self) -> int:
         """Return how many scans have passed."""

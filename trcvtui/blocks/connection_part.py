@@ -145,7 +145,7 @@ class ConnectionPart:
     def _connected(self) -> Outcome:
         self.phase = Phase.CONNECTED
         self.incarnation = self._connection.incarnation
-        cause = Cause(Why.PARTNER, "the partner is connected", peer=str(self._connection.peer or ""))
+        cause = established(self._connection)
         begins = self._course.job_begins if self._asks else self._course.established
         return Outcome(begins or Condition.CONNECTED, cause)
 
@@ -233,6 +233,13 @@ class ConnectionPart:
         self.phase, self._queued = Phase.STARTING, False
         closed = closing.disconnect(self._connection, cause)[0]
         return [*(Outcome(condition, cause) for condition in first), closed]
+
+
+def established(connection: Connection) -> Cause:
+    """Return why a connection stands: somebody came, or with datagrams nobody has to."""
+    if connection.config.is_datagram:
+        return Cause(Why.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
+    return Cause(Why.PARTNER, "the partner is connected", peer=str(connection.peer or ""))
 
 
 def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import set_up_failed
+from trcvtui.blocks.connection_part import established, set_up_failed
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
@@ -69,7 +69,7 @@ class Tcon:
         if not self._connection.is_up:
             return _BUILDING
         self._is_building, self._keeps = False, True
-        return Outcome(Condition.FINISHED, Cause(Why.PARTNER, "the partner is connected"))
+        return Outcome(Condition.FINISHED, established(self._connection))
 
     def _is_silent(self, failed: StepFault) -> bool:
         return self._env.rules.course.silent_connect and failed.stage is Stage.CONNECT

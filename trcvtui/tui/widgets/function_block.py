@@ -193,7 +193,7 @@ class FunctionBlock(LineView):
         if connection is None:
             return ""
         if connection.udp:
-            return self._address()
+            return self._address() or f"  UDP, {connection.state}"
         return f"  {'active' if connection.active else 'passive'}, {connection.state}"
 
     def _address(self) -> str:

@@ -66,6 +66,18 @@ def test_a_description_of_udp_can_come_as_the_bytes_of_a_db(tmp_path: Path) -> N
     desk.close()
 
 
+def test_t_diag_tells_type_19_and_an_endpoint_that_stands(tmp_path: Path) -> None:
+    text = BENCH + '[[data]]\nname = "result"\ntype = "ARRAY[0..15] OF BYTE"\n'
+    text += '[[instance]]\nname = "D"\nblock = "T_DIAG"\nconnect = "C1"\ndata = "result"\n'
+    desk = Desk(text, tmp_path)
+    tcon(desk)
+    desk.say("write tx hex 01 02 03 04", "pulse TUSEND_1 REQ", "run 3", "pulse D REQ", "run 4")
+    kind, active, state = desk.bench.runtime.data("result")[4:7]
+    assert (kind, active, state) == (19, 0, 4)
+    assert desk.bench.runtime.data("result")[8:12] == (4).to_bytes(4, "big")
+    desk.close()
+
+
 def test_a_port_that_is_taken_is_80a1(tmp_path: Path) -> None:
     text = BENCH.replace("LocalPort = 2000\nListenPort = 0", "LocalPort = 2000")
     text = text.replace('local_tsap_id = "07 d1"\nListenPort = 0', 'local_tsap_id = "07 d0"')

@@ -11,6 +11,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.net.answers import Endpoint
+from trcvtui.net.description_check import Flaw
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.plc.other_dialect import Translated, in_dialect
 from trcvtui.plc.project import Project
@@ -113,7 +114,8 @@ def test_instructions_before_3_get_tcp_and_iso_in_a_tcon_param() -> None:
     assert [one.structure.name for one in (tcp.description, iso.description)] == ["TCON_Param"] * 2
     assert iso.description.number("connection_type") == 18
     assert isinstance(iso.session, IsoSettings) and iso.session.cap == 8192
-    assert (tcp.flaw, iso.flaw) == (None, None)
+    assert tcp.flaw is None
+    assert iso.flaw is not None and iso.flaw.flaw is Flaw.TSAP  # E0 02: no T-selector of an S7-1200 (3.2)
 
 
 def test_what_a_tcon_param_cannot_say_keeps_its_structure_and_its_flaw_is_told() -> None:

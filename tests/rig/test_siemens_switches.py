@@ -119,8 +119,12 @@ CASES = {
 }
 
 
+# What no STATUS shows: configs/scenarios/siemens/switch-NAME.toml looks at the bytes.
+ON_THE_WIRE = {"iso_tpdu_default"}
+
+
 def test_every_switch_has_a_case() -> None:
-    assert set(CASES) == {switch.name for switch in SWITCHES}
+    assert set(CASES) | ON_THE_WIRE == {switch.name for switch in SWITCHES}
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -81,6 +81,7 @@ class Condition(StrEnum):
     INTERFACE_BARE = "interface without address"
     TYPE_WRONG = "wrong ConnectionType"
     NEEDS_ADDR = "UDP without ADDR"
+    OTHER_TRANSPORT = "block does not fit the connection"
     UDP_ACTIVE = "UDP cannot be active"
     TSAP_WRONG = "wrong TSAP"
     PARAMETER_WRONG = "wrong connection parameter"

@@ -35,7 +35,7 @@ class Phase(Enum):
 class ConnectionPart:
     """Show a connection's life on STATUS; `call` answers None when the job may decide."""
 
-    def __init__(self, env: Environment, connection: Connection, claim: Claim) -> None:
+    def __init__(self, env: Environment, connection: Connection, claim: Claim, has_addr: bool = True) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
         self.waits = 0  # how many scans of 7002 have been shown since connecting began
@@ -43,6 +43,7 @@ class ConnectionPart:
         self._course = env.rules.course
         self._connection = connection
         self._claim = claim
+        self._has_addr = has_addr
         self._asks = False
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
@@ -114,7 +115,7 @@ class ConnectionPart:
         self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:
             return self.wait("another block has opened the connection")
-        fault = self._connection.open()
+        fault = self._connection.open(self._has_addr)
         self.phase, self._queued = Phase.STARTING, fault is None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
@@ -157,7 +158,7 @@ class ConnectionPart:
     def _connected(self) -> Outcome:
         self.phase = Phase.CONNECTED
         self.incarnation = self._connection.incarnation
-        cause = Cause(Why.PARTNER, "the partner is connected", peer=str(self._connection.peer or ""))
+        cause = established(self._connection)
         begins = self._course.job_begins if self._asks else self._course.established
         return Outcome(begins or Condition.CONNECTED, cause)
 
@@ -259,6 +260,13 @@ class ConnectionPart:
         self.phase, self._queued = Phase.STARTING, False
         closed = closing.disconnect(self._connection, cause)[0]
         return [*(Outcome(condition, cause) for condition in first), closed]
+
+
+def established(connection: Connection) -> Cause:
+    """Return why a connection stands: somebody came, or with datagrams nobody has to."""
+    if connection.config.is_datagram:
+        return Cause(Why.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
+    return Cause(Why.PARTNER, "the partner is connected", peer=str(connection.peer or ""))
 
 
 def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:

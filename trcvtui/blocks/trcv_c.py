@@ -21,7 +21,8 @@ class TrcvC:
     def __init__(self, bound: Binding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection, bound.claim())
+        has_addr = bound.address is not None
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr)
         self._inputs: Inputs | None = None
         self._begins = False  # the job has had its first scan, and starts in this one
         self._course = bound.env.rules.course

@@ -20,7 +20,8 @@ class TsendC:
     def __init__(self, bound: Binding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection, bound.claim())
+        has_addr = bound.address is not None
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr)
         self._inputs: Inputs | None = None
         self._req = False
         self._course = bound.env.rules.course

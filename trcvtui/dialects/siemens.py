@@ -62,6 +62,14 @@ SWITCHES: Final = (
     ),
     Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80C3"),
     Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80C3"),
+    Switch(
+        "iso_tpdu_default",
+        "count",
+        1024,
+        "bytes of a DT to a partner of ISO-on-TCP who tells no TPDU size, at most our own 1024 (A19)",
+        least=128,
+        most=65531,
+    ),
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
@@ -118,6 +126,7 @@ class Cpu(NamedTuple):
     max_datagram: int
     connections: int
     symbolic_bytes: bool = False  # only elements of 8 bits (siemens.md 4.2)
+    narrow_tsaps: bool = False  # siemens.md 3.2
 
 
 BUILDING: Final = frozenset(
@@ -154,6 +163,8 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             retry_ns=int(chosen["retry"]),
             attempt_limit_ns=int(chosen["attempt_limit"]),
             small_buffers=bool(chosen["small_buffers"]),
+            tpdu_default=int(chosen["iso_tpdu_default"]),
+            narrow_tsaps=cpu.narrow_tsaps,
         ),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),
@@ -204,4 +215,6 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
 
 
 S7_1500: Final = _dialect("s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128))
-S7_1200: Final = _dialect("s7-1200", "Siemens S7-1200, Open User Communication", Cpu(8192, 1472, 8, True))
+S7_1200: Final = _dialect(
+    "s7-1200", "Siemens S7-1200, Open User Communication", Cpu(8192, 1472, 8, True, True)
+)

@@ -170,6 +170,7 @@ JOB_ERRORS: Final = (
         ),
         Reach.INJECTED,
         "siemens.md 2.7",
+        also=(Condition.UNREACHABLE,),
     ),
     StatusRow(
         0x80C7,

@@ -16,7 +16,7 @@ from trcvtui.dialects.siemens_connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens_status import STATUS
 
 AD_HOC: Final = frozenset({0, 65535})  # LEN, where there is no ADHOC pin; 65535 in the older manual
-CPU: Final = Cpu(8192, 1472, 8, True)
+CPU: Final = Cpu(8192, 1472, 8, True, True)
 MANUAL: Final = "siemens.md 1.11"
 UNSURE: Final = "what instructions before 3.0 show between these words is pieced together from two help pages"
 

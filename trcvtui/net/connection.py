@@ -76,8 +76,8 @@ class Connection:
 
     # -- set-up: TCON ------------------------------------------------------------------------
 
-    def open(self) -> Fault | None:
-        """Queue the set-up job; the steps follow one a scan."""
+    def open(self, has_addr: bool = True) -> Fault | None:
+        """Queue the set-up job; the steps follow one a scan. `has_addr`: for UDP, its opener can send."""
         fault = self._resources.queue.put(self.config.name)
         if fault is None:
             self.state = State.QUEUED

@@ -20,6 +20,7 @@ CHECKS_NAME: Final = 1  # bit 0 of ExtTLSCapabilities
 RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})
 FIRST_DYNAMIC_PORT: Final = 49152
 TCON_PARAM_SIZE: Final = 64
+T_CONNECTIONS: Final = b"\xe0\xe1"  # the first byte of a T-selector for programs; E1 on an S7-1200 alone
 TSAP_SIZES: Final = range(2, 17)  # of TCON_Param
 
 
@@ -155,8 +156,8 @@ class Asked:
     """A description and what the bench has written beside it.
 
     `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened
-    on; `remote_is_known`: it says where the partner listens (`@NAME`); `has_addr`: the block is one of UDP.
-    `structures`: what the instructions take, () all.
+    on; `remote_is_known`: it says where the partner listens (`@NAME`). `structures`: what the instructions
+    take, () all. `narrow_tsaps`: the CPU is an S7-1200.
     """
 
     description: Description
@@ -164,8 +165,8 @@ class Asked:
     own_address: str
     takes_free_port: bool = False
     remote_is_known: bool = False
-    has_addr: bool = False
     structures: tuple[str, ...] = ()
+    narrow_tsaps: bool = False
 
 
 def judge(asked: Asked) -> Finding | None:
@@ -235,14 +236,16 @@ def _udp(asked: Asked) -> Finding | None:
         return None
     if not asked.meaning.local_port and not asked.takes_free_port:
         return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port")
-    if asked.has_addr:
-        return None
-    return Finding(Flaw.NEEDS_ADDR, "", "UDP is for TUSEND and TURCV: this block has no ADDR")
+    return None
 
 
 def _tsap(asked: Asked) -> Finding | None:
     if asked.meaning.protocol is not Protocol.ISO:
         return None
+    return _tsap_of_any(asked) or (narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
+
+
+def _tsap_of_any(asked: Asked) -> Finding | None:
     local = asked.meaning.local_tsap
     if asked.description.structure.name == "TCON_Param":
         return _tsap_of_param(asked)
@@ -252,10 +255,24 @@ def _tsap(asked: Asked) -> Finding | None:
             return Finding(Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}")
     if not local:
         return Finding(Flaw.TSAP, "LocalTSelector", "the local T-selector is empty")
-    if len(local) == 2 and local[0] != 0xE0:
+    if len(local) == 2 and local[0] not in _firsts(asked):
         return Finding(Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}")
     if local.startswith(b"SIMATIC-"):
         return Finding(Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own")
+    return None
+
+
+def _firsts(asked: Asked) -> bytes:
+    return T_CONNECTIONS if asked.narrow_tsaps else T_CONNECTIONS[:1]
+
+
+def narrow_tsap(local: bytes) -> Finding | None:
+    """Return what an S7-1200 alone has against a local T-selector (siemens.md 3.2)."""
+    if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
+        return Finding(Flaw.TSAP, "LocalTSelector", f"behind {local[0]:02X} 00 or 01, not {local[1]:02X}")
+    if any(not 0x20 <= byte < 0x7F for byte in local[2:]):
+        text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
+        return Finding(Flaw.TSAP, "LocalTSelector", text)
     return None
 
 
@@ -267,7 +284,7 @@ def _selector_length(description: Description, name: str) -> int:
 
 def _tsap_of_param(asked: Asked) -> Finding | None:
     local = asked.meaning.local_tsap
-    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] != 0xE0):
+    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _firsts(asked)):
         return Finding(Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0")
     return None
 

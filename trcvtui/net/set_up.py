@@ -90,6 +90,11 @@ class SetUp:
         """Return whether a partner has been there since the endpoint is."""
         return self._holder.has_been_up
 
+    @property
+    def listening(self) -> Endpoint | None:
+        """Return where a partner reaches this CONNECT, None while it does not."""
+        return self.local if self.listener is not None else None
+
     def judge(self) -> StepFault | None:
         """Look at the connection description, and take its ID, before there is any socket."""
         flaw = self.config.flaw
@@ -124,7 +129,7 @@ class SetUp:
         wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
         if wrong and not self.config.any_local:
             return StepFault(Stage.ADDRESS, Fault("address", wrong))
-        fault = self._kernel.set_reuse(handle)
+        fault = self._reuse(handle)
         if fault is not None:
             return StepFault(Stage.REUSE, fault)
         fault = self._kernel.bind(handle, local)
@@ -132,6 +137,9 @@ class SetUp:
             return None
         stage = Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND
         return StepFault(stage, fault, self._hint(fault, local))
+
+    def _reuse(self, handle: Handle) -> Fault | None:
+        return self._kernel.set_reuse(handle)
 
     def _hint(self, fault: Fault, local: Endpoint) -> str:
         """Return what a person can do about a port of which only some users are let in."""

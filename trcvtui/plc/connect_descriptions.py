@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Final
 
+from trcvtui.blocks.rules import Rules
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
 from trcvtui.net.description import (
@@ -125,13 +126,13 @@ class _Bench:
 def read_described(
     table: Table,
     number: int,
-    cap: int,
+    rules: Rules,
     certificates: Certificates = NO_CERTIFICATES,
     structures: tuple[str, ...] = (),
 ) -> ConnectConfig | None:
     """Return one CONNECT; `number` is its place in the file, and its ID where none is written.
 
-    `cap` is the longest message in bytes, `structures` are what the instructions take, () all.
+    `structures` are what the instructions take, () all.
     """
     name = table.must("name", NAME)
     written = _read_written(table, number, structures)
@@ -148,9 +149,8 @@ def read_described(
         return None
     says = meaning(written.description)
     _check_own_keys(table, written.description, says)
-    return _config(
-        name, written, says, bench, structures, _session(written.description, says, bench, cap, certificates)
-    )
+    session = _session(written.description, says, bench, rules, certificates)
+    return _config(name, written, says, bench, session, structures, rules.policy.narrow_tsaps)
 
 
 def _check_own_keys(table: Table, description: Description, says: Meaning) -> None:
@@ -251,8 +251,9 @@ def _config(
     written: _Written,
     says: Meaning,
     bench: _Bench,
-    structures: tuple[str, ...],
     session: Settings | Finding | None,
+    structures: tuple[str, ...],
+    narrow_tsaps: bool,
 ) -> ConnectConfig:
     remote, name_flaw = _remote_address(written, says, bench)
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
@@ -265,6 +266,7 @@ def _config(
         takes_free_port,
         remote_is_known=written.reference is not None,
         structures=structures,
+        narrow_tsaps=narrow_tsaps,
     )
     local_port, remote_port = _ports(written, says, bench)
     return ConnectConfig(
@@ -279,6 +281,7 @@ def _config(
         flaw=written.flaw or judge(asked) or name_flaw or (session if isinstance(session, Finding) else None),
         any_local=any_local,
         remote_name=says.remote_name if bench.dns_answer is None else "",
+        is_datagram=says.protocol is Protocol.UDP,
     )
 
 
@@ -307,10 +310,11 @@ def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[st
 
 
 def _session(
-    description: Description, says: Meaning, bench: _Bench, cap: int, certificates: Certificates
+    description: Description, says: Meaning, bench: _Bench, rules: Rules, certificates: Certificates
 ) -> Settings | Finding | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)
     if says.protocol is not Protocol.ISO:
         return None
-    return IsoSettings(local=says.local_tsap, remote=says.remote_tsap, cap=cap)
+    own = says.local_tsap, says.remote_tsap
+    return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)

@@ -228,6 +228,7 @@ class Instance:
             last_error_status=error[1],
             task=self.decl.task,
             addr=self.decl.addr,
+            on_config=self.decl.on_config,
         )
 
     def _output_pins(self) -> tuple[tuple[str, PinValue], ...]:

@@ -16,7 +16,7 @@ from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.description import Description
-from trcvtui.net.description_check import Finding, Flaw, Protocol, meaning
+from trcvtui.net.description_check import Finding, Flaw, Protocol, meaning, narrow_tsap
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.tcon_param import as_param
 from trcvtui.net.tls_settings import TlsSettings
@@ -121,7 +121,10 @@ def _connect(
     if config.description is not None and not other.dialect.describes_connects:
         return _plain(config, config.description, project, other, notes)
     if isinstance(config.session, IsoSettings):
-        config = replace(config, session=replace(config.session, cap=other.rules.max_len))
+        policy = other.rules.policy
+        own = replace(config.session, cap=other.rules.max_len, not_told=policy.tpdu_default)
+        flaw = narrow_tsap(config.session.local) if policy.narrow_tsaps else None
+        config = replace(config, session=own, flaw=config.flaw or flaw)
     return _in_its_structure(config, other.dialect, notes)
 
 
@@ -158,7 +161,7 @@ def _described(config: ConnectConfig, number: int, other: Project, notes: list[s
         notes.append(f"{config.name}: SendDelayOpt is left out: a description has no such field")
     problems: list[Problem] = []
     table = Table(record, f"{other.dialect.name}: connect {config.name}", problems)
-    described = read_described(table, number, other.rules.max_len, structures=other.dialect.structures)
+    described = read_described(table, number, other.rules, structures=other.dialect.structures)
     if problems or described is None:
         raise UserError(problems)
     return described

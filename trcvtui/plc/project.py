@@ -55,7 +55,7 @@ class DataDecl:
 class InstanceDecl:
     """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
 
-    A UDP block has a UDP_CONFIG in the place of the CONNECT, and `addr`.
+    `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from.
     """
 
     name: str
@@ -65,6 +65,7 @@ class InstanceDecl:
     task: str
     inputs: tuple[tuple[str, bool | int], ...]
     addr: str | None = None
+    on_config: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,7 +66,9 @@ def _sharing(kind: str) -> tuple[str, ...]:
 
 def _names(project: Project) -> Names:
     kinds = ("data", "connect", "peer", "udp_config", "addr")
-    return Names(tuple(task.name for task in project.tasks), *(names_of(kind, project) for kind in kinds))
+    tasks = tuple(task.name for task in project.tasks)
+    describes = project.dialect.describes_connects
+    return Names(tasks, *(names_of(kind, project) for kind in kinds), describes=describes)
 
 
 def _read(kind: str, table: Table, project: Project) -> Declaration | None:

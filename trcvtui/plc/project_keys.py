@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import SPEAKS_UDP
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
+from trcvtui.plc.description_keys import keys_of_description, keys_of_iso
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
     DataDecl,
@@ -46,6 +47,8 @@ def keys_of(decl: Declaration) -> Keys:
 
 
 def _connect(c: ConnectConfig) -> Keys:
+    if c.description is not None:
+        return keys_of_description(c, c.description)
     keys: Keys = [("ActiveEstablished", c.active)]
     keys += _unless(ANY_ADDRESS, "LocalAddress", c.local.address)
     keys += [("LocalPort", c.local.port)] if c.local.port or not c.active else []
@@ -67,7 +70,7 @@ def _addr(a: AddrParam) -> Keys:
 
 
 def _instance(i: InstanceDecl) -> Keys:
-    keys: Keys = [("block", i.block), ("config" if i.block in SPEAKS_UDP else "connect", i.connect)]
+    keys: Keys = [("block", i.block), ("config" if i.on_config else "connect", i.connect)]
     keys += [("addr", i.addr)] if i.addr is not None else []
     keys += [("data", i.data)] if i.data is not None else []
     return [*keys, ("task", i.task), *i.inputs]
@@ -84,7 +87,8 @@ def _peer(p: PeerDecl) -> Keys:
     keys += [("reconnect", format_time(p.reconnect_ns))] if p.reconnect_ns else []
     keys += [("says", list(p.says))] if p.says else []
     keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
-    return keys + ([("replies", list(p.replies))] if p.replies else [])
+    keys += [("replies", list(p.replies))] if p.replies else []
+    return keys + (keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else [])
 
 
 def _message(m: MessageDecl) -> Keys:

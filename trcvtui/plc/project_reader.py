@@ -109,7 +109,7 @@ class Reader:
 
     def body(self, head: Head) -> Body:
         tables = {key: self.entries(key) for key in ENTRIES}
-        self.check_names(tables)
+        self.check_names(tables, head.dialect.describes_connects)
         constants = parts.read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         files = [self.file_of(table) for table in self.entries("udt")]
         types = self.types(files, constants)
@@ -131,14 +131,14 @@ class Reader:
             certificates=certificates,
         )
 
-    def check_names(self, tables: Mapping[str, list[Table]]) -> None:
+    def check_names(self, tables: Mapping[str, list[Table]], describes: bool) -> None:
         find_duplicates([("task", tables["task"])])
         find_duplicates([("data", tables["data"]), ("instance", tables["instance"])], reserved=WORDS)
         find_duplicates([(key, tables[key]) for key in ("connect", "udp_config", "peer")])
         for key in ("addr", "message", "sequence"):
             find_duplicates([(key, tables[key])])
         kinds = ("task", "data", "connect", "peer", "udp_config", "addr")
-        names = Names(*(_declared(tables[key]) for key in kinds))
+        names = Names(*(_declared(tables[key]) for key in kinds), describes=describes)
         for table in tables["connect"]:
             names.check_connect(table)
         for table in tables["addr"]:
@@ -195,8 +195,7 @@ class Reader:
     ) -> ConnectConfig | None:
         if not head.dialect.describes_connects:
             return parts.read_connect(table)
-        longest = head.dialect.answer(head.options).max_len
-        return read_described(table, number, longest, certificates, head.dialect.structures)
+        return read_described(table, number, head.rules(), certificates, head.dialect.structures)
 
     def instances(self, tables: list[Table], head: Head, first_task: str) -> tuple[InstanceDecl, ...]:
         blocks = tuple(block for block in head.dialect.blocks if block in PINS)

@@ -17,6 +17,7 @@ from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
+from trcvtui.net.datagram_connection import connection_of
 from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
 from trcvtui.net.session_kernel import Stirring
@@ -82,7 +83,7 @@ class Runtime:
 
     def _connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
-        return Connection(config, self._kernel, self._resources, policy, self._resolve, journal)
+        return connection_of(config, self._kernel, self._resources, policy, self._resolve, journal)
 
     def _port(self, config: UdpConfig) -> UdpPort:
         policy, journal = self._project.rules.policy, self.ledger.write
@@ -95,9 +96,10 @@ class Runtime:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
         called = decl.name, task.priority if task else 1
-        if decl.addr is None:
-            return Binding(self._env, self._connections[decl.connect], data, *called)
-        return UdpBinding(self._env, self._ports[decl.connect], self._addrs[decl.addr], data, *called)
+        addr = self._addrs[decl.addr] if decl.addr is not None else None
+        if addr is not None and decl.on_config:
+            return UdpBinding(self._env, self._ports[decl.connect], addr, data, *called)
+        return Binding(self._env, self._connections[decl.connect], data, *called, address=addr)
 
     def _new_roster(self) -> Roster:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
@@ -120,6 +122,10 @@ class Runtime:
         """Queue a command for phase 1 of the next scan."""
         self._commands.append(command)
 
+    def stand_on(self, kernel: Stirring) -> None:
+        """Use this kernel in front of the one of before; CONNECTs that are there keep theirs."""
+        self._kernel = kernel
+
     @property
     def scans(self) -> int:
         """Return how many scans have passed."""
@@ -132,8 +138,8 @@ class Runtime:
             return local.port if local else None
         if connect not in self._connections:
             return None  # it is declared by the next scan
-        set_up = self._connections[connect].set_up
-        return set_up.local.port if set_up.listener is not None and set_up.local else None
+        end = self._connections[connect].set_up.listening
+        return end.port if end else None
 
     @property
     def called(self) -> tuple[Outputs, ...]:
@@ -379,6 +385,7 @@ class Runtime:
             receivers=connection.receiving.owners(),
             senders=connection.sending.owners(),
             keep_alive_s=connection.config.keep_alive_s,
+            udp=connection.config.is_datagram,
         )
 
 

@@ -82,6 +82,7 @@ class InstanceSnapshot:
     last_error_scan: int | None
     task: str = ""
     addr: str | None = None
+    on_config: bool = False  # `connect` names a UDP_CONFIG
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel as a tuple: packed in a quarter of the time."""

@@ -194,6 +194,9 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     ),
     Condition.TYPE_WRONG: _FLAW,
     Condition.NEEDS_ADDR: (says("datagrams are sent by TUSEND and taken by TURCV, with an address in ADDR"),),
+    Condition.OTHER_TRANSPORT: (
+        says("ConnectionType 16#13 (UDP) is for blocks with an ADDR, TCP for TSEND and TRCV without one"),
+    ),
     Condition.UDP_ACTIVE: (*_FLAW, says("ActiveEstablished is FALSE on both ends of UDP: nobody calls")),
     Condition.TSAP_WRONG: (*_FLAW, says("two bytes begin with E0, as in E0 02; longer ones are text: TCP-1")),
     Condition.PARAMETER_WRONG: _FLAW,

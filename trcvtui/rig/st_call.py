@@ -68,7 +68,7 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
     pins = project.pins(decl.block)
     for pin in _of(pins, Direction.IN):
         yield f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}"
-    yield f"{'CONNECT' if decl.addr is None else 'CONFIG'}:={decl.connect}"
+    yield f"{'CONFIG' if decl.on_config else 'CONNECT'}:={decl.connect}"
     if decl.data is not None and decl.block in HAS_DATA:
         yield f"{DATA_PIN.get(decl.block, 'DATA')}:={decl.data}"
     if decl.addr is not None:

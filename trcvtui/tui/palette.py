@@ -84,7 +84,7 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
     instance = bench.scene.instance
     if instance is None:
         return
-    name, link = plain(instance.name), "connect" if instance.addr is None else "config"
+    name, link = plain(instance.name), "config" if instance.on_config else "connect"
     create = f"create {instance.block} {name}_2 {link}={plain(instance.connect)}"
     create += f" data={plain(instance.data)}" if instance.data else ""
     lines = [

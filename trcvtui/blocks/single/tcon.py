@@ -7,7 +7,7 @@ from typing import Final
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import set_up_failed
+from trcvtui.blocks.connection_part import established, set_up_failed
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.job_checks import in_use, rival_of
 from trcvtui.blocks.outcome import Outcome
@@ -84,7 +84,7 @@ class Tcon:
             return _BUILDING
         self._end()
         self._keeps = True
-        return Outcome(Condition.FINISHED, Cause(Why.PARTNER, "the partner is connected"))
+        return Outcome(Condition.FINISHED, established(self._connection))
 
     def _end(self) -> None:
         self._is_building = False

@@ -20,10 +20,10 @@ from trcvtui.net.connection_loss import ConnectionLoss
 
 
 class Trcv:
-    """One TRCV instance."""
+    """One TRCV instance; with `needs_datagrams` TURCV on a CONNECT."""
 
-    def __init__(self, bound: Binding) -> None:
-        self.job = ReceiveJob(bound)
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
+        self.job = ReceiveJob(bound, needs_datagrams)
         self._course = bound.env.rules.course
         self._connection = bound.connection
         self._link = LinkView(bound.connection)

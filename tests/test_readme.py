@@ -1,4 +1,4 @@
-"""Every command that the README and the stories show in an `sh` block works as it stands."""
+"""Every command of an `sh` block in the README, the stories and the page of Siemens works as it stands."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 STORIES = (ROOT / "docs" / "stories.md").read_text(encoding="utf-8")
+SIEMENS = (ROOT / "docs" / "siemens.md").read_text(encoding="utf-8")
 TWINCAT = (ROOT / "docs" / "twincat.md").read_text(encoding="utf-8")
 COMMANDS = [
     line
-    for block in re.findall(r"```sh\n(.*?)```", README + STORIES + TWINCAT, re.DOTALL)
+    for block in re.findall(r"```sh\n(.*?)```", README + STORIES + SIEMENS + TWINCAT, re.DOTALL)
     for line in block.splitlines()
     if line.strip()
 ]
@@ -38,7 +39,7 @@ def test_every_file_that_the_readme_links_is_there() -> None:
     assert [link for link in links if not (ROOT / link).exists()] == []
 
 
-@pytest.mark.parametrize("page", ["stories", "gallery", "twincat"])
+@pytest.mark.parametrize("page", ["stories", "gallery", "siemens", "twincat"])
 def test_every_picture_and_page_that_the_docs_link_is_there(page: str) -> None:
     links = re.findall(r"\]\(([^)#:]+)\)", (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8"))
     assert links
@@ -73,3 +74,22 @@ def test_the_project_file_of_the_readme_is_a_project(tmp_path: Path) -> None:
     project = tmp_path / "bench.toml"
     project.write_text(toml, encoding="utf-8")
     assert len(read_routines(load_project(project))["Device"].says) == 1
+
+
+def test_the_page_of_siemens_has_each_switch_with_its_default_and_descriptions_that_are_right(
+    tmp_path: Path,
+) -> None:
+    from trcvtui.dialects.siemens import SWITCHES
+    from trcvtui.plc.project_file import load_project
+
+    listed = re.findall(
+        r"^\| `(\w+)` \| \S+ \| (.*) \|$", SIEMENS.partition("What the manuals leave open")[2], re.MULTILINE
+    )
+    assert listed == [(switch.name, switch.text) for switch in SWITCHES]
+    connects = next(
+        block for block in re.findall(r"```toml\n(.*?)```", SIEMENS, re.DOTALL) if "[[connect]]" in block
+    )
+    (tmp_path / "s.toml").write_text('dialect = "s7-1500"\n' + connects, encoding="utf-8")
+    by_field, by_bytes = load_project(tmp_path / "s.toml").connects
+    assert by_field.description is not None and by_bytes.description is not None
+    assert by_field.description.data[4:] == by_bytes.description.data[4:]

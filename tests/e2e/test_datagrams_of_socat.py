@@ -1,4 +1,7 @@
-"""TURCV and TUSEND in front of socat: one datagram a job, one too large, and an answer to whoever sent."""
+"""TURCV and TUSEND in front of socat: one datagram a job, one too large, and an answer to whoever sent.
+
+Once on a UDP_CONFIG, once on a connection description of UDP that TCON has set up.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +25,9 @@ MOST_SCANS = 500
 class Plc:
     """A bench on real sockets whose TUSEND_1 answers to the ADDR that TURCV_1 writes."""
 
-    def __init__(self, folder: Path) -> None:
-        text = (CONFIGS / "s7-udp.toml").read_text().replace('addr = "TARGET"', 'addr = "SOURCE"')
+    def __init__(self, folder: Path, project: str, local: str) -> None:
+        self.local = local
+        text = (CONFIGS / project).read_text().replace('addr = "TARGET"', 'addr = "SOURCE"')
         file = folder / "udp.toml"
         file.write_text(text)
         self.bench, self.pace = Bench(load_project(file), "live"), LivePace()
@@ -41,9 +45,14 @@ class Plc:
         raise AssertionError(f"never: {[f'{code:04X}' for code in seen[-20:]]}")
 
 
-@pytest.fixture
-def plc(tmp_path: Path) -> Iterator[Plc]:
-    made = Plc(tmp_path)
+@pytest.fixture(params=["UDP_CONFIG", "CONNECT"])
+def plc(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Plc]:
+    if request.param == "UDP_CONFIG":
+        made = Plc(tmp_path, "s7-udp.toml", "U1")
+    else:
+        made = Plc(tmp_path, "s7-udp-connect.toml", "C1")
+        made.bench.runtime.submit(commands.PulseInput("TCON_1", "REQ"))
+        made.shows("TCON_1", 0x7001, 0x7002, 0x0000)
     yield made
     made.bench.close()
     assert made.bench.leaks() == ()
@@ -53,7 +62,7 @@ def test_socat_sends_too_much_then_a_right_datagram_and_gets_the_answer(plc: Plc
     runtime = plc.bench.runtime
     runtime.submit(commands.SetInput("TURCV_1", "EN_R", True))
     plc.shows("TURCV_1", 0x7001, 0x7002)
-    end = f"UDP4:127.0.0.1:{runtime.listening_port('U1')},bind=127.0.0.1"
+    end = f"UDP4:127.0.0.1:{runtime.listening_port(plc.local)},bind=127.0.0.1"
     with subprocess.Popen(
         [need("socat"), end, "STDIO"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as socat:

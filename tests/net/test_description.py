@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,7 +21,7 @@ from trcvtui.net.description import (
     Value,
     pack,
     rows,
-    structure_of_size,
+    structure_of,
 )
 from trcvtui.net.description_check import Asked, Finding, Flaw, Protocol, judge, meaning
 
@@ -97,7 +99,7 @@ def test_no_bytes_are_beyond_reading_judging_and_showing(structure: Structure, d
     description = Description(structure, data)
     says = meaning(description)
     found = judge(Asked(description, says, "127.0.0.1"))
-    if len(data) != structure.size:
+    if not structure.size - structure.spare <= len(data) <= structure.size:
         assert found is not None
         assert found.flaw is Flaw.LENGTH
     shown = rows(description, {found.field: found.text} if found else {})
@@ -107,8 +109,8 @@ def test_no_bytes_are_beyond_reading_judging_and_showing(structure: Structure, d
 
 
 def test_a_size_names_its_structure() -> None:
-    assert structure_of_size(80) is CONNECTIONS["TCON_IP_RFC"]
-    assert structure_of_size(15) is None
+    assert structure_of(bytes(80)) is CONNECTIONS["TCON_IP_RFC"]
+    assert structure_of(bytes(15)) is None
 
 
 def test_the_view_shows_each_field_with_its_bytes_and_a_remark() -> None:
@@ -210,7 +212,28 @@ def test_any_other_port_is_taken(port: int) -> None:
     assert flaw_of(asked(LocalPort=port)) is None
 
 
-def test_udp_is_for_blocks_with_addr() -> None:
-    question = asked(ConnectionType=19)
-    assert flaw_of(question) is Flaw.NEEDS_ADDR
-    assert flaw_of(Asked(question.description, question.meaning, "10.0.0.1", has_addr=True)) is None
+@pytest.mark.parametrize(
+    ("tsap", "wide", "narrow"),
+    [
+        (b"\xe0\1", True, True),
+        (b"\xe0\0", True, True),
+        (b"\xe0\2", True, False),
+        (b"\xe1\1", False, True),
+        (b"\x10\1", False, False),
+        (b"\xe0\1AB", True, True),
+        (b"\xe0\1A\7", True, False),
+        (b"TCP-1", True, True),
+    ],
+)
+def test_an_s7_1200_takes_other_tsaps_than_an_s7_1500(tsap: bytes, wide: bool, narrow: bool) -> None:
+    values: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12, "LocalTSelector": tsap}
+    structure = CONNECTIONS["TCON_IP_RFC"]
+    description = Description(structure, pack(structure, values))
+    question = Asked(description, meaning(description), "10.0.0.1")
+    assert (flaw_of(question) is None) is wide
+    assert (flaw_of(replace(question, narrow_tsaps=True)) is None) is narrow
+
+
+def test_udp_needs_a_port_of_its_own_and_no_partner() -> None:
+    assert flaw_of(asked(ConnectionType=19)) is None
+    assert flaw_of(asked(ConnectionType=19, LocalPort=0)) is Flaw.PARAMETER

@@ -114,6 +114,38 @@ def test_who_tells_no_size_gets_none_and_is_sent_pieces_of_1024() -> None:
     assert read(passive) == Message(bytes(8000), 8000)
 
 
+@pytest.mark.parametrize(("told", "sent"), [(128, 128), (512, 512), (65531, 1024)])
+def test_a_partner_who_tells_no_size_gets_the_default_but_no_more_than_our_own(told: int, sent: int) -> None:
+    own = IsoSettings(E002, E001, 8192, not_told=told)
+    passive = own.new(is_active=False)
+    fed(passive, encode(Connect(Code.CR, 0, 7, E001, E002)))
+    passive.give_to(own)
+    active = IsoSettings(E001, E002, 8192, not_told=told).new(is_active=True)
+    fed(active, encode(Connect(Code.CC, 1, 5, E001, E002)))
+    for end in (passive, active):
+        end.take_output()
+        first = TpktReader().feed(end.encode(bytes(3000)))[0]
+        assert isinstance(first, Data) and len(first.payload) + 3 == sent
+
+
+@pytest.mark.parametrize("proposed", [2, 3, 6, 7])
+def test_a_cc_never_enlarges_what_the_cr_proposed(proposed: int) -> None:
+    passive = CALLED.new(is_active=False)
+    fed(passive, encode(Connect(Code.CR, 0, 7, E001, E002, proposed)))
+    passive.give_to(CALLED)
+    assert TpktReader().feed(passive.take_output()) == [Connect(Code.CC, 7, 1, E001, E002, proposed)]
+    first = TpktReader().feed(passive.encode(bytes(3000)))[0]
+    assert isinstance(first, Data) and len(first.payload) + 3 == 1 << proposed
+
+
+@pytest.mark.parametrize("size", [0, 1])
+@pytest.mark.parametrize("is_active", [False, True])
+def test_a_size_without_room_for_data_ends_the_connection(size: int, is_active: bool) -> None:
+    session = CALLED.new(is_active)
+    fed(session, encode(Connect(Code.CC if is_active else Code.CR, 0, 7, E001, E002, size)))
+    assert session.ended == Ended("EPROTO", f"the TPDU size code {size:02X} leaves no room for data")
+
+
 def test_a_cc_cannot_raise_what_was_proposed() -> None:
     active = IsoSettings(E001, E002, 8192, 7).new(is_active=True)
     fed(active, encode(Connect(Code.CC, 1, 5, E001, E002, 13)))

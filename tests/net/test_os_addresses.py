@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
+import sys
 
 import pytest
 
 from tests.net.test_os_kernel import no_descriptor_left
 from trcvtui.net import os_addresses
-from trcvtui.net.kernel import LocalAddress
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.identities import Identities
+from trcvtui.net.kernel import Endpoint, Fault, LocalAddress
 from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.os_addresses import interface_addresses
 from trcvtui.net.os_kernel import OsKernel
+from trcvtui.net.policy import Policy
+from trcvtui.net.set_up import SetUp, Stage
 
 
 def test_asking_for_the_addresses_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -21,6 +27,31 @@ def test_asking_for_the_addresses_starts_no_process(monkeypatch: pytest.MonkeyPa
     os_addresses._library.cache_clear()
     monkeypatch.setattr(subprocess, "Popen", refuse)
     assert "127.0.0.1" in [own.address for own in interface_addresses() or ()]
+
+
+def test_a_system_without_such_a_list_leaves_the_address_to_bind(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a name was asked for in the middle of a scan")
+
+    for lookup in ("gethostbyname", "gethostbyname_ex", "getaddrinfo", "gethostname"):
+        monkeypatch.setattr(socket, lookup, refuse)
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(os_addresses, "_library", lambda: None)
+    kernel = OsKernel()
+    assert kernel.local_addresses() == ()
+    set_up = SetUp(
+        ConnectConfig("C1", local=Endpoint("192.0.2.7", 0)),
+        kernel,
+        Policy(),
+        lambda name: None,
+        Identities(),
+        lambda *note: None,
+    )
+    assert set_up.create() is None
+    failed = set_up.prepare(0)
+    assert failed is not None
+    assert (failed.stage, failed.fault) == (Stage.ADDRESS, Fault("bind", "EADDRNOTAVAIL"))
+    kernel.close_all()
 
 
 def test_without_a_descriptor_the_last_list_of_addresses_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

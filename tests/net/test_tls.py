@@ -239,7 +239,7 @@ def test_a_partner_that_speaks_plain_tcp(certificates: Certificates, plain: byte
 
 def test_a_partner_that_says_nothing(certificates: Certificates) -> None:
     session = certificates.settings("plc").new(is_active=False)
-    session.give_up()
+    session.give_up("too slow")
     assert session.ended is not None
     assert session.ended.error == TlsError.SILENT
 
@@ -282,7 +282,7 @@ def test_no_bytes_make_it_raise(certificates: Certificates, noise: bytes, is_act
     session = Tls(certificates.settings("plc"), is_active)
     fed(session, noise)
     session.partner_closed()
-    session.give_up()
+    session.give_up("too slow")
     session.say_goodbye()
     assert not session.is_up
     assert (read(session), session.has_data) == (b"", False)

@@ -126,6 +126,33 @@ def test_a_tcon_param_of_iso_has_its_lengths_from_its_tsaps() -> None:
     assert config.remote_address == "127.0.0.1"
 
 
+def test_the_port_in_a_tcon_param_may_be_known_only_when_the_partner_listens() -> None:
+    (config,) = read(
+        'type = "TCON_Param"\nrem_staddr = "127.0.0.1"\nrem_tsap_id = "00 00"\nRemotePort = "@P1"'
+    )
+    assert (config.active, config.flaw, config.remote_port) == (True, None, "@P1")
+
+
+def test_instructions_before_3_have_a_plain_connect_in_a_tcon_param_and_refuse_another_structure() -> None:
+    plain, named, wrong = read(
+        'ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = 2000',
+        'active_est = false\nlocal_tsap_id = "07 d0"\nblock_length = 60',
+        'type = "TCON_IP_v4"\nLocalPort = 2000',
+        dialect="s7-1200-legacy",
+    )
+    assert plain.description is not None and plain.flaw is None
+    assert plain.description.data[:16].hex(" ") == "00 40 00 01 11 01 01 00 00 04 02 00 00 00 00 00"
+    assert plain.description.data[34:42].hex(" ") == "7f 00 00 01 00 00 07 d0"
+    assert named.flaw is not None and named.flaw.field == "block_length"
+    assert wrong.flaw is not None and wrong.flaw.flaw is Flaw.STRUCTURE
+
+
+def test_a_flaw_names_the_field_as_its_structure_has_it() -> None:
+    (config,) = read('type = "TCON_Param"\nactive_est = false\nlocal_tsap_id = "00 00"')
+    assert config.flaw is not None
+    assert (config.flaw.flaw, config.flaw.field) == (Flaw.PARAMETER, "local_tsap_id")
+
+
 @pytest.mark.parametrize(
     ("text", "tsap"),
     [

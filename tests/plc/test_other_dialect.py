@@ -11,6 +11,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.net.answers import Endpoint
+from trcvtui.net.description_check import Flaw
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.plc.other_dialect import Translated, in_dialect
 from trcvtui.plc.project import Project
@@ -104,3 +105,21 @@ def test_iso_on_tcp_goes_to_another_cpu_with_its_limit_and_not_to_plain_tcp() ->
     (line,) = refused.value.lines()
     assert line.startswith("baosky: connect ")
     assert line.endswith("found ISO-on-TCP (TCON_IP_RFC), expected plain TCP by address")
+
+
+def test_instructions_before_3_get_tcp_and_iso_in_a_tcon_param() -> None:
+    tcp = over(load_project(CONFIGS / "s7-sender.toml"), "s7-1200-legacy").project.connects[0]
+    iso = over(load_project(CONFIGS / "s7-iso-passive.toml"), "s7-1200-legacy").project.connects[0]
+    assert tcp.description is not None and iso.description is not None
+    assert [one.structure.name for one in (tcp.description, iso.description)] == ["TCON_Param"] * 2
+    assert iso.description.number("connection_type") == 18
+    assert isinstance(iso.session, IsoSettings) and iso.session.cap == 8192
+    assert tcp.flaw is None
+    assert iso.flaw is not None and iso.flaw.flaw is Flaw.TSAP  # E0 02: no T-selector of an S7-1200 (3.2)
+
+
+def test_what_a_tcon_param_cannot_say_keeps_its_structure_and_its_flaw_is_told() -> None:
+    name = {"type": "TCON_QDN", "ActiveEstablished": True, "RemoteQDN": "plc2.line.", "RemotePort": 2000}
+    other, notes = over(project("s7-1500", name), "s7-1200-legacy")
+    assert notes == ("C1: TCON_QDN: s7-1200-legacy takes TCON_Param only",)
+    assert other.connects[0].flaw is not None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
@@ -195,6 +196,13 @@ def test_a_project_crosses_to_another_process(folder: Path) -> None:
     assert project.data[0].size == 8 and project.rules == read(CONTRACT, folder).rules
 
 
+@pytest.mark.parametrize("dialect", sorted(DIALECTS))
+def test_each_dialect_crosses_to_another_process(dialect: str, folder: Path) -> None:
+    project = read(f'dialect = "{dialect}"\n', folder)
+    there = pickle.loads(pickle.dumps(project))
+    assert there.dialect.name == dialect and there.dialect.answer({}) == project.dialect.answer({})
+
+
 # -- scenario files ------------------------------------------------------------------------------------
 
 
@@ -211,6 +219,22 @@ def test_a_scenario_file_may_name_another_file_as_its_project(folder: Path) -> N
     (folder / "sub" / "s.toml").write_text('project = "../bench.toml"\n[scenario]\nsteps = ""\n')
     project, _ = load_scenario_document(folder / "sub" / "s.toml", ["model=T3"])
     assert (project.model, project.connects[0].name, project.data[0].size) == ("T3", "C1", 8)
+
+
+def test_a_scenario_may_run_on_the_project_of_another_scenario_and_no_further(folder: Path) -> None:
+    (folder / "one.toml").write_text(CONTRACT + '[scenario]\nsteps = "run 1"\n')
+    (folder / "two.toml").write_text('project = "one.toml"\n[scenario]\nsteps = "run 2"\n')
+    (folder / "three.toml").write_text('project = "two.toml"\n[scenario]\nsteps = ""\n')
+    project, scenario = load_scenario_document(folder / "two.toml")
+    assert (project.connects[0].name, scenario["steps"]) == ("C1", "run 2")
+    with pytest.raises(UserError, match=r"two.toml: project: found an unknown key"):
+        load_scenario_document(folder / "three.toml")
+
+
+def test_of_a_file_in_an_unknown_dialect_the_dialect_alone_is_wrong() -> None:
+    with pytest.raises(UserError) as caught:
+        read('dialect = "s7-9000"\n[[connect]]\nname = "C1"\nID = 1\n')
+    assert caught.value.lines() == ["bench.toml: dialect: found 's7-9000', expected s7-1500"]
 
 
 @pytest.mark.parametrize(

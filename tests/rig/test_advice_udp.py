@@ -142,3 +142,39 @@ def test_a_datagram_of_the_past_is_explained_with_the_sizes_of_then() -> None:
     bench = desk(*UP, "peer P send random 16 seed=1", "run 9", "peer P send random 5 seed=1", "run 9")
     (told,) = bench.then("R", Condition.RECEIVED).checks
     assert "the last 2 datagrams had 5 to 16 bytes, the newest 5" in told
+
+
+SIEMENS = BENCH.replace('"baosky"', '"s7-1500"').replace("URECV_C", "TURCV").replace("USEND_C", "TUSEND")
+
+
+def s7_desk(*lines: str, remote: int = 2000) -> Told:
+    """Return a bench with TURCV and TUSEND, told these lines."""
+    told = Told()
+    text = SIEMENS.format(local=3000, remote=remote)
+    told.driver = LocalDriver(Bench(read_project(tomllib.loads(text), "b.toml", Path(".")), "sim"))
+    told.do(*lines)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("lines", "remote", "instance", "why", "check"),
+    [
+        (("set R EN_R=1", "run 100"), 2000, "R", SIXTEEN, "P has sent nothing: `peer P send hex 01`"),
+        (
+            ("set R EN_R=1", "run 4", "peer P send hex 01 02", "run 100"), 2001, "R", SIXTEEN,
+            "P sends to 127.0.0.1:2001, this socket is at 127.0.0.1:2000: address or port is wrong",
+        ),
+        (("run 4",), 2000, "R", "EN_R is 0", "EN_R is 0: datagrams wait in the socket"),
+        (
+            ("run 2", "set S REQ=1", "run 1"), 2000, "S", "the local stack has 16 of 16 bytes",
+            "DONE tells that the local stack took it for 127.0.0.1:3000",
+        ),
+        (("run 2", "set S REQ=1", "run 5"), 2000, "S", "REQ has not risen", "REQ stays 1"),
+    ],
+)  # fmt: skip
+def test_turcv_and_tusend_are_told_as_the_other_vendors_blocks_are(
+    lines: tuple[str, ...], remote: int, instance: str, why: str, check: str
+) -> None:
+    told = s7_desk(*lines, remote=remote).of(instance)
+    assert told.why.startswith(why)
+    assert any(check in line for line in told.checks), told.checks

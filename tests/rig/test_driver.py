@@ -21,6 +21,7 @@ from trcvtui.rig.scenario import load_bench
 
 PASSIVE = CONFIGS / "passive.toml"
 MOST_PICTURES = 3000
+S7_PROJECTS = ("s7-receiver", "s7-iso-passive", "s7-single-passive", "s7-udp", "s7-legacy-receiver")
 
 
 @pytest.fixture
@@ -148,6 +149,18 @@ def test_the_engine_scans_by_itself_and_takes_lines(engine: EngineDriver) -> Non
     picture = wait_for(engine, lambda p: p.snapshot.instances[0].jobs_done == 3)
     assert picture.timing.scans > 0
     assert picture.kernel == "live"
+
+
+@pytest.mark.parametrize("name", S7_PROJECTS)
+def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
+    driver = start_engine(CONFIGS / f"{name}.toml", "live")
+    try:
+        expected = [each.name for each in load_project(CONFIGS / f"{name}.toml").instances]
+        assert [each.name for each in driver.project().instances] == expected
+        picture = wait_for(driver, lambda p: p.snapshot.scan > 2)
+        assert [each.name for each in picture.snapshot.instances] == expected
+    finally:
+        driver.close()
 
 
 def test_the_demo_is_alive_by_itself() -> None:

@@ -15,6 +15,7 @@ from trcvtui.net.serial_ports import MOST_WAITING, SimSerialPort
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.plc.port_feed import MOST_A_SCAN
 from trcvtui.plc.project_file import load_project
+from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.console import fresh_bench
@@ -100,10 +101,16 @@ def flood(bench: Bench, source: str, scans: int) -> int:
     return most
 
 
+def framer_of(bench: Bench) -> FramerSnapshot:
+    framer = bench.runtime.framer("RD")
+    assert framer is not None
+    return framer
+
+
 def held(bench: Bench) -> int:
     """Return how many bytes of the line the PLC holds."""
     (rx,) = bench.runtime.snapshot().combuffers
-    noise = bench.runtime.noise("RD")[1]
+    noise = framer_of(bench).noise
     assert rx.count <= rx.size and len(noise) <= KEPT_NOISE
     return rx.count + len(noise) + len(bench.runtime.partial("RD")) + bench.runtime.recording("RX").size
 
@@ -117,8 +124,8 @@ def room(source: str) -> int:
 def test_noise_for_ever_is_thrown_away_and_its_end_kept(tmp_path: Path, source: str) -> None:
     bench = bench_on(tmp_path, source, PREFIX)
     assert flood(bench, source, SCANS) <= room(source)
-    discarded, noise = bench.runtime.noise("RD")
-    assert discarded > 50_000 and len(noise) == KEPT_NOISE
+    framer = framer_of(bench)
+    assert framer.discarded > 50_000 and len(framer.noise) == KEPT_NOISE
     assert len(list(bench.runtime.ledger)) <= KEPT_LINES
     bench.close()
 

@@ -34,6 +34,14 @@ set X CONT=1
 {steps}
 '''
 """
+FAILS = """
+fault resolve on C1
+wait X STATUS=80D3
+fault resolve EAI_AGAIN on C1
+wait X STATUS=80D2
+wait X STATUS=7004
+expect X trace 7001 7002+ 80D3! 7001 7002+ 80D2! 7001 7002+ 7004
+"""
 TABLE = '[sim]\nnames = { "plc2.line.local." = "127.0.0.1" }'
 
 
@@ -44,6 +52,8 @@ TABLE = '[sim]\nnames = { "plc2.line.local." = "127.0.0.1" }'
         ("sim", TABLE, "plc3.line.local.", "wait X STATUS=80D3\nexpect X trace 7001 7002+ 80D3!"),
         ("sim", "", "plc2.line.local.", "wait X STATUS=80D2\nexpect X trace 7001 7002+ 80D2!"),
         ("live", "", "localhost.", "wait X STATUS=7004\nexpect X trace 7001 7002+ 7004"),
+        ("sim", TABLE, "plc2.line.local.", FAILS),
+        ("live", "", "localhost.", FAILS),
         ("live", "", "localhost.", "run 2\nset X CONT=0\nwait X STATUS=7000"),
     ],
 )

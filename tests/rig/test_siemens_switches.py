@@ -92,6 +92,14 @@ CASES = {
         "drops",
         "7001 7002{2} 0001b 7006b{2} 7004{2}",
     ),
+    "receive_faults": (
+        RECEIVER,
+        "TRCV_C_1",
+        "set TRCV_C_1 LEN=9; " + CONNECT_PASSIVE + "; run 1; set TRCV_C_1 LEN=10; run 2;"
+        "set TRCV_C_1 EN_R=0; run 1; set TRCV_C_1 EN_R=1; run 2; set TRCV_C_1 LEN=8; run 2",
+        "once",
+        "7001 7002{2} 7004 8088! 7004{2} 8088! 7004{2} 8088! 7004 7006b{2}",
+    ),
     "buffers": (
         SENDER,
         "TSEND_C_1",
@@ -111,8 +119,12 @@ CASES = {
 }
 
 
+# What no STATUS shows: configs/scenarios/siemens/switch-NAME.toml looks at the bytes.
+ON_THE_WIRE = {"iso_tpdu_default"}
+
+
 def test_every_switch_has_a_case() -> None:
-    assert set(CASES) == {switch.name for switch in SWITCHES}
+    assert set(CASES) | ON_THE_WIRE == {switch.name for switch in SWITCHES}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -154,6 +166,18 @@ def test_one_shot_ends_with_its_error_and_closes() -> None:
     assert shown(SENDER, "TSEND_C_1", script, "options.cont_mode=oneshot").startswith(
         "7001 7002{2} 80C5! 7003"
     )
+
+
+def test_a_trcv_that_is_refused_shows_it_each_call_or_once() -> None:
+    script = (
+        "peer P1 close; set TRCV_1 EN_R=1; run 3; pulse TCON_1 REQ; run 2;"
+        "set TRCV_1 EN_R=0; run 1; set TRCV_1 EN_R=1; run 1"
+    )
+    project = "s7-single-active.toml"
+    each = shown(project, "TRCV_1", script)
+    once = shown(project, "TRCV_1", script, "options.receive_faults=once")
+    assert each == "80A1!{3} 80C4!{2} 7000 80A1!"
+    assert once == "80A1! 7000{2} 80C4! 7000{2} 80A1!"
 
 
 def test_the_cpus_differ_in_their_limits() -> None:

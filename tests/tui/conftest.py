@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from trcvtui.rig import scenario_files
+
 
 @pytest.fixture(autouse=True)
 def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -24,6 +26,13 @@ def state(tmp_path: Path) -> Path:
     """Return the folder that stands for the user's state."""
     (tmp_path / "state").mkdir(exist_ok=True)
     return tmp_path / "state"
+
+
+@pytest.fixture
+def own_scenarios_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Open the project beside tests/tui/scenarios, away from ./configs; nothing has come with the program."""
+    monkeypatch.chdir(Path(__file__).parent)
+    monkeypatch.setattr(scenario_files, "configs_path", lambda: Path("nowhere"))
 
 
 def _eager_loop() -> asyncio.AbstractEventLoop:

@@ -178,7 +178,7 @@ async def test_a_long_name_takes_as_many_lines_as_it_needs_and_its_zeros_one() -
 
 async def test_a_description_is_yanked_as_hex_and_as_scl(state: Path) -> None:
     async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml") as shown:
-        await shown.press("2", "C", "y")
+        await shown.press("C", "y")  # from any pane
         await shown.app.workers.wait_for_complete()
         await shown.press("s")
         await shown.app.workers.wait_for_complete()

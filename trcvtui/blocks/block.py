@@ -11,17 +11,22 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.connection import Connection
 from trcvtui.net.ownership import Claim
+from trcvtui.net.udp_config import RemoteAddress
 
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """What an instance is tied to. `data` None: the pin is open; `priority` is that of its task."""
+    """What an instance is tied to. `data` None: the pin is open; `priority` is that of its task.
+
+    `address`: what stands at ADDR, which only datagrams ask for.
+    """
 
     env: Environment
     connection: Connection
     data: DataArea | None
     instance: str
     priority: int = 1
+    address: RemoteAddress | None = None
 
     def claim(self) -> Claim:
         """Return this instance's claim on one direction of its connection."""

@@ -32,6 +32,7 @@ NO_KERNEL_CALLS: Final = {
     "buffer": (Why.RESOURCE, "no buffer is left"),
     "budget": (Why.RESOURCE, "no connection is left"),
     "description": (Why.PARAMETER, "the connection description is wrong"),
+    "identity": (Why.OWNER, "another CONNECT has this ID"),
     "session": (Why.PARTNER, "the handshake failed"),
     "address": (Why.PARAMETER, "the address cannot be used"),
     "resolve": (Why.WAITING, "nobody has listened there yet"),
@@ -69,4 +70,6 @@ _fields: Final = attrgetter(*Cause.__slots__)
 def cause_of(fault: Fault, peer: str = "") -> Cause:
     """Return the cause that a failed call is; what is no kernel call is a resource of the PLC."""
     why, name = NO_KERNEL_CALLS.get(fault.call, (Why.KERNEL, f"{fault.call} failed"))
+    if fault.call == "resolve" and fault.error.startswith("EAI_"):  # the network's names, not `@NAME`
+        why, name = Why.KERNEL, "nobody knows an address for the partner's name"
     return Cause(why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer)

@@ -16,8 +16,10 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
 from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.job_checks import in_use, rival_of
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.connection import Connection, State
+from trcvtui.net.ownership import Claim
 from trcvtui.net.set_up import Stage, StepFault
 
 
@@ -33,13 +35,15 @@ class Phase(Enum):
 class ConnectionPart:
     """Show a connection's life on STATUS; `call` answers None when the job may decide."""
 
-    def __init__(self, env: Environment, connection: Connection) -> None:
+    def __init__(self, env: Environment, connection: Connection, claim: Claim, has_addr: bool = True) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
         self.waits = 0  # how many scans of 7002 have been shown since connecting began
         self._env = env
         self._course = env.rules.course
         self._connection = connection
+        self._claim = claim
+        self._has_addr = has_addr
         self._asks = False
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
@@ -60,6 +64,11 @@ class ConnectionPart:
             and not self._reset_wanted
             and not self._script
         )
+
+    @property
+    def is_closing(self) -> bool:
+        """Return whether something of a close is still to be shown."""
+        return not self.cont and bool(self._script)
 
     def call(
         self, cont: bool, com_rst: bool, asks: bool = False, job_error: Condition | None = None
@@ -99,9 +108,14 @@ class ConnectionPart:
     def _start(self) -> Outcome:
         self._script.clear()
         self._close_wanted = self._reset_wanted = False
+        rival = rival_of(self._env, self._connection, self._claim)
+        if rival is not None:
+            self.phase, self._queued = Phase.STARTING, False
+            return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+        self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:
             return self.wait("another block has opened the connection")
-        fault = self._connection.open()
+        fault = self._connection.open(self._has_addr)
         self.phase, self._queued = Phase.STARTING, fault is None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
@@ -144,9 +158,15 @@ class ConnectionPart:
     def _connected(self) -> Outcome:
         self.phase = Phase.CONNECTED
         self.incarnation = self._connection.incarnation
-        cause = Cause(Why.PARTNER, "the partner is connected", peer=str(self._connection.peer or ""))
+        cause = established(self._connection)
         begins = self._course.job_begins if self._asks else self._course.established
         return Outcome(begins or Condition.CONNECTED, cause)
+
+    def first_scan(self, begun: Outcome, reserved: bool) -> Outcome:
+        """Return the first scan of a connection: that of a job, unless the job will be refused."""
+        if reserved:
+            return begun
+        return replace(begun, condition=self._course.established or Condition.CONNECTED)
 
     def hold_back(self, outcome: Outcome) -> None:
         """Show the first "connected" one scan later: another code takes this scan."""
@@ -193,9 +213,16 @@ class ConnectionPart:
 
     # -- CONT falls, COM_RST rises ----------------------------------------------------------------
 
+    def leave(self) -> None:
+        """Be gone; the connection stays as it is."""
+        self._connection.keeping.give_back(self._claim)
+
     def _close(self) -> Outcome:
         self._script.clear()
         self._reset_wanted = False
+        if not self._connection.keeping.holds(self._claim):  # it never came to build it
+            self.phase = Phase.IDLE
+            return _NO_JOB
         cause = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
         fault = self._connection.queue_job() if self._has_connection() else None
         self._close_wanted = fault is not None
@@ -203,6 +230,7 @@ class ConnectionPart:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         was_up = self.phase is Phase.CONNECTED and self._connection.lost(self.incarnation) is None
         self.phase = Phase.IDLE
+        self._connection.keeping.give_back(self._claim)
         shown, *more = closing.disconnect(self._connection, cause)
         self._script.extend(more if was_up else ())
         return shown
@@ -232,6 +260,13 @@ class ConnectionPart:
         self.phase, self._queued = Phase.STARTING, False
         closed = closing.disconnect(self._connection, cause)[0]
         return [*(Outcome(condition, cause) for condition in first), closed]
+
+
+def established(connection: Connection) -> Cause:
+    """Return why a connection stands: somebody came, or with datagrams nobody has to."""
+    if connection.config.is_datagram:
+        return Cause(Why.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
+    return Cause(Why.PARTNER, "the partner is connected", peer=str(connection.peer or ""))
 
 
 def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:

@@ -31,7 +31,8 @@ PLAIN_SET_UP: Final[SetUpConditions] = {
 class Course:
     """What shows when. A tuple of conditions shows one a scan.
 
-    `job_begins`: the first scan of a connection that a job has been waiting for; None: "connected" as ever.
+    `job_begins`: the first scan of a connection that a job has been waiting for, which has what it takes from
+    then on; a job that will be refused shows `established`. None: "connected" as ever.
     `established`: the same of a connection that no job waits for.
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
@@ -48,6 +49,7 @@ class Course:
     `silent_connect`: an attempt to connect that fails shows no error.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
     `one_shot`: the request itself connects; CONT only keeps what stands behind its job.
+    `faults_once`: a receive job that every call refuses shows its error once, else with each call.
     `set_up`: the error of a set-up step.
     """
 
@@ -72,6 +74,7 @@ class Course:
     silent_connect: bool = False
     reset_closes: bool = False
     one_shot: bool = False
+    faults_once: bool = False
     set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
 
     def of_set_up(self, stage: Stage, error: str) -> Condition:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum, auto
+from typing import Final, NamedTuple
 
 
 class Elements(Enum):
@@ -11,6 +12,16 @@ class Elements(Enum):
     BITS = auto()  # BOOL, ARRAY OF BOOL
     BYTES = auto()  # elements of 8 bits
     OTHER = auto()
+
+
+class TextLens(NamedTuple):
+    """The smallest LEN but 0 of a variable that is one STRING or WSTRING, by direction (siemens.md 4.1)."""
+
+    sent: int = 0
+    received: int = 0
+
+
+NO_TEXT: Final = TextLens()
 
 
 class DataArea:
@@ -26,12 +37,14 @@ class DataArea:
         size: int,
         elements: Elements = Elements.OTHER,
         symbolic: bool = False,
+        text_lens: TextLens = NO_TEXT,
     ) -> None:
         self.name = name
         self.type_name = type_name
         self.size = size
         self.elements = elements
         self.symbolic = symbolic
+        self.text_lens = text_lens
         self.content = bytearray(size)
         self.generation = 0
 
@@ -52,8 +65,14 @@ class DataArea:
         """Return what a job that runs may rely on: type and size."""
         return self.type_name, self.size
 
-    def resize(self, type_name: str, size: int, elements: Elements = Elements.OTHER) -> None:
+    def resize(
+        self,
+        type_name: str,
+        size: int,
+        elements: Elements = Elements.OTHER,
+        text_lens: TextLens = NO_TEXT,
+    ) -> None:
         """Take another type; bytes that both sizes have stay, new ones are 0."""
-        self.type_name, self.size, self.elements = type_name, size, elements
+        self.type_name, self.size, self.elements, self.text_lens = type_name, size, elements, text_lens
         self.content = self.content[:size] + bytes(max(0, size - len(self.content)))
         self.generation += 1

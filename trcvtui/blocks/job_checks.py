@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
@@ -10,38 +11,70 @@ from trcvtui.blocks.data_area import DataArea, Elements
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.rules import AreaRules
+from trcvtui.net.connection import Connection
 from trcvtui.net.ownership import Claim, Direction
 
 
-def refuse(
-    env: Environment,
-    data: DataArea | None,
-    length: int,
-    direction: Direction,
-    claim: Claim,
-    connect: str,
-    most: int | None = None,
-    adhoc: bool = False,
-) -> Outcome | None:
-    """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken.
+class Wish(NamedTuple):
+    """What a job asks for. `most` bytes fit into one, None: as many as the rules say for a connection.
 
-    `most` bytes fit into one job, None: as many as the rules say for a connection.
+    `least` is the smallest LEN but 0 of a text. `rival` keeps every job off this connection.
     """
-    limit = env.rules.max_len if most is None else most
-    if data is None:
-        return replace(_EMPTY, condition=env.rules.area.missing)
-    if data.size == 0:
-        return _EMPTY
-    unfit = _unfit(env.rules.area, data, length, adhoc)
+
+    length: int
+    adhoc: bool = False
+    most: int | None = None
+    least: int = 0
+    rival: Claim | None = None
+
+
+def refuse(
+    env: Environment, data: DataArea | None, wish: Wish, direction: Direction, claim: Claim, connect: str
+) -> Outcome | None:
+    """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
+    unfit = _misfit(env, data, wish)
     if unfit is not None:
         return unfit
-    if length > data.size or (length or data.size) > limit:
-        return _wrong_length(env, limit, data, length)
-    other = direction.take(claim)
+    other = wish.rival or direction.take(claim)
     if other is not None:
-        return Outcome(Condition.CONNECT_IN_USE, _in_use(other))
+        return Outcome(Condition.CONNECT_IN_USE, in_use(other, claim))
     fault = env.resources.buffers.acquire(connect)
     return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
+
+
+def reserve(env: Environment, data: DataArea | None, wish: Wish, direction: Direction, claim: Claim) -> bool:
+    """Take the direction for a job that starts in the next call; False: that call would refuse it."""
+    if _misfit(env, data, wish) is not None or wish.rival is not None or env.resources.buffers.is_full:
+        return False
+    return direction.take(claim) is None
+
+
+def _misfit(env: Environment, data: DataArea | None, wish: Wish) -> Outcome | None:
+    """Return what is wrong with DATA and LEN."""
+    area, length = env.rules.area, wish.length
+    limit = env.rules.max_len if wish.most is None else wish.most
+    if data is None:
+        return replace(_EMPTY, condition=area.missing)
+    if data.size == 0:
+        return _EMPTY
+    unfit = _unfit(area, data, length, wish.adhoc)
+    if unfit is not None:
+        return unfit
+    if area.texts_whole and 0 < length < wish.least:
+        name = f"LEN cuts {data.type_name}: 0, or from {wish.least} on"
+        return _refused(Condition.LEN_OF_TEXT, name, "LEN", length)
+    if length > data.size or (length or data.size) > limit:
+        return _wrong_length(env, limit, data, length)
+    return None
+
+
+def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
+    """Return who works on this connection with another priority, where a vendor does not take that."""
+    if not env.rules.one_class:
+        return None
+    directions = connection.keeping, connection.receiving, connection.sending
+    found = (direction.of_another_priority(claim) for direction in directions)
+    return next((rival for rival in found if rival is not None), None)
 
 
 def _unfit(area: AreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
@@ -76,10 +109,13 @@ def _wrong_length(env: Environment, most: int, data: DataArea, length: int) -> O
     return Outcome(condition, cause)
 
 
-def _in_use(other: Claim) -> Cause:
+def in_use(other: Claim, asking: Claim) -> Cause:
+    """Return who is in the way."""
     if other.is_orphan:
         name = "an instance that is gone still holds this CONNECT"
         return Cause(Why.OWNER, name, detail=f"{other.instance}: disconnect or reset frees it")
+    if other.priority != asking.priority:
+        return Cause(Why.OWNER, "a block of another priority works on this CONNECT", detail=other.instance)
     return Cause(Why.OWNER, "another instance works on this CONNECT", detail=other.instance)
 
 

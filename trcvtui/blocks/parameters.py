@@ -134,6 +134,8 @@ TIMES: Final = frozenset({"Timeout"})  # pins of type TIME: whole milliseconds
 SPEAKS_UDP: Final = frozenset(
     {"USEND_C", "URECV_C", "TUSEND", "TURCV"}
 )  # CONFIG and ADDR in the place of CONNECT
+ON_CONNECT: Final = frozenset({"TUSEND", "TURCV"})  # these may have a CONNECT of UDP instead
+ADDR_IF_UDP: Final = frozenset({"TSEND_C", "TRCV_C"})  # they need ADDR on a CONNECT of UDP
 SENDS: Final = frozenset({"TSEND_C", "TSEND"})
 MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP
 DATA_PIN: Final = {

@@ -10,16 +10,17 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Final
 
+from trcvtui.blocks.addressed import unfit
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.job_checks import Wish, refuse, reserve, rival_of
 from trcvtui.blocks.job_checks import changed as area_changed
-from trcvtui.blocks.job_checks import refuse
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import WOULD_BLOCK, Datagram
+from trcvtui.net.answers import WOULD_BLOCK, Datagram, Endpoint
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
@@ -35,7 +36,7 @@ _RECEIVING: Final = {
 class ReceiveJob:
     """One instance's receive jobs, one after the other."""
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
         self.number = 0
         self.running = False
         self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
@@ -53,6 +54,10 @@ class ReceiveJob:
         self._connection = bound.connection
         self._connect = bound.connection.config.name
         self._is_message_oriented = bound.connection.config.is_message_oriented
+        self._unfit = unfit(bound, needs_datagrams)
+        self._address = bound.address if bound.connection.config.is_datagram else None
+        self._limit = bound.env.rules.max_datagram if self._address is not None else None
+        self._source: Endpoint | None = None  # of the message that has come
         self._instance = bound.instance
         self._buffer = bytearray()
         self._view = memoryview(self._buffer)
@@ -77,16 +82,28 @@ class ReceiveJob:
         return self._deliver()
 
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
-        receiving, asked = self._connection.receiving, length
-        if length in self._area.adhoc_lens:
-            length, adhoc = 0, True
-        refused = refuse(self._env, self._data, length, receiving, self.claim, self._connect, adhoc=adhoc)
+        wish, receiving = self._wish(length, adhoc), self._connection.receiving
+        refused = self._unfit or refuse(self._env, self._data, wish, receiving, self.claim, self._connect)
         if refused is not None:
             return self.check_loss() or refused
         assert self._data is not None
-        self._asked = asked, self._data.shape
-        self._start(length or self._data.size, adhoc)
+        self._asked = length, self._data.shape
+        self._start(wish.length or self._data.size, wish.adhoc)
         return self._collect() or self.receiving()
+
+    def _wish(self, length: int, adhoc: bool) -> Wish:
+        if length in self._area.adhoc_lens:
+            length, adhoc = 0, True
+        least = self._data.text_lens.received if self._data is not None else 0
+        rival = rival_of(self._env, self._connection, self.claim)
+        return Wish(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
+
+    def reserve(self, inputs: Inputs) -> bool:
+        """Keep the receive side for the job that begins in the next call; False: it would be refused."""
+        wish = self._wish(inputs.len, inputs.adhoc)
+        return self._unfit is None and reserve(
+            self._env, self._data, wish, self._connection.receiving, self.claim
+        )
 
     def _changed(self, length: int) -> Outcome | None:
         """End the job when LEN or DATA is another than at its start."""
@@ -134,7 +151,7 @@ class ReceiveJob:
             return None if got is WOULD_BLOCK else got
         self._first_offset = self._span_offset = self._connection.bytes_received - got.size
         self._next_offset = self._connection.bytes_received
-        self.have, self.whole = got.size, got.whole
+        self.have, self.whole, self._source = got.size, got.whole, got.source
         self.complete = True
         self.last_bytes = self._env.now
         return None
@@ -177,6 +194,8 @@ class ReceiveJob:
             self._buffer = data.swap(self._buffer)
         else:
             data.write(0, memoryview(self._buffer)[:size].toreadonly())
+        if self._address is not None and self._source is not None:
+            self._address.take(self._source)
         kept = min(size, data.size)
         if kept < size:
             self._drop(kept, "DATA resized")

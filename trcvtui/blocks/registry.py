@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 from trcvtui.blocks.block import Binding, Block
@@ -48,6 +49,11 @@ SINGLE_INSTRUCTIONS: Final[Mapping[str, Callable[[Binding], Block]]] = {
     "TRCV": SingleTrcv,
     "T_DIAG": TDiag,
 }
+# On a connection description of UDP, which TCON or a _C block builds.
+UDP_ON_CONNECT: Final[Mapping[str, Callable[[Binding], Block]]] = {
+    "TUSEND": partial(SingleTsend, needs_datagrams=True),
+    "TURCV": partial(SingleTrcv, needs_datagrams=True),
+}
 UDP_BLOCKS: Final[Mapping[str, Callable[[UdpBinding], Block]]] = {
     "USEND_C": UsendC,
     "URECV_C": UrecvC,
@@ -72,6 +78,8 @@ def new_block(name: str, bound: Binding | UdpBinding | SerialBinding) -> Block:
         return SERIAL_BLOCKS[name](bound)
     if isinstance(bound, UdpBinding):
         return UDP_BLOCKS[name](bound)
+    if name in UDP_ON_CONNECT:
+        return UDP_ON_CONNECT[name](bound)
     if bound.env.rules.single_instructions and name in SINGLE_INSTRUCTIONS:
         return SINGLE_INSTRUCTIONS[name](bound)
     return BLOCKS[name](bound)

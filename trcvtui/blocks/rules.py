@@ -26,7 +26,8 @@ class AreaRules:
     `missing`: an open DATA pin. `longer`: LEN against the size of DATA. `refuses_bits`: no BOOL, no ARRAY OF
     BOOL. `symbolic_alone`: a symbolic DATA goes with LEN = 0 only, `symbolic_bytes`: and ad-hoc with elements
     of 8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
-    LEN mean ad-hoc.
+    LEN mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it in a send job and its
+    header in a receive job.
     """
 
     missing: Condition = Condition.DATA_EMPTY
@@ -36,6 +37,7 @@ class AreaRules:
     symbolic_bytes: bool = False
     must_stay: bool = False
     adhoc_lens: frozenset[int] = frozenset()
+    texts_whole: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +67,7 @@ class Rules:
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
     part_follows_en_r: bool = False  # of a frame behind a TRCV_C: EN_R = 0 throws it away
+    one_class: bool = False  # blocks of another priority are kept off a connection while one works on it
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64
     queue: int = 64

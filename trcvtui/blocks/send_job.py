@@ -9,18 +9,24 @@ stack has every byte, not that the partner has.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Final
 
+from trcvtui.blocks.addressed import no_target, unfit
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import changed, refuse
+from trcvtui.blocks.job_checks import Wish, changed, refuse, reserve, rival_of
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import OUTCOMES_KEPT
-from trcvtui.net.answers import WOULD_BLOCK
+from trcvtui.net.answers import WOULD_BLOCK, Fault, WouldBlock
 from trcvtui.net.connection_loss import ConnectionLoss
+from trcvtui.net.datagram_connection import DatagramConnection
+
+# What a datagram that no route takes shows; every other call that fails is "send failed".
+UNREACHED: Final = dict.fromkeys(("ENETUNREACH", "EHOSTUNREACH"), Condition.UNREACHABLE)
 
 
 class SendJob:
@@ -28,7 +34,7 @@ class SendJob:
 
     adhoc = False
 
-    def __init__(self, bound: Binding) -> None:
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
         self.number = 0
         self.running = False
         self.have = 0  # bytes of this job that the stack has taken
@@ -42,6 +48,9 @@ class SendJob:
         self._buffers = bound.env.resources.buffers
         self._connection = bound.connection
         self._connect = bound.connection.config.name
+        self._unfit = unfit(bound, needs_datagrams)
+        self._address = bound.address
+        self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
         self._instance = bound.instance
         self._unsent = memoryview(b"")
         self._incarnation = 0
@@ -54,22 +63,36 @@ class SendJob:
         loss = self._connection.look_before_sending()
         if loss is not None:
             return loss
+        if (wrong := self._wrong_way()) is not None:
+            return wrong
         sending = self._connection.sending
-        refused = refuse(self._env, self._data, inputs.len, sending, self.claim, self._connect)
+        refused = refuse(self._env, self._data, self._wish(inputs.len), sending, self.claim, self._connect)
         if refused is not None:
             sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
             return refused
         assert self._data is not None
         self._shape = self._data.shape
         self._start(bytes(self._data.content[: inputs.len or self._data.size]))
-        loss = self._push()
-        if loss is not None:
-            return loss
+        ended = self._push()
+        if ended is not None:
+            return ended
         if not self.have:
             # Row 18: nothing of this job is on its way, so it can end; later it would cut the stream.
             self._end(done=False, reason="the send buffer is full")
             return _full(self.need)
         return _sending(self.have, self.need)
+
+    def _wish(self, length: int) -> Wish:
+        least = self._data.text_lens.sent if self._data is not None else 0
+        rival = rival_of(self._env, self._connection, self.claim)
+        return Wish(length, most=self._limit, least=least, rival=rival)
+
+    def reserve(self, inputs: Inputs) -> bool:
+        """Keep the send side for the job that begins in the next call; False: it would be refused."""
+        wish = self._wish(inputs.len)
+        return self._wrong_way() is None and reserve(
+            self._env, self._data, wish, self._connection.sending, self.claim
+        )
 
     def go_on(self) -> Outcome | ConnectionLoss:
         """Send what is left; end the job when the stack has it all."""
@@ -77,11 +100,11 @@ class SendJob:
             outcome = changed("DATA")
             self.abandon(outcome.cause.name)
             return outcome
-        loss = self._connection.look_before_sending()
-        if loss is None and self._unsent:
-            loss = self._push()
-        if loss is not None:
-            return loss
+        ended: Outcome | ConnectionLoss | None = self._connection.look_before_sending()
+        if ended is None and self._unsent:
+            ended = self._push()
+        if ended is not None:
+            return ended
         if self._unsent:
             return _sending(self.have, self.need)
         self._end(done=True, reason="complete")
@@ -97,14 +120,28 @@ class SendJob:
             SendStarted(self._instance, self.number, self._connect, incarnation, offset, self.need)
         )
 
-    def _push(self) -> ConnectionLoss | None:
-        got = self._connection.send(self._unsent, self._instance)
+    def _wrong_way(self) -> Outcome | None:
+        """Return why nothing can be sent to ADDR, or without one."""
+        is_datagram = self._connection.config.is_datagram
+        return self._unfit or (no_target(self._address) if is_datagram and self._address else None)
+
+    def _push(self) -> Outcome | ConnectionLoss | None:
+        got = self._send()
+        if isinstance(got, Fault):
+            self._end(done=False, reason="the datagram was not taken")
+            failed = UNREACHED.get(got.error, Condition.SEND_FAILED)
+            return Outcome(failed, cause_of(got, str(self._address)))
         if isinstance(got, int):
             self.have += got
             self._unsent = self._unsent[got:]
             self.last_bytes = self._env.now
             return None
         return None if got is WOULD_BLOCK else got
+
+    def _send(self) -> int | WouldBlock | Fault | ConnectionLoss:
+        if self._address is not None and isinstance(self._connection, DatagramConnection):
+            return self._connection.send_to(self._unsent, self._address, self._instance)
+        return self._connection.send(self._unsent, self._instance)
 
     def check_loss(self) -> ConnectionLoss | None:
         """Look for a loss while no job runs."""

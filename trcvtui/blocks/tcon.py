@@ -21,7 +21,7 @@ class Tcon:
         self.job = NoJob()
         self._bound = bound
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection)
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim())
         self._req = False
         self._triggered = False
         self._is_told = False  # DONE has shown for this trigger
@@ -31,7 +31,8 @@ class Tcon:
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._was_disconnected():
-            self._part = ConnectionPart(self._bound.env, self._connection)
+            self._part.leave()
+            self._part = ConnectionPart(self._bound.env, self._connection, self._bound.claim())
             self._triggered = False
         if rose and not self._triggered:
             self._triggered, self._is_told = True, False
@@ -61,6 +62,7 @@ class Tcon:
 
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
+        self._part.leave()
 
 
 _IDLE = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)

@@ -11,6 +11,7 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.not_connected import StandingRequest, not_connected
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import ReceiveJob
+from trcvtui.blocks.told_once import ToldOnce
 from trcvtui.net.connection_loss import ConnectionLoss
 
 
@@ -20,10 +21,13 @@ class TrcvC:
     def __init__(self, bound: Binding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection)
+        has_addr = bound.address is not None
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr)
         self._inputs: Inputs | None = None
+        self._begins = False  # the job has had its first scan, and starts in this one
         self._course = bound.env.rules.course
-        self._cont = ContLevel(self._course.one_shot)
+        self._told = ToldOnce(self._course.faults_once, Condition.CONNECTED)
+        self._cont = ContLevel(self._course.one_shot, asks_by_level=True)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -33,15 +37,16 @@ class TrcvC:
             return self._receive(inputs) if self._goes_on(inputs) else self._idle(None)
         self._inputs = inputs
         self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
-        cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running)
+        cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running, self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=inputs.en_r)
         if outcome is not None:
-            return self._while_not_receiving(outcome)
+            return self._while_not_receiving(inputs, outcome)
         return self._connected(inputs)
 
     def _goes_on(self, inputs: Inputs) -> bool:
-        """Return whether the job has this scan: EN_R is 1, or a job that runs outlives it."""
-        return inputs.en_r or (self.job.running and self._course.en_r_keeps_job)
+        """Return whether the job has this scan: EN_R is 1, or a job that has begun outlives it."""
+        has_begun = self.job.running or self._begins
+        return inputs.en_r or (has_begun and self._course.en_r_keeps_job)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""
@@ -49,10 +54,15 @@ class TrcvC:
 
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
+        self._part.leave()
         self.job.leave(reason)
 
-    def _while_not_receiving(self, outcome: Outcome) -> Outcome:
+    def _while_not_receiving(self, inputs: Inputs, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
+        self._told.forget()
+        self._begins = outcome.condition is Condition.JOB_BEGINS and self.job.reserve(inputs)
+        if outcome.condition is Condition.JOB_BEGINS:
+            return self._part.first_scan(outcome, self._begins)
         if outcome.condition is Condition.CONNECTED:
             self._request.answered()
         elif outcome.condition is Condition.ESTABLISHING and self._part.waits > 1 and self._request.is_told():
@@ -65,7 +75,6 @@ class TrcvC:
         loss = self._connection.lost(self._part.incarnation, self.job.claim)
         if not self._goes_on(inputs):
             self.job.abandon("EN_R fell")
-            self.job.let_go()
             return self._idle(loss)
         if loss is not None:
             return self._lost(loss)
@@ -73,10 +82,15 @@ class TrcvC:
         return self._receive(inputs)
 
     def _receive(self, inputs: Inputs) -> Outcome:
+        self._begins = False
         got = self.job.call(inputs)
-        return got if isinstance(got, Outcome) else self._lost(got)
+        if not isinstance(got, Outcome):
+            return self._lost(got)
+        return self._told.shown(got, inputs) if self._course.faults_once else got
 
     def _idle(self, loss: ConnectionLoss | None) -> Outcome:
+        self.job.let_go()
+        self._told.forget()
         loss = loss or self.job.check_loss()
         return READY if loss is None else self._lost(loss)
 

@@ -20,7 +20,8 @@ class TsendC:
     def __init__(self, bound: Binding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection)
+        has_addr = bound.address is not None
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr)
         self._inputs: Inputs | None = None
         self._req = False
         self._course = bound.env.rules.course
@@ -37,7 +38,7 @@ class TsendC:
         self._req = inputs.req
         asks = self._asked or req_rose
         waits = self._course.waiting_req_sends and (inputs.req or self._course.one_shot) and asks
-        cont = self._cont.level(inputs.cont, asks, self.job.running)
+        cont = self._cont.level(inputs.cont, asks, self.job.running, self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=self._reset_error())
         if outcome is not None:
             return self._while_not_sending(inputs, outcome, req_rose)
@@ -55,12 +56,15 @@ class TsendC:
 
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
+        self._part.leave()
         self.job.leave(reason)
 
     # -- 80A1: asked for data, not connected (design 6, row 4) -------------------------------------
 
     def _while_not_sending(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         self.job.abandon(outcome.cause.name)
+        if outcome.condition is Condition.JOB_BEGINS:
+            outcome = self._part.first_scan(outcome, self.job.reserve(inputs))
         if self._course.waiting_req_sends:
             return self._keep_asking(inputs, outcome, req_rose)
         self._asked = (self._asked or req_rose) and inputs.cont

@@ -8,7 +8,7 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import changed, refuse
+from trcvtui.blocks.job_checks import Wish, changed, refuse
 from trcvtui.blocks.not_connected import StandingRequest
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.udp_binding import UdpBinding
@@ -92,8 +92,8 @@ class DatagramIn:
         return self._deliver(self._source)
 
     def _begin(self, length: int) -> Outcome:
-        limit = self._env.rules.max_datagram
-        refused = refuse(self._env, self._data, length, self._port.receiving, self.claim, self._config, limit)
+        wish = Wish(length, most=self._env.rules.max_datagram)
+        refused = refuse(self._env, self._data, wish, self._port.receiving, self.claim, self._config)
         if refused is not None:
             return refused
         assert self._data is not None

@@ -8,7 +8,7 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import changed, refuse
+from trcvtui.blocks.job_checks import Wish, changed, refuse
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.udp_part import UdpPart
@@ -82,8 +82,8 @@ class DatagramOut:
 
     def begin(self, length: int) -> Outcome:
         """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
-        limit = self._env.rules.max_datagram
-        refused = refuse(self._env, self._data, length, self._port.sending, self.claim, self._config, limit)
+        wish = Wish(length, most=self._env.rules.max_datagram)
+        refused = refuse(self._env, self._data, wish, self._port.sending, self.claim, self._config)
         if refused is not None:
             self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR
             return refused

@@ -42,6 +42,7 @@ class Dialect:
     """One vendor's blocks. `models` maps a PLC model to its connection budget; the first is the default.
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
+    `structures`: the connection descriptions that it takes, () all of them.
     `folder`: where its scenarios lie, when that has another name.
     """
 
@@ -55,6 +56,7 @@ class Dialect:
     layout: str
     answer: Callable[[Mapping[str, SwitchValue]], Rules]
     describes_connects: bool = False
+    structures: tuple[str, ...] = ()
     folder: str = ""
 
     @property

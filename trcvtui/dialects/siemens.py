@@ -6,6 +6,7 @@ One course for all of them; a dialect below it is its limits and its few differe
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
@@ -17,6 +18,7 @@ from trcvtui.dialects.siemens_secure import SECURE_SET_UP
 from trcvtui.dialects.siemens_status import STATUS
 from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.description_check import Flaw
+from trcvtui.net.identities import Taken
 from trcvtui.net.policy import Policy
 from trcvtui.net.set_up import Stage
 
@@ -51,14 +53,31 @@ SWITCHES: Final = (
         "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped (A5)",
         ("keeps", "drops"),
     ),
+    Switch(
+        "receive_faults",
+        "choice",
+        "each_call",
+        "EN_R = 1 and a receive job that is refused: ERROR with each call, or once until EN_R or LEN changes",
+        ("each_call", "once"),
+    ),
     Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80C3"),
     Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80C3"),
+    Switch(
+        "iso_tpdu_default",
+        "count",
+        1024,
+        "bytes of a DT to a partner of ISO-on-TCP who tells no TPDU size, at most our own 1024 (A19)",
+        least=128,
+        most=65531,
+    ),
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
-# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1.
+# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1;
+# 4.4: a taken ID.
 SET_UP: Final = {
     (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
+    (Stage.DESCRIPTION, Flaw.STRUCTURE): Condition.DESCRIPTION_LENGTH,
     (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
     (Stage.DESCRIPTION, Flaw.ID): Condition.ID_WRONG,
     (Stage.DESCRIPTION, Flaw.INTERFACE): Condition.INTERFACE_WRONG,
@@ -74,6 +93,9 @@ SET_UP: Final = {
     (Stage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
     (Stage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
     (Stage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
+    (Stage.IDENTITY, Taken.SAME): Condition.ENDPOINT_THERE,
+    (Stage.IDENTITY, Taken.BUILDING): Condition.ID_BUILDING,
+    (Stage.IDENTITY, Taken.OTHER): Condition.ID_OTHER,
     (Stage.SOCKET, ""): Condition.NO_SOCKET,
     (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
     (Stage.REUSE, ""): Condition.NOT_NOW,
@@ -104,6 +126,7 @@ class Cpu(NamedTuple):
     max_datagram: int
     connections: int
     symbolic_bytes: bool = False  # only elements of 8 bits (siemens.md 4.2)
+    narrow_tsaps: bool = False  # siemens.md 3.2
 
 
 BUILDING: Final = frozenset(
@@ -127,10 +150,12 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_alone=True,
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
+            texts_whole=True,
         ),
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        one_class=True,  # 2.1, 4.4
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
@@ -138,6 +163,8 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             retry_ns=int(chosen["retry"]),
             attempt_limit_ns=int(chosen["attempt_limit"]),
             small_buffers=bool(chosen["small_buffers"]),
+            tpdu_default=int(chosen["iso_tpdu_default"]),
+            narrow_tsaps=cpu.narrow_tsaps,
         ),
         buffers=int(chosen["buffers"]),
         queue=int(chosen["queue"]),
@@ -162,12 +189,16 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
         teardown=bool(chosen["teardown_before_error"]),  # A7
         silent_connect=bool(chosen["silent_connect"]),  # A15
         one_shot=chosen["cont_mode"] == "oneshot",  # A9
+        faults_once=chosen["receive_faults"] == "once",
         set_up=SET_UP,
     )
 
 
+def _answer_of(cpu: Cpu, chosen: Mapping[str, SwitchValue]) -> Rules:
+    return answer({switch.name: switch.default for switch in SWITCHES} | dict(chosen), cpu)
+
+
 def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
-    defaults = {switch.name: switch.default for switch in SWITCHES}
     return Dialect(
         name=name,
         title=title,
@@ -179,9 +210,11 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         layout="s7-standard",
         describes_connects=True,
         folder="siemens",
-        answer=lambda values: answer(defaults | dict(values), cpu),
+        answer=partial(_answer_of, cpu),
     )
 
 
 S7_1500: Final = _dialect("s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128))
-S7_1200: Final = _dialect("s7-1200", "Siemens S7-1200, Open User Communication", Cpu(8192, 1472, 8, True))
+S7_1200: Final = _dialect(
+    "s7-1200", "Siemens S7-1200, Open User Communication", Cpu(8192, 1472, 8, True, True)
+)

@@ -72,14 +72,17 @@ CONNECTION_ERRORS: Final = (
         (
             "the partner closed or reset it while no job ran here",
             "the link is dead, which the keep-alive has found",
+            "another CONNECT of the same ID and the same description is up: passed on from TCON",
         ),
         (
             "nothing to mend: 7001 and 7002 follow, and the block builds it again",
             "the partner's log: does it close when nothing comes for some time?",
             "`trcvtui scenario configs/scenarios/siemens/1-9-tsend_c-idle.toml` shows the course",
+            "it comes with each attempt: which other CONNECT has this ID?",
         ),
         Reach.REAL,
-        "siemens.md 1.9, 2.1",
+        "siemens.md 1.9, 2.1, 2.3, 4.4",
+        also=(Condition.ENDPOINT_THERE,),
         unsure="that the idle block shows it in one scan and goes on by itself is a recommended reading",
     ),
     StatusRow(
@@ -91,13 +94,15 @@ CONNECTION_ERRORS: Final = (
         (
             "TCON has built it before: it stands, or its endpoint waits for the partner to come again",
             "a _C block holds the same CONNECT",
+            "another CONNECT has the same ID and the same description, and holds the connection",
         ),
         (
             "REQ of TCON: once at start-up is enough, the endpoint builds a lost connection again itself",
             "TDISCON first, where the connection is meant to be another one",
         ),
         Reach.LOGIC,
-        "siemens.md 2.3",
+        "siemens.md 2.3, 4.4",
+        also=(Condition.ID_BUILDING,),
     ),
     StatusRow(
         0x80A3,
@@ -111,7 +116,7 @@ CONNECTION_ERRORS: Final = (
         ),
         (
             "the order of calls: TCON, then jobs, then TDISCON once",
-            "the connection on the Links tab: closed means that nothing holds it",
+            "the line CONNECT of the block: closed means that nothing holds it",
         ),
         Reach.LOGIC,
         "siemens.md 2.6",
@@ -176,6 +181,7 @@ CONNECTION_ERRORS: Final = (
         (
             "two _C blocks share a connection, and CONT of the other one fell",
             "TDISCON or T_RESET worked on this block's connection",
+            "another CONNECT of the same ID and the same description is just being built",
         ),
         (
             "TSEND_C with TRCV, or TSEND with TRCV_C: one block alone holds the connection",
@@ -183,7 +189,8 @@ CONNECTION_ERRORS: Final = (
             "7001 follows: with CONT = 1 this block builds the connection again",
         ),
         Reach.LOGIC,
-        "siemens.md 1.8, 2.1, 2.2, A8",
+        "siemens.md 1.8, 2.1, 2.2, 4.4, A8",
+        also=(Condition.ID_BUILDING,),
     ),
     StatusRow(
         0x80B1,
@@ -238,15 +245,21 @@ LEGACY_ERRORS: Final = (
     ),
     StatusRow(
         0x80A5,
-        None,
-        TCON,
+        Condition.ID_OTHER,
+        SET_UP,
         True,
         "ID in use",
-        ("another connection of the program has this ID", "TCON is called for it a second time"),
-        ("the IDs of all descriptions: one each", "TDISCON before the ID is used anew"),
-        Reach.NEVER,
+        (
+            "another connection of the program has this ID, and other settings",
+            "a CONNECT was copied, and its ID was not changed",
+        ),
+        (
+            "the IDs of all descriptions: one each; the ledger names the CONNECT that has it",
+            "TDISCON, or CONT = 0, before the ID is used anew",
+        ),
+        Reach.LOGIC,
         "siemens.md 2.3",
-        unreached="each CONNECT of a project is a connection of its own, whatever its ID says",
+        unsure="that TSEND_C and TRCV_C pass it on from TCON is inferred",
     ),
     StatusRow(
         0x80B2,

@@ -66,7 +66,7 @@ DESCRIPTION_ERRORS: Final = (
         "Faulty description, or UDP without ADDR",
         (
             "the description is one of UDP, and this block has no ADDR",
-            "TUSEND: the port in ADDR is 0",
+            "TUSEND: the port in ADDR is 0, or the connection is one of TCP",
             "the local port stands in another description as well",
         ),
         (
@@ -75,10 +75,11 @@ DESCRIPTION_ERRORS: Final = (
         ),
         Reach.LOGIC,
         "siemens.md 2.1, 2.7",
+        also=(Condition.OTHER_TRANSPORT,),
     ),
     StatusRow(
         0x80B3,
-        None,
+        Condition.OTHER_TRANSPORT,
         ("TSEND", "TRCV", "TURCV"),
         True,
         "The block does not fit the connection",
@@ -90,9 +91,8 @@ DESCRIPTION_ERRORS: Final = (
             "ConnectionType of the description: 16#13 is UDP, 16#0B and 16#11 are TCP",
             "the ID at both blocks",
         ),
-        Reach.NEVER,
+        Reach.LOGIC,
         "siemens.md 2.4, 2.5, 2.7",
-        unreached="a project file binds TSEND and TRCV to a CONNECT, TUSEND and TURCV to a UDP_CONFIG",
     ),
     StatusRow(
         0x80B4,
@@ -103,6 +103,7 @@ DESCRIPTION_ERRORS: Final = (
         (
             "LocalTSelector is empty, or has two bytes and does not begin with E0",
             "it begins with SIMATIC-, which is the system's own",
+            "S7-1200: behind E0 or E1 stands neither 00 nor 01, or no ASCII from the third byte on",
         ),
         (
             "LocalTSelector byte by byte: length first, then E0 and rack / slot, or a text such as TCP-1",

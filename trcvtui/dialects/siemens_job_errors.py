@@ -21,6 +21,7 @@ JOB_ERRORS: Final = (
             "all connections of the CPU are in use, or the process has no free file descriptor",
             "another instance works on the same CONNECT in the same direction",
             "more jobs run at the same time than the CPU has room for",
+            "a block with this ID works in a task of another priority: one OB for all of them",
         ),
         (
             "the cause in the ledger: budget, queue, buffer, or the name of the other instance",
@@ -42,7 +43,7 @@ JOB_ERRORS: Final = (
             "TRCV, TRCV_C: EN_R is 1 while the connection is built again, or in the scan behind its loss",
             "TSEND, TSEND_C: the partner takes no byte, so that a job cannot even begin",
             "a call of the network stack failed: the ledger names it",
-            "closing or resetting came just behind the partner's own reset",
+            "TDISCON: the connection is still being built; or the partner's own reset came just before",
         ),
         (
             "wait and try again: the code speaks of something that passes",
@@ -169,6 +170,7 @@ JOB_ERRORS: Final = (
         ),
         Reach.INJECTED,
         "siemens.md 2.7",
+        also=(Condition.UNREACHABLE,),
     ),
     StatusRow(
         0x80C7,
@@ -190,21 +192,21 @@ JOB_ERRORS: Final = (
     ),
     StatusRow(
         0x80C8,
-        None,
-        TCON,
+        Condition.ID_OTHER,
+        SET_UP,
         True,
         "ID in use with other settings",
         (
             "another connection of the program has this ID",
-            "the description at CONNECT was changed while its connection stands",
+            "a CONNECT was copied and pointed at another partner, and its ID was not changed",
         ),
         (
-            "the IDs of all descriptions: one each",
-            "TDISCON before a description changes",
+            "the IDs of all descriptions: one each; the ledger names the CONNECT that has it",
+            "TDISCON, or CONT = 0 at the other block, before the ID is used anew",
         ),
-        Reach.NEVER,
-        "siemens.md 2.3",
-        unreached="each CONNECT of a project is a connection of its own, whatever its ID says",
+        Reach.LOGIC,
+        "siemens.md 2.3, 4.4",
+        unsure="that TSEND_C and TRCV_C pass it on from TCON is inferred",
     ),
     StatusRow(
         0x80C9,

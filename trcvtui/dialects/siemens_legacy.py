@@ -16,11 +16,12 @@ from trcvtui.dialects.siemens_connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens_status import STATUS
 
 AD_HOC: Final = frozenset({0, 65535})  # LEN, where there is no ADHOC pin; 65535 in the older manual
-CPU: Final = Cpu(8192, 1472, 8, True)
+CPU: Final = Cpu(8192, 1472, 8, True, True)
 MANUAL: Final = "siemens.md 1.11"
 UNSURE: Final = "what instructions before 3.0 show between these words is pieced together from two help pages"
 
 BLOCKS: Final = tuple(block for block in S7_1200.blocks if block != "T_DIAG")
+_NEWER_ID_ERROR: Final = 0x80C8  # 80A5 here
 _NOT_THESE: Final = frozenset({0x0001, 0x7005})  # of the _C blocks
 
 
@@ -75,6 +76,7 @@ def _kept(row: StatusRow) -> StatusRow | None:
     """Return what these instructions have of a row of the newer ones."""
     gone = {block for block in row.blocks if (row.code, block) in _OWN or block not in BLOCKS}
     gone |= set(BOTH_C) if row.code in _NOT_THESE else set()
+    gone |= set(row.blocks) if row.code == _NEWER_ID_ERROR else set()
     blocks = tuple(block for block in row.blocks if block not in gone)
     return replace(row, blocks=blocks) if blocks else None
 
@@ -116,6 +118,7 @@ S7_1200_LEGACY: Final = Dialect(
     default_model=S7_1200.default_model,
     layout=S7_1200.layout,
     describes_connects=S7_1200.describes_connects,
+    structures=("TCON_Param",),  # 1.11
     folder="siemens-legacy",
     answer=legacy_answer,
 )

@@ -56,7 +56,7 @@ PARAMETER_ERRORS: Final = (
             "TDISCON has taken the endpoint away before the reset came",
         ),
         (
-            "the state of the connection on the Links tab: closed means that there is no endpoint",
+            "the line CONNECT of the block: closed means that there is no endpoint",
             "the order of calls: T_RESET behind TCON, and not behind TDISCON",
         ),
         Reach.LOGIC,
@@ -184,6 +184,7 @@ PARAMETER_ERRORS: Final = (
             "LEN is larger than DATA, often after DATA or its type was made smaller",
             "DATA is symbolic (in an optimized block) and LEN is not 0",
             "ADHOC = 1 into a symbolic DATA whose elements have more than 8 bits, on an S7-1200",
+            "DATA is a STRING or WSTRING, and LEN cuts it (TSEND) or its header (TRCV)",
         ),
         (
             "LEN = 0: then DATA alone decides, whatever its size",
@@ -192,7 +193,8 @@ PARAMETER_ERRORS: Final = (
         ),
         Reach.LOGIC,
         "siemens.md 2.1, 2.2, 2.4, 2.5, 2.7, 4.1, 4.2",
-        also=(Condition.DATA_SYMBOLIC,),
+        also=(Condition.DATA_SYMBOLIC, Condition.LEN_OF_TEXT),
+        unsure="that LEN of a STRING is bounded is documented; that it shows this code is inferred",
     ),
     StatusRow(
         0x8089,

@@ -81,7 +81,7 @@ STATES: Final = (
         ),
         (
             "one scan, then 7000: the connection can be built again with CONT",
-            "the other block on this connection shows 80AA in this scan",
+            "the other block on this connection shows 80AA, one scan later if it is called first",
         ),
         Reach.REAL,
         "siemens.md 1.4, 2.1",

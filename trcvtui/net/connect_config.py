@@ -23,6 +23,7 @@ class ConnectConfig:
     `description`: the bytes that an engineer has for it; `flaw`: what a CPU finds wrong with them.
     `remote_name`: the partner's name, asked for at each attempt; "": `remote_address` says where he is.
     `any_local`: the system's own routing gives an active end its local address.
+    `is_datagram`: UDP; the partner of each datagram stands in an ADDR.
     """
 
     name: str
@@ -37,11 +38,12 @@ class ConnectConfig:
     flaw: Finding | None = None
     any_local: bool = False
     remote_name: str = ""
+    is_datagram: bool = False
 
     @property
     def is_message_oriented(self) -> bool:
         """Return whether the partner's messages arrive whole, one a job."""
-        return self.session is not None and self.session.is_message_oriented
+        return self.is_datagram or (self.session is not None and self.session.is_message_oriented)
 
     @property
     def keep_alive_s(self) -> int:

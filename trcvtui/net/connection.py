@@ -42,18 +42,17 @@ class Connection:
     ) -> None:
         self.config = config
         self.state = State.CLOSED
-        self.incarnation = 0
+        self.incarnation = self.attempts = 0
         self.peer: Endpoint | None = None
         self.receiving = Direction()
         self.sending = Direction()
-        self.bytes_received = self.recvs = 0
-        self.bytes_sent = self.sends = 0
+        self.keeping = Direction()  # blocks that build it, and hold it
+        self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self.doom: ConnectionLoss | None = None  # known, but somebody still reads what came before it
-        self.attempts = 0
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.handle: Handle | None = None
-        self.set_up = SetUp(config, kernel, policy, resolve, self._note_set_up)
+        self.set_up = SetUp(config, kernel, policy, resolve, resources.identities, self._note_set_up)
         self._kernel = kernel
         self._resources = resources
         self._policy = policy
@@ -77,8 +76,8 @@ class Connection:
 
     # -- set-up: TCON ------------------------------------------------------------------------
 
-    def open(self) -> Fault | None:
-        """Queue the set-up job; the steps follow one a scan."""
+    def open(self, has_addr: bool = True) -> Fault | None:
+        """Queue the set-up job; the steps follow one a scan. `has_addr`: for UDP, its opener can send."""
         fault = self._resources.queue.put(self.config.name)
         if fault is None:
             self.state = State.QUEUED
@@ -364,6 +363,7 @@ class Connection:
         if self.state is not State.CLOSED:
             self.disconnect()
             self._note(What.STOPPED)
+        self.keeping.end()
         self.set_up.forget()
 
     def _close_orderly(self, handle: Handle) -> Fault | None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
+CONFIGURED: Final = 254  # ConnectionType
 LONGEST_SELECTOR: Final = 32
 LONGEST_NAME: Final = 254
 SELECTOR_SIZE: Final = 2 + LONGEST_SELECTOR
@@ -40,11 +41,12 @@ class Field(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """One kind of description; `size` in bytes."""
+    """One kind of description; `size` in bytes, of which the last `spare` may be missing."""
 
     name: str
     size: int
     fields: tuple[Field, ...]
+    spare: int = 0
 
     def field(self, name: str) -> Field | None:
         """Return the field of that name."""
@@ -118,7 +120,7 @@ CONNECTIONS: Final = {
         Structure("TCON_IP_V4_SEC", 26, (*_IP_V4, *_secure(14))),
         Structure("TCON_QDN_SEC", 278, (*_QDN, *_secure(266))),
         Structure("TCON_Param", 64, _PARAM),
-        Structure("TCON_Configured", 6, _HEAD),
+        Structure("TCON_Configured", 6, _HEAD, spare=1),
     )
 }
 ADDRESSES: Final = {
@@ -231,8 +233,11 @@ def _write(field: Field, value: Value) -> bytes:
     raise TypeError(f"{field.name} holds no {type(value).__name__}")
 
 
-def structure_of_size(size: int) -> Structure | None:
-    """Return the connection description that has so many bytes."""
+def structure_of(data: bytes) -> Structure | None:
+    """Return the connection description that has so many bytes; a shortened one has to name its type, too."""
+    size, configured = len(data), CONNECTIONS["TCON_Configured"]
+    if size == configured.size - configured.spare and data[4] == CONFIGURED:
+        return configured
     return next((one for one in CONNECTIONS.values() if one.size == size), None)
 
 

@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from trcvtui.net.description import LONGEST_SELECTOR, Description
+from trcvtui.net.description import CONFIGURED, LONGEST_SELECTOR, Description
 from trcvtui.net.ipv4 import is_group, is_loopback
 
 ANY_ADDRESS: Final = "0.0.0.0"
 MOST_ID: Final = 4095
-CONFIGURED: Final = 254
 UDP_TYPE: Final = 19
 CHECKS_NAME: Final = 1  # bit 0 of ExtTLSCapabilities
 RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})
 FIRST_DYNAMIC_PORT: Final = 49152
 TCON_PARAM_SIZE: Final = 64
+T_CONNECTIONS: Final = b"\xe0\xe1"  # the first byte of a T-selector for programs; E1 on an S7-1200 alone
 TSAP_SIZES: Final = range(2, 17)  # of TCON_Param
 
 
@@ -38,6 +38,7 @@ class Flaw(StrEnum):
     """What can be wrong with a description."""
 
     NO_DESCRIPTION = "no description"
+    STRUCTURE = "structure not taken"
     LENGTH = "wrong length"
     ID = "wrong ID"
     INTERFACE = "wrong interface"
@@ -95,6 +96,20 @@ _TYPES: Final = {
 }
 
 
+# What the newer structures call a field -> TCON_Param's name.
+_PARAM_NAMES: Final = {
+    "ActiveEstablished": "active_est",
+    "RemoteAddress": "rem_staddr",
+    "RemotePort": "rem_tsap_id",
+    "LocalPort": "local_tsap_id",
+}
+
+
+def field_name(description: Description, name: str) -> str:
+    """Return what this structure calls a field of TCON_IP_v4."""
+    return _PARAM_NAMES.get(name, name) if description.structure.name == "TCON_Param" else name
+
+
 def types_of(structure: str) -> tuple[int, ...]:
     """Return the numbers that ConnectionType may have, the usual one first."""
     return tuple(_TYPES[structure])
@@ -141,7 +156,8 @@ class Asked:
     """A description and what the bench has written beside it.
 
     `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened
-    on; `remote_is_known`: it says where the partner listens (`@NAME`); `has_addr`: the block is one of UDP.
+    on; `remote_is_known`: it says where the partner listens (`@NAME`). `structures`: what the instructions
+    take, () all. `narrow_tsaps`: the CPU is an S7-1200.
     """
 
     description: Description
@@ -149,20 +165,29 @@ class Asked:
     own_address: str
     takes_free_port: bool = False
     remote_is_known: bool = False
-    has_addr: bool = False
+    structures: tuple[str, ...] = ()
+    narrow_tsaps: bool = False
 
 
 def judge(asked: Asked) -> Finding | None:
     """Return the first flaw, None where a CPU would try to connect."""
-    return next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
+    found = next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
+    return found._replace(field=field_name(asked.description, found.field)) if found else None
 
 
 # -- the questions -----------------------------------------------------------------------------------------
 
 
+def _structure(asked: Asked) -> Finding | None:
+    name = asked.description.structure.name
+    if not asked.structures or name in asked.structures:
+        return None
+    return Finding(Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only")
+
+
 def _length(asked: Asked) -> Finding | None:
     structure, size = asked.description.structure, len(asked.description.data)
-    if size == structure.size:
+    if structure.size - structure.spare <= size <= structure.size:
         return None
     return Finding(Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}")
 
@@ -200,21 +225,27 @@ def _type(asked: Asked) -> Finding | None:
     return Finding(Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}")
 
 
+def _udp_active(asked: Asked) -> Finding | None:
+    if asked.meaning.protocol is not Protocol.UDP or not asked.meaning.is_active:
+        return None
+    return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
+
+
 def _udp(asked: Asked) -> Finding | None:
     if asked.meaning.protocol is not Protocol.UDP:
         return None
-    if asked.meaning.is_active:
-        return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
     if not asked.meaning.local_port and not asked.takes_free_port:
         return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port")
-    if asked.has_addr:
-        return None
-    return Finding(Flaw.NEEDS_ADDR, "", "UDP is for TUSEND and TURCV: this block has no ADDR")
+    return None
 
 
 def _tsap(asked: Asked) -> Finding | None:
     if asked.meaning.protocol is not Protocol.ISO:
         return None
+    return _tsap_of_any(asked) or (narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
+
+
+def _tsap_of_any(asked: Asked) -> Finding | None:
     local = asked.meaning.local_tsap
     if asked.description.structure.name == "TCON_Param":
         return _tsap_of_param(asked)
@@ -224,10 +255,24 @@ def _tsap(asked: Asked) -> Finding | None:
             return Finding(Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}")
     if not local:
         return Finding(Flaw.TSAP, "LocalTSelector", "the local T-selector is empty")
-    if len(local) == 2 and local[0] != 0xE0:
+    if len(local) == 2 and local[0] not in _firsts(asked):
         return Finding(Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}")
     if local.startswith(b"SIMATIC-"):
         return Finding(Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own")
+    return None
+
+
+def _firsts(asked: Asked) -> bytes:
+    return T_CONNECTIONS if asked.narrow_tsaps else T_CONNECTIONS[:1]
+
+
+def narrow_tsap(local: bytes) -> Finding | None:
+    """Return what an S7-1200 alone has against a local T-selector (siemens.md 3.2)."""
+    if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
+        return Finding(Flaw.TSAP, "LocalTSelector", f"behind {local[0]:02X} 00 or 01, not {local[1]:02X}")
+    if any(not 0x20 <= byte < 0x7F for byte in local[2:]):
+        text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
+        return Finding(Flaw.TSAP, "LocalTSelector", text)
     return None
 
 
@@ -239,7 +284,7 @@ def _selector_length(description: Description, name: str) -> int:
 
 def _tsap_of_param(asked: Asked) -> Finding | None:
     local = asked.meaning.local_tsap
-    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] != 0xE0):
+    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _firsts(asked)):
         return Finding(Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0")
     return None
 
@@ -269,6 +314,8 @@ def _param_lengths(says: Meaning) -> list[tuple[str, tuple[int, ...]]]:
             ("local_tsap_id_len", sizes),
             ("rem_tsap_id_len", sizes if says.is_active else (0, *sizes)),
         ]
+    elif says.protocol is Protocol.UDP:
+        lengths += [("local_tsap_id_len", (2,)), ("rem_tsap_id_len", (0,))]
     else:
         lengths += [
             ("local_tsap_id_len", (0, 2) if says.is_active else (2,)),
@@ -348,6 +395,6 @@ def _secure(asked: Asked) -> Finding | None:
 
 
 _QUESTIONS: Final[tuple[Callable[[Asked], Finding | None], ...]] = (
-    _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
-    _param, _udp, _ports, _remote, _local_port, _name, _secure,
+    _structure, _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
+    _udp_active, _param, _udp, _ports, _remote, _local_port, _name, _secure,
 )  # fmt: skip

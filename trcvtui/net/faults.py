@@ -36,6 +36,7 @@ DEFAULT_ERROR: Final = {
     "poll_add": "ENOSPC",
     "poll_del": "ENOENT",
     "accept": "EMFILE",
+    "resolve": "EAI_NONAME",
     "connect": "ECONNREFUSED",
     "recv": "ECONNRESET",
     "send": "ECONNRESET",
@@ -54,6 +55,7 @@ KNOWN_ERRORS: Final = frozenset(errno.errorcode.values()) | {
     *("EACCES", "EADDRNOTAVAIL", "EALREADY", "EBADF", "ECONNABORTED", "EEXIST", "EHOSTDOWN", "EHOSTUNREACH"),
     *("EINVAL", "EISCONN", "ENETDOWN", "ENETRESET", "ENETUNREACH", "ENFILE", "ENOBUFS", "ENOPROTOOPT"),
     *("ENOTSOCK", "EPIPE", "ETIMEDOUT"),
+    *("EAI_AGAIN", "EAI_FAIL", "EAI_NONAME"),
 }
 
 
@@ -203,10 +205,6 @@ class FaultyKernel:
         """Return the local end, or None while there is none."""
         return self.inner.local_end(handle)
 
-    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name, or WOULD_BLOCK while nobody knows it yet."""
-        return self.inner.resolve(handle, name)
-
     def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
         """Return the verdict of a connect that was not made to fail."""
         return self.inner.connect_result(handle)
@@ -277,6 +275,10 @@ class FaultyKernel:
             return fault
         self._owners[got.handle] = self._owners.get(handle, "")
         return got
+
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name, or WOULD_BLOCK while nobody knows it yet; each look is a call."""
+        return self._take("resolve", handle) or self.inner.resolve(handle, name)
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
         """Start to connect; None = pending."""

@@ -2,7 +2,8 @@
 
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
 Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MESSAGES_WAITING or
-`cap` bytes of them: who does not take them must not feed more (`wants_more`).
+`cap` bytes of them: who does not take them must not feed more (`wants_more`). What is longer than the cap is
+counted on; a message of more than CAPS caps ends the connection.
 Rule 3: whatever cannot be right ends the connection with its reason; nothing raises.
 """
 
@@ -19,6 +20,7 @@ from trcvtui.net.cotp import (
     Connect,
     Data,
     Disconnect,
+    Ignored,
     Malformed,
     Refusal,
     Rejected,
@@ -31,9 +33,11 @@ from trcvtui.net.session import Ended, Message, Settings
 
 REFERENCE: Final = 1
 OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
-SIZE_CODES: Final = range(7, 17)  # 128 bytes .. 65536
+SIZE_CODES: Final = range(2, 17)  # 4 bytes, of which 1 is data, to 65536; the manuals know 7 to 13
 NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size (A19)
 MESSAGES_WAITING: Final = 4
+CAPS: Final = 16
+REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connection
 
 
 class Phase(Enum):
@@ -49,13 +53,15 @@ class Phase(Enum):
 class IsoSettings:
     """What a CONNECT says: both TSAPs and the longest message in bytes; an empty `remote` is anyone.
 
-    `size_code` n: TPDUs of at most 2**n bytes are proposed, and taken.
+    `size_code` n: TPDUs of at most 2**n bytes are proposed, and taken. `not_told`: bytes of a DT to a partner
+    who tells no size.
     """
 
     local: bytes
     remote: bytes
     cap: int
     size_code: int = OWN_SIZE_CODE
+    not_told: int = NOT_TOLD
     is_message_oriented: bool = True
     shares_port: bool = True
 
@@ -72,12 +78,16 @@ class IsoOnTcp:
         self.ended: Ended | None = None
         self.request: Connect | None = None  # the partner's CR, until it is answered
         self._settings = settings
-        self._most = NOT_TOLD - DATA_HEADER
+        self._most = settings.not_told - DATA_HEADER
         self._agreed: int | None = None  # bytes of a DT, where both ends have told
         self._reader = TpktReader()
         self._output = bytearray()
         self._collected = bytearray()
         self._whole = 0
+        self._finished = 0  # messages, empty ones too
+        self._has_begun = False  # a message whose last DT has not come
+        self._ignored = 0
+        self._remarks: list[str] = []
         self._messages: deque[Message] = deque()
         if is_active:
             request = Connect(Code.CR, 0, REFERENCE, settings.local, settings.remote, settings.size_code)
@@ -121,8 +131,20 @@ class IsoOnTcp:
         """Return False: class 0 ends with its stream."""
         return False
 
-    def give_up(self) -> None:
-        """Say nothing: whoever waits has his own limit, and his own word for it."""
+    @property
+    def unfinished(self) -> int:
+        """Return the number of the message that has begun and not ended, 0: there is none."""
+        return self._finished + 1 if self._has_begun or self._reader.held else 0
+
+    def give_up(self, why: str) -> None:
+        """End a message that takes too long; of a handshake others have their own limit, and word for it."""
+        if self.is_up:
+            self._end("EPROTO", why)
+
+    def take_remarks(self) -> list[str]:
+        """Return which TPDUs were passed over, once; REMARKS of them, and that more are not told."""
+        remarks, self._remarks = self._remarks, []
+        return remarks
 
     def say_goodbye(self) -> None:
         """Say nothing: class 0 ends with its stream."""
@@ -203,11 +225,12 @@ class IsoOnTcp:
         match tpdu:
             case Malformed(what):
                 self._end("EPROTO", what)
+            case Connect(size_code=size) if size is not None and size < SIZE_CODES.start:
+                self._end("EPROTO", f"the TPDU size code {size:02X} leaves no room for data")
             case Connect(code=Code.CR) if self.phase is Phase.WAITS_FOR_CR and self.request is None:
                 self.request = tpdu
             case Connect(code=Code.CC) if self.phase is Phase.WAITS_FOR_CC:
-                told = tpdu.size_code
-                self._begin(None if told is None else min(told, self._settings.size_code))
+                self._begin(_agreed(tpdu.size_code, self._settings.size_code))
             case Data() if self.phase is Phase.UP:
                 self._take_data(tpdu)
             case Disconnect(reason=reason):
@@ -219,14 +242,21 @@ class IsoOnTcp:
                 self._end("EPROTO", f"a {tpdu.code.name} out of turn")
             case Data():
                 self._end("EPROTO", "a DT out of turn")
-            case _:  # what class 0 does not know is no reason to end
-                pass
+            case Ignored(code=code):  # what class 0 does not know is no reason to end
+                self._pass_over(code)
+
+    def _pass_over(self, code: int) -> None:
+        self._ignored += 1
+        if self._ignored <= REMARKS:
+            self._remarks.append(f"a TPDU of code {code:02X}")
+        elif self._ignored == REMARKS + 1:
+            self._remarks.append("more of them are not told")
 
     def _begin(self, size_code: int | None) -> None:
         self.phase = Phase.UP
-        is_told = size_code is not None and size_code in SIZE_CODES
-        self._agreed = 1 << size_code if size_code is not None and is_told else None
-        self._most = (self._agreed or NOT_TOLD) - DATA_HEADER
+        self._agreed = 1 << size_code if size_code is not None else None
+        own = 1 << self._settings.size_code
+        self._most = (self._agreed or min(self._settings.not_told, own)) - DATA_HEADER
 
     def _take_data(self, piece: Data) -> None:
         size = len(piece.payload) + DATA_HEADER
@@ -239,8 +269,13 @@ class IsoOnTcp:
         room = self._settings.cap - len(self._collected)
         self._collected += piece.payload[: max(room, 0)]
         self._whole += len(piece.payload)
+        self._has_begun = not piece.is_last
+        if self._whole > CAPS * self._settings.cap:
+            self._end("EPROTO", f"a message of more than {CAPS * self._settings.cap} bytes")
+            return
         if not piece.is_last:
             return
+        self._finished += 1
         if self._whole:  # an empty message is none (siemens.md 5.2)
             self._messages.append(Message(bytes(self._collected), self._whole))
         self._collected.clear()
@@ -254,7 +289,5 @@ class IsoOnTcp:
 
 
 def _agreed(proposed: int | None, own: int) -> int | None:
-    """Return the size code of our CC: never above the caller's; None: he told none, so neither do we."""
-    if proposed is None:
-        return None
-    return min(max(proposed, SIZE_CODES.start), own)
+    """Return the size code that both keep to: never above what was proposed; None: the partner told none."""
+    return None if proposed is None else min(proposed, own)

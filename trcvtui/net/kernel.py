@@ -22,7 +22,7 @@ Handle = NewType("Handle", int)
 
 # The calls that a fault plan can make fail; `buffer` and `queue` are the PLC's own (net/resources.py).
 CALLS: Final = (
-    "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "connect",
+    "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "resolve", "connect",
     "recv", "send", "shutdown", "abort", "close", "buffer", "queue",
 )  # fmt: skip
 

@@ -46,11 +46,11 @@ def _library() -> ctypes.CDLL | None:
 def interface_addresses() -> tuple[LocalAddress, ...] | None:
     """Return every IPv4 address with its interface, None when the system cannot say now (EMFILE).
 
-    Only 127.0.0.1 on a system that has no getifaddrs, or that has no address at all.
+    () on a system that has no getifaddrs: nobody can say. Only 127.0.0.1 where there is no address at all.
     """
     library = _library()
     if library is None:
-        return LOOPBACK_ONLY
+        return ()
     head = ctypes.POINTER(_IfAddrs)()
     if library.getifaddrs(ctypes.byref(head)) != 0:
         return None

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import errno
 import socket
-import sys
 from collections.abc import Callable, Collection
 from typing import Final, cast
 
@@ -72,13 +71,13 @@ class OsKernel(DatagramCalls):
         return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
 
     def local_addresses(self) -> tuple[LocalAddress, ...]:
-        """Return the addresses of this machine; without a free descriptor the last list that was got."""
+        """Return the addresses of this machine; without a free descriptor the last list that was got.
+
+        Where the C library has no list (Windows) there is none: bind decides, and no name is asked for.
+        """
         own = None if self._addresses_are_new else interface_addresses()
         if own is not None:
             self._addresses, self._addresses_are_new = own, True
-        if sys.platform == "win32":
-            named = socket.gethostbyname_ex(socket.gethostname())[2]
-            return self._addresses + tuple(LocalAddress(address, "") for address in named)
         return self._addresses
 
     # -- the poll set ------------------------------------------------------------------------------

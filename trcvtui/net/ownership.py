@@ -21,7 +21,7 @@ class Claim:
 
 
 class Direction:
-    """The claims on one direction of one connection: at most one a priority."""
+    """The claims on one direction of one connection: who takes it is the only one of its priority."""
 
     def __init__(self) -> None:
         self._claims: list[Claim] = []
@@ -35,6 +35,15 @@ class Direction:
                 return held
         self._claims.append(claim)
         return None
+
+    def hold(self, claim: Claim) -> None:
+        """Hold it beside others: who builds a connection keeps nobody of his own priority out."""
+        if claim not in self._claims:
+            self._claims.append(claim)
+
+    def of_another_priority(self, claim: Claim) -> Claim | None:
+        """Return a claim of a task of another priority."""
+        return next((held for held in self._claims if held.priority != claim.priority), None)
 
     def give_back(self, claim: Claim) -> None:
         """End a claim; one that is not held is nothing."""

@@ -16,4 +16,6 @@ class Policy:
     check_remote_port: bool = False
     second_client: str = "reject"
     small_buffers: bool = False
+    tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP who tells no size
+    narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 behind it, then ASCII
     user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection

@@ -1,12 +1,14 @@
 """The PLC's own finite resources: job queue, receive and send buffers, connection budget.
 
-They fail like kernel calls (`queue`, `buffer`, `budget`), so the same fault plan reaches them.
+They fail like kernel calls (`queue`, `buffer`, `budget`), so the same fault plan reaches them. Beside them
+stand the IDs of its connections, which no plan reaches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from trcvtui.net.identities import Identities
 from trcvtui.net.kernel import Fault
 
 TakeFault = Callable[[str, str], Fault | None]
@@ -53,10 +55,15 @@ class BufferPool:
         fault = self._take("buffer", owner)
         if fault is not None:
             return fault
-        if self.used >= self.count:
+        if self.is_full:
             return Fault("buffer", "ENOBUFS")
         self.used += 1
         return None
+
+    @property
+    def is_full(self) -> bool:
+        """Return whether no buffer is left."""
+        return self.used >= self.count
 
     def release(self) -> None:
         """Give one buffer back."""
@@ -96,4 +103,5 @@ class Resources:
         self.queue = queue
         self.buffers = buffers
         self.budget = budget
+        self.identities = Identities()
         self.unsettled: dict[str, None] = {}

@@ -60,8 +60,17 @@ class Session(Protocol):
         """Note the end of the partner's bytes."""
         ...
 
-    def give_up(self) -> None:
-        """End a handshake that takes too long, where the session has a word for that."""
+    @property
+    def unfinished(self) -> int:
+        """Return the number of the message that has begun and not ended, 0: there is none, or no limit."""
+        ...
+
+    def give_up(self, why: str) -> None:
+        """End a handshake, or a message, that takes too long, where the session has a word for that."""
+        ...
+
+    def take_remarks(self) -> list[str]:
+        """Return what the partner has sent that was passed over, in words, once; a few of each session."""
         ...
 
     def say_goodbye(self) -> None:

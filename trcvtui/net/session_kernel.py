@@ -3,7 +3,8 @@
 To those above, a connection stands when its session does: `connect_result` and `accept` wait for the
 handshake, `recv` and `recv_from` give what the session has unpacked. All other handles pass through.
 Rule 1: the stream is read in `poll`, and by a read that finds nothing: a bounded number of bytes each.
-Rule 2: a client that says nothing, too much, or nonsense is dropped, and the ledger is told.
+Rule 2: a client that says nothing, too much, or nonsense is dropped, and the ledger is told; so it is of a
+session that ends by itself, and of what was passed over.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from trcvtui.net.kernel import (
     WouldBlock,
 )
 from trcvtui.net.session import Settings
-from trcvtui.net.shared_listener import Choosing, Listener, Member
+from trcvtui.net.shared_listener import CLIENTS_QUEUED, ENDED, IGNORED, Choosing, Listener, Member, Told
 from trcvtui.net.stream import Stream
 
 # Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
@@ -49,7 +50,7 @@ def nothing_known() -> Mapping[Handle, str] | None:
 
 
 class SessionKernel:
-    """`clock` gives the time in ns; `told` hears of clients that were dropped: CONNECT, client, why.
+    """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
 
     `polls`: clients go into the poll set before they are accepted; False: nobody here has one.
     """
@@ -58,7 +59,7 @@ class SessionKernel:
         self,
         inner: Kernel,
         clock: Callable[[], int],
-        told: Callable[[str, str, str], None],
+        told: Told,
         polls: bool = True,
     ) -> None:
         self.inner = inner
@@ -92,11 +93,22 @@ class SessionKernel:
         self.inner.poll()
         for listener in set(self._listeners.values()):
             listener.poll(self._clock())
-        for stream in self._streams.values():
-            if self.inner.readable(stream.handle):
+        for handle, stream in self._streams.items():
+            if self.inner.readable(handle):
                 stream.pump()
             else:
                 stream.flush()
+            stream.watch(self._clock())
+            self._tell(handle, stream)
+
+    def _tell(self, handle: Handle, stream: Stream) -> None:
+        """Tell what was passed over, and why the session has ended."""
+        owner, partner = self._owners.get(handle, ""), str(stream.peer)
+        for remark in stream.session.take_remarks():
+            self._told(owner, IGNORED, partner, remark)
+        end = stream.take_end()
+        if end:
+            self._told(owner, ENDED, partner, end)
 
     def readable(self, handle: Handle) -> bool:
         """Return whether there is something to read, an end, or a client that has finished its handshake."""
@@ -167,7 +179,7 @@ class SessionKernel:
             return self.inner.listen(handle, backlog)
         joined = self._ports.get(self._ends[handle]) if handle in self._ends else None
         if joined is None:
-            fault = self.inner.listen(handle, backlog)
+            fault = self.inner.listen(handle, max(backlog, CLIENTS_QUEUED))
             if fault is not None:
                 return fault
             joined = Listener(self.inner, handle, self._told, self._polls)
@@ -234,7 +246,7 @@ class SessionKernel:
         if stream.end is not None or stream.is_over:
             return stream.end or Fault("session", "ECONNRESET")
         if self._clock() - stream.since >= ATTEMPT_LIMIT:
-            stream.too_slow()
+            stream.too_slow("no handshake in 4 s")
         return stream.end or WOULD_BLOCK
 
     # -- data ------------------------------------------------------------------------------------------------
@@ -300,6 +312,7 @@ class SessionKernel:
         if stream is not None and asked and isinstance(stream.session, Choosing):
             stream.session.refuse(is_known=True)
             stream.flush()
+            stream.is_told = True  # by whoever turns it away
         stays = self._forget(handle)
         if stays:
             return None
@@ -314,6 +327,9 @@ class SessionKernel:
 
     def _forget(self, handle: Handle) -> bool:
         """Forget the handle; return whether its socket stays: others still listen on it."""
+        stream = self._streams.get(handle)
+        if stream is not None:
+            self._tell(handle, stream)
         for known in (self._owners, self._wanted, self._streams, self._connecting):
             known.pop(handle, None)
         listener = self._listeners.pop(handle, None)

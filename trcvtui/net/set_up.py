@@ -11,6 +11,7 @@ from enum import Enum, auto
 from typing import Final
 
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.identities import Holder, Identities
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
     Accepted,
@@ -34,6 +35,7 @@ class Stage(Enum):
     """Which part of the set-up failed."""
 
     DESCRIPTION = auto()
+    IDENTITY = auto()
     SOCKET = auto()
     ADDRESS = auto()
     REUSE = auto()
@@ -61,6 +63,7 @@ class SetUp:
         kernel: Kernel,
         policy: Policy,
         resolve: Callable[[str], int | None],
+        identities: Identities,
         note: Callable[[What, Endpoint | None, str], None],
     ) -> None:
         self.config = config
@@ -68,6 +71,10 @@ class SetUp:
         self.attempt: Handle | None = None
         self.local: Endpoint | None = None
         self.remote: Endpoint | None = None
+        self.is_withdrawn = False  # somebody wants it closed who may not, before it has been established
+        self.is_closing = False  # a block is still showing that it closes the endpoint
+        self._holder = Holder(config)
+        self._identities = identities
         self._kernel = kernel
         self._policy = policy
         self._resolve = resolve
@@ -78,12 +85,27 @@ class SetUp:
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
 
+    @property
+    def has_been_up(self) -> bool:
+        """Return whether a partner has been there since the endpoint is."""
+        return self._holder.has_been_up
+
+    @property
+    def listening(self) -> Endpoint | None:
+        """Return where a partner reaches this CONNECT, None while it does not."""
+        return self.local if self.listener is not None else None
+
     def judge(self) -> StepFault | None:
-        """Look at the connection description, before there is any socket."""
+        """Look at the connection description, and take its ID, before there is any socket."""
         flaw = self.config.flaw
-        if flaw is None:
+        if flaw is not None:
+            return StepFault(Stage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
+        taken = self._identities.take(self._holder)
+        if taken is None:
             return None
-        return StepFault(Stage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
+        how, holder = taken
+        text = f"ID {self._holder.identity} is that of {holder}"
+        return StepFault(Stage.IDENTITY, Fault("identity", how), text)
 
     def create(self) -> StepFault | None:
         """Make the socket of a new attempt."""
@@ -107,7 +129,7 @@ class SetUp:
         wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
         if wrong and not self.config.any_local:
             return StepFault(Stage.ADDRESS, Fault("address", wrong))
-        fault = self._kernel.set_reuse(handle)
+        fault = self._reuse(handle)
         if fault is not None:
             return StepFault(Stage.REUSE, fault)
         fault = self._kernel.bind(handle, local)
@@ -115,6 +137,9 @@ class SetUp:
             return None
         stage = Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND
         return StepFault(stage, fault, self._hint(fault, local))
+
+    def _reuse(self, handle: Handle) -> Fault | None:
+        return self._kernel.set_reuse(handle)
 
     def _hint(self, fault: Fault, local: Endpoint) -> str:
         """Return what a person can do about a port of which only some users are let in."""
@@ -190,6 +215,7 @@ class SetUp:
             return StepFault(Stage.BIND if taken else Stage.CONNECT, verdict)
         assert self.remote is not None
         handle, self.attempt = self.attempt, None
+        self._holder.has_been_up = True
         return Accepted(handle, self.remote)
 
     def accept(self) -> Accepted | StepFault | None:
@@ -227,6 +253,7 @@ class SetUp:
             self._kernel.abort(client.handle)
             return StepFault(Stage.POLL_ADD, fault)
         self._set_options(client.handle)
+        self._holder.has_been_up = True
         return None
 
     def _set_options(self, handle: Handle) -> None:
@@ -246,6 +273,8 @@ class SetUp:
     def free(self) -> Fault | None:
         """Close the listener and withdraw the attempt."""
         fault = None
+        self.is_withdrawn = False
+        self._identities.give_back(self._holder)
         if self.listener is not None:
             fault = self._kernel.close(self.listener)
             self.listener = self.local = None

@@ -1,8 +1,9 @@
 """Listeners whose clients speak before they are accepted: the handshake comes first, then somebody gets them.
 
 Several CONNECTs may share one port: the client's first message says which of them it wants (siemens.md 5.2).
-Rule: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most; as many wait
-for each CONNECT.
+Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most; as many
+wait for each CONNECT.
+Rule 2: who says nothing delays nobody: the newest client takes the place of the oldest silent one.
 """
 
 from __future__ import annotations
@@ -16,7 +17,14 @@ from trcvtui.net.session import Session, Settings
 from trcvtui.net.stream import Stream
 
 CLIENTS_WAITING: Final = 16
+CLIENTS_QUEUED: Final = 64  # in the stack, between two polls
+CLIENTS_A_POLL: Final = 64
 HANDSHAKE_LIMIT: Final = 5_000_000_000  # ns
+Told = Callable[[str, str, str, str], None]  # CONNECT, what happened, the client, why
+DROPPED: Final = "client dropped"
+IGNORED: Final = "TPDU ignored"
+ENDED: Final = "session ended"
+GAVE_WAY: Final = f"{CLIENTS_WAITING} clients were there before it was done, and a newer one takes its place"
 FULL: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
 
 
@@ -55,9 +63,7 @@ class Member:
 class Listener:
     """One real listener with its members, and the clients that have not finished their handshake."""
 
-    def __init__(
-        self, kernel: Kernel, handle: Handle, told: Callable[[str, str, str], None], polls: bool
-    ) -> None:
+    def __init__(self, kernel: Kernel, handle: Handle, told: Told, polls: bool) -> None:
         self.handle = handle
         self.members: dict[Handle, Member] = {}
         self.clients: list[Stream] = []
@@ -67,7 +73,9 @@ class Listener:
 
     def poll(self, now: int) -> None:
         """Take new clients and go on with the handshakes."""
-        while len(self.clients) < CLIENTS_WAITING and self._kernel.readable(self.handle):
+        for _ in range(CLIENTS_A_POLL):
+            if not self._kernel.readable(self.handle):
+                break
             got = self._kernel.accept(self.handle)
             if not isinstance(got, Accepted):
                 if isinstance(got, Fault):
@@ -77,6 +85,11 @@ class Listener:
         for client in tuple(self.clients):
             self._go_on(client, now)
 
+    def _make_room(self) -> None:
+        if len(self.clients) >= CLIENTS_WAITING:
+            oldest = next((one for one in self.clients if not one.has_spoken), self.clients[0])
+            self._drop(oldest, GAVE_WAY)
+
     def _welcome(self, got: Accepted, now: int) -> None:
         fault = self._kernel.poll_add(got.handle) if self._polls else None
         if fault is not None:
@@ -84,11 +97,16 @@ class Listener:
             self._any_member().ready.append(fault)
             return
         session = self._any_member().settings.new(is_active=False)
-        self.clients.append(Stream(self._kernel, got.handle, got.peer, session, now))
+        newest = Stream(self._kernel, got.handle, got.peer, session, now)
+        self._make_room()
+        self.clients.append(newest)
+        self._go_on(newest, now)  # who has something to say is never the one that gives way
 
     def _go_on(self, client: Stream, now: int) -> None:
         client.pump()
         session = client.session
+        for remark in session.take_remarks():
+            self._told(self._any_member().owner, IGNORED, str(client.peer), remark)
         if isinstance(session, Choosing) and session.has_asked:
             self._give(client, session)
         elif session.is_up:
@@ -96,7 +114,7 @@ class Listener:
         elif client.is_over or session.ended is not None:
             self._fail(client, str(session.ended.detail if session.ended else "closed before the handshake"))
         elif now - client.since >= HANDSHAKE_LIMIT:
-            client.too_slow()
+            client.too_slow("no handshake in 5 s")
             self._fail(client, "no handshake in 5 s")
 
     def _give(self, client: Stream, session: Choosing) -> None:
@@ -128,7 +146,7 @@ class Listener:
 
     def _drop(self, client: Stream, why: str) -> None:
         self.clients.remove(client)
-        self._told(self._any_member().owner, str(client.peer), why)
+        self._told(self._any_member().owner, DROPPED, str(client.peer), why)
         self._kernel.close(client.handle)
 
     def _any_member(self) -> Member:

@@ -1,6 +1,7 @@
 """One TCP stream with a session on it: reads the kernel into the session, writes the session's bytes out.
 
-Rule: one call moves a bounded number of bytes; what the stack does not take waits here, one message at most.
+Rule 1: one call moves a bounded number of bytes; what the stack does not take waits here, a message at most.
+Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT, or the session does.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from trcvtui.net.session import Message, Session
 
 PIECE: Final = 64 * 1024  # bytes of one read
 PIECES_A_CALL: Final = 4
+MESSAGE_LIMIT: Final = 30_000_000_000  # ns; only while the session takes bytes
 
 
 class Stream:
@@ -24,7 +26,11 @@ class Stream:
         self.since = since  # ns
         self.fault: Fault | None = None
         self.is_over = False
+        self.has_spoken = False
+        self.is_told = False  # the reason of its end
         self._kernel = kernel
+        self._unfinished = 0  # the number of the message that is watched
+        self._begun = since  # ns: since when
         self._output = bytearray()  # handshake and answers
         self._carried: memoryview = memoryview(b"")  # of the data that is being sent
         self._carried_size = self._data_size = self._told = 0
@@ -47,6 +53,7 @@ class Stream:
                 self.session.partner_closed()
                 self.is_over = True
             else:
+                self.has_spoken = True
                 self.session.feed(scratch[:got])
                 self.is_over = self.session.partner_is_done
         self.flush()
@@ -65,10 +72,26 @@ class Stream:
         ended = self.session.ended
         return None if ended is None else Fault("session", ended.error)
 
-    def too_slow(self) -> None:
-        """End a handshake that takes too long."""
-        self.session.give_up()
+    def too_slow(self, why: str) -> None:
+        """End a handshake, or a message, that takes too long."""
+        self.session.give_up(why)
         self.flush()
+
+    def watch(self, now: int) -> None:
+        """End a message that has begun and does not end."""
+        session = self.session
+        number = session.unfinished if session.is_up and session.wants_more else 0
+        if not number or number != self._unfinished:
+            self._unfinished, self._begun = number, now
+        elif now - self._begun >= MESSAGE_LIMIT:
+            self.too_slow(f"a message that has not ended in {MESSAGE_LIMIT // 1_000_000_000} s")
+
+    def take_end(self) -> str:
+        """Return in words why the session has ended by itself, once; "" while it has not."""
+        if self.is_told or self.session.ended is None:
+            return ""
+        self.is_told = True
+        return self.session.ended.detail
 
     # -- out ----------------------------------------------------------------------------------------------
 

@@ -83,7 +83,16 @@ class Tls:
         elif self._has_fed:
             self._end(Ended(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
 
-    def give_up(self) -> None:
+    @property
+    def unfinished(self) -> int:
+        """Return 0: records are no messages, and what is not complete of one is bounded."""
+        return 0
+
+    def take_remarks(self) -> list[str]:
+        """Return nothing: the library passes over nothing that it tells."""
+        return []
+
+    def give_up(self, why: str) -> None:
         """End a handshake that does not go on."""
         if not self.is_up:
             self._end(Ended(TlsError.SILENT, "the handshake does not go on"))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from trcvtui.net.answers import Endpoint
+from trcvtui.net.answers import Endpoint, Fault
 from trcvtui.net.connect_config import ANY_ADDRESS, ANY_END
 
 
@@ -42,6 +43,15 @@ class RemoteAddress:
         if (self.address, self.port) != (source.address, source.port):
             self.address, self.port = source.address, source.port
             self.generation += 1
+
+    def target(self, resolve: Callable[[str], int | None]) -> Endpoint | Fault:
+        """Return where a datagram goes; `resolve` says where `@NAME` listens now."""
+        port = resolve(self.port) if isinstance(self.port, str) else self.port
+        if port is None:
+            return Fault("resolve", f"{self.port} does not listen")
+        if self.address == ANY_ADDRESS:  # 0.0.0.0 would silently mean loopback
+            return Fault("address", f"{self.address} is no address to send to")
+        return Endpoint(self.address, port)
 
     def __str__(self) -> str:
         """Return `127.0.0.1:2000`, or `127.0.0.1:@P1` as long as the file's name stands there."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from trcvtui.net.answers import Endpoint, Fault
-from trcvtui.net.connect_config import ANY_ADDRESS
 from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Handle, Kernel, WouldBlock
 from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
@@ -126,7 +125,7 @@ class UdpPort:
     def send(self, data: memoryview, to: RemoteAddress, instance: str) -> int | WouldBlock | Fault:
         """Send one datagram."""
         assert self.handle is not None
-        end = self._target(to)
+        end = to.target(self._resolve)
         got = end if isinstance(end, Fault) else self._kernel.send_to(self.handle, data, end)
         if isinstance(got, Fault):
             return WOULD_BLOCK if got.error == "EAGAIN" else got
@@ -136,14 +135,6 @@ class UdpPort:
             self.bytes_sent = offset + got
             self._write(BytesSent(self.config.name, self.incarnation, self.sends, offset, got, instance))
         return got
-
-    def _target(self, to: RemoteAddress) -> Endpoint | Fault:
-        port = self._resolve(to.port) if isinstance(to.port, str) else to.port
-        if port is None:
-            return Fault("resolve", f"{to.port} does not listen")
-        if to.address == ANY_ADDRESS:  # 0.0.0.0 would silently mean loopback
-            return Fault("address", f"{to.address} is no address to send to")
-        return Endpoint(to.address, port)
 
     def receive(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take the next datagram."""

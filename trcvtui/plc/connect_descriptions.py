@@ -7,10 +7,11 @@ Beside the description stand the bench's own keys, which no CPU has: where this 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Final
 
+from trcvtui.blocks.rules import Rules
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
 from trcvtui.net.description import (
@@ -22,7 +23,7 @@ from trcvtui.net.description import (
     Structure,
     Value,
     pack,
-    structure_of_size,
+    structure_of,
 )
 from trcvtui.net.description_check import (
     Asked,
@@ -37,6 +38,7 @@ from trcvtui.net.description_check import (
 from trcvtui.net.ipv4 import is_loopback, octets
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.session import Settings
+from trcvtui.net.tcon_param import as_param
 from trcvtui.plc.iso_words import TSAP, hex_of
 from trcvtui.plc.names import expected_name, parse_reference
 from trcvtui.plc.project_parts import NAME, PORT_OR_NAME, UINT
@@ -122,14 +124,18 @@ class _Bench:
 
 
 def read_described(
-    table: Table, number: int, cap: int, certificates: Certificates = NO_CERTIFICATES
+    table: Table,
+    number: int,
+    rules: Rules,
+    certificates: Certificates = NO_CERTIFICATES,
+    structures: tuple[str, ...] = (),
 ) -> ConnectConfig | None:
     """Return one CONNECT; `number` is its place in the file, and its ID where none is written.
 
-    `cap` is the longest message in bytes.
+    `structures` are what the instructions take, () all.
     """
     name = table.must("name", NAME)
-    written = _read_written(table, number)
+    written = _read_written(table, number, structures)
     bench = _Bench(
         address=table.read("LocalAddress", ADDRESS),
         listen_port=table.read("ListenPort", PORT),
@@ -143,7 +149,8 @@ def read_described(
         return None
     says = meaning(written.description)
     _check_own_keys(table, written.description, says)
-    return _config(name, written, says, bench, _session(written.description, says, bench, cap, certificates))
+    session = _session(written.description, says, bench, rules, certificates)
+    return _config(name, written, says, bench, session, structures, rules.policy.narrow_tsaps)
 
 
 def _check_own_keys(table: Table, description: Description, says: Meaning) -> None:
@@ -167,7 +174,7 @@ def _check_own_keys(table: Table, description: Description, says: Meaning) -> No
             return
 
 
-def _read_written(table: Table, number: int) -> _Written | None:
+def _read_written(table: Table, number: int, structures: tuple[str, ...]) -> _Written | None:
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
         table.wrong("type", shown(type_name), expected_name(type_name, CONNECTIONS, "structure"))
@@ -177,12 +184,27 @@ def _read_written(table: Table, number: int) -> _Written | None:
     if table.has("bytes"):
         reference = table.read("RemotePort", REFERENCE)
         return None if raw is None else _of_bytes(raw, type_name, reference)
-    structure = CONNECTIONS[type_name or DEFAULT_TYPE]
-    return _of_fields(table, structure, number, is_plain=type_name is None)
+    structure = CONNECTIONS[type_name or _default_type(table, structures)]
+    written = _of_fields(table, structure, number, is_plain=type_name is None)
+    is_taken = not structures or structure.name in structures
+    return written if type_name or is_taken else _in_param(written)
+
+
+def _default_type(table: Table, structures: tuple[str, ...]) -> str:
+    """Return the structure of a CONNECT that names none: what its fields belong to."""
+    own = [name for name in structures if any(table.has(field.name) for field in CONNECTIONS[name].fields)]
+    return own[0] if own else DEFAULT_TYPE
+
+
+def _in_param(written: _Written) -> _Written:
+    """Return a plain CONNECT as the instructions take it."""
+    description = written.description
+    found = as_param(meaning(description), has_interface=bool(description.number("InterfaceId")))
+    return replace(written, description=found) if found is not None else written
 
 
 def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> _Written:
-    structure = CONNECTIONS[type_name] if type_name else structure_of_size(len(raw))
+    structure = CONNECTIONS[type_name] if type_name else structure_of(raw)
     if structure is None:
         text = f"{len(raw)} bytes are no connection description"
         flaw = Finding(Flaw.NO_DESCRIPTION, "", text)
@@ -196,6 +218,8 @@ def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) 
     reference = port if isinstance(port, str) else None
     if reference is not None:
         read["RemotePort"] = 0  # nobody knows it before the partner listens
+    elif "RemotePort" not in read:
+        reference = table.read("RemotePort", REFERENCE)
     given: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
     data = pack(structure, _usual(structure, number, given) | given)
     return _Written(Description(structure, data), reference, is_plain=is_plain)
@@ -223,13 +247,27 @@ def _has_name(description: Description) -> bool:
 
 
 def _config(
-    name: str, written: _Written, says: Meaning, bench: _Bench, session: Settings | Finding | None
+    name: str,
+    written: _Written,
+    says: Meaning,
+    bench: _Bench,
+    session: Settings | Finding | None,
+    structures: tuple[str, ...],
+    narrow_tsaps: bool,
 ) -> ConnectConfig:
     remote, name_flaw = _remote_address(written, says, bench)
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
     takes_free_port = bench.listen_port is not None or written.is_plain
-    asked = Asked(written.description, says, address, takes_free_port, written.reference is not None)
+    asked = Asked(
+        written.description,
+        says,
+        address,
+        takes_free_port,
+        remote_is_known=written.reference is not None,
+        structures=structures,
+        narrow_tsaps=narrow_tsaps,
+    )
     local_port, remote_port = _ports(written, says, bench)
     return ConnectConfig(
         name=name,
@@ -243,6 +281,7 @@ def _config(
         flaw=written.flaw or judge(asked) or name_flaw or (session if isinstance(session, Finding) else None),
         any_local=any_local,
         remote_name=says.remote_name if bench.dns_answer is None else "",
+        is_datagram=says.protocol is Protocol.UDP,
     )
 
 
@@ -271,10 +310,11 @@ def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[st
 
 
 def _session(
-    description: Description, says: Meaning, bench: _Bench, cap: int, certificates: Certificates
+    description: Description, says: Meaning, bench: _Bench, rules: Rules, certificates: Certificates
 ) -> Settings | Finding | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)
     if says.protocol is not Protocol.ISO:
         return None
-    return IsoSettings(local=says.local_tsap, remote=says.remote_tsap, cap=cap)
+    own = says.local_tsap, says.remote_tsap
+    return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from trcvtui.net.connect_config import ConnectConfig as ConnectConfig
 from trcvtui.net.description import Field, FieldType, Value, rows
 from trcvtui.net.description import Row as Row
-from trcvtui.net.description_check import Protocol, meaning
+from trcvtui.net.description_check import Protocol, field_name, meaning
 
 TYPE_FIELDS: Final = ("ConnectionType", "connection_type")
 INTERFACE_FIELDS: Final = ("InterfaceId", "local_device_id")
@@ -91,12 +91,14 @@ def _remarks(config: ConnectConfig) -> dict[str, str]:
     where = "where routing says" if config.any_local else config.local.address
     found |= dict.fromkeys(INTERFACE_FIELDS, f"on the bench: {where}")
     if isinstance(config.remote_port, str):
-        found["RemotePort"] = f"on the bench: {config.remote_port}"
+        found[field_name(config.description, "RemotePort")] = f"on the bench: {config.remote_port}"
     if says.protocol is not Protocol.ISO and not config.active and config.local.port != says.local_port:
-        found["LocalPort"] = f"on the bench: {config.local.port or 'a free port'}"
+        found[field_name(config.description, "LocalPort")] = (
+            f"on the bench: {config.local.port or 'a free port'}"
+        )
     if says.remote_name and config.remote_address != says.remote_address:
         found["RemoteQDN"] = f"on the bench: {config.remote_address}"
     if says.protocol is Protocol.ISO:
         port = config.remote_port if config.active else config.local.port or "a free one"
-        found["ActiveEstablished"] = f"port: {port}"
+        found[field_name(config.description, "ActiveEstablished")] = f"port: {port}"
     return found

@@ -240,11 +240,6 @@ class Instance:
             return None
         return framer_snapshot(self.block_name, bound, job, self.inputs)
 
-    def noise(self) -> tuple[int, bytes]:
-        """Return how many bytes a receiving block has thrown away as noise, and the last of them."""
-        job = self._block.job
-        return (job.framer.discarded, job.framer.noise) if isinstance(job, Reception) else (0, b"")
-
     def snapshot(self) -> InstanceSnapshot:
         """Return the frozen picture of this instance; the same object while nothing has changed."""
         job = self._block.job
@@ -289,6 +284,7 @@ class Instance:
             task=self.decl.task,
             addr=self.decl.addr,
             framer=self.framer(),
+            on_config=self.decl.on_config,
         )
 
     def _output_pins(self) -> tuple[tuple[str, PinValue], ...]:

@@ -28,4 +28,5 @@ def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
         receivers=connection.receiving.owners(),
         senders=connection.sending.owners(),
         keep_alive_s=connection.config.keep_alive_s,
+        udp=connection.config.is_datagram,
     )

@@ -16,8 +16,10 @@ from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.description import Description
-from trcvtui.net.description_check import Protocol, meaning
+from trcvtui.net.description_check import Finding, Flaw, Protocol, meaning, narrow_tsap
 from trcvtui.net.iso_on_tcp import IsoSettings
+from trcvtui.net.tcon_param import as_param
+from trcvtui.net.tls_settings import TlsSettings
 from trcvtui.plc.connect_descriptions import LOOPBACK, read_described
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.tables import Table
@@ -119,8 +121,26 @@ def _connect(
     if config.description is not None and not other.dialect.describes_connects:
         return _plain(config, config.description, project, other, notes)
     if isinstance(config.session, IsoSettings):
-        return replace(config, session=replace(config.session, cap=other.rules.max_len))
-    return config
+        policy = other.rules.policy
+        own = replace(config.session, cap=other.rules.max_len, not_told=policy.tpdu_default)
+        flaw = narrow_tsap(config.session.local) if policy.narrow_tsaps else None
+        config = replace(config, session=own, flaw=config.flaw or flaw)
+    return _in_its_structure(config, other.dialect, notes)
+
+
+def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
+    """Return a CONNECT in a structure that the other dialect takes; what none can say keeps its own."""
+    description, taken = config.description, dialect.structures
+    if description is None or not taken or description.structure.name in taken:
+        return config
+    is_plain = not isinstance(config.session, TlsSettings)
+    has_interface = bool(description.number("InterfaceId"))
+    found = as_param(meaning(description), has_interface) if is_plain else None
+    if found is not None:
+        return replace(config, description=found)
+    text = f"{description.structure.name}: {dialect.name} takes {', '.join(taken)} only"
+    notes.append(f"{config.name}: {text}")
+    return replace(config, flaw=Finding(Flaw.STRUCTURE, "", text), session=None)
 
 
 def _described(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
@@ -141,7 +161,7 @@ def _described(config: ConnectConfig, number: int, other: Project, notes: list[s
         notes.append(f"{config.name}: SendDelayOpt is left out: a description has no such field")
     problems: list[Problem] = []
     table = Table(record, f"{other.dialect.name}: connect {config.name}", problems)
-    described = read_described(table, number, other.rules.max_len)
+    described = read_described(table, number, other.rules, structures=other.dialect.structures)
     if problems or described is None:
         raise UserError(problems)
     return described

@@ -58,8 +58,9 @@ class DataDecl:
 class InstanceDecl:
     """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
 
-    A UDP block has a UDP_CONFIG in the place of the CONNECT, and `addr`. A block on a ComBuffer has that, and
-    `pointers`: the variables of prefix and suffix, "" for a pointer that is 0.
+    `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from. A block on a
+    ComBuffer has that as `connect`, and `pointers`: the variables of prefix and suffix, "" for a pointer that
+    is 0.
     """
 
     name: str
@@ -69,6 +70,7 @@ class InstanceDecl:
     task: str
     inputs: tuple[tuple[str, bool | int], ...]
     addr: str | None = None
+    on_config: bool = False
     pointers: tuple[str, ...] = ()
 
 

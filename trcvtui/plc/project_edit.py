@@ -72,7 +72,8 @@ def _names(project: Project) -> Names:
     of_block = {block: _instances(block, project) for block in ("TRCV_C", "TSEND_C")}
     ports = tuple([buffer.name for buffer in project.combuffers if buffer.serial is not None])
     known = [*(names_of(kind, project) for kind in kinds), of_block["TRCV_C"], ports, of_block["TSEND_C"]]
-    return Names(tuple(task.name for task in project.tasks), *known)
+    tasks = tuple(task.name for task in project.tasks)
+    return Names(tasks, *known, describes=project.dialect.describes_connects)
 
 
 def _instances(block: str, project: Project) -> tuple[str, ...]:

@@ -64,8 +64,11 @@ def _project_of(document: dict[str, Any], path: Path, overrides: Iterable[str]) 
     table.finish('key beside project = "..."')
     if table.problems or other is None:
         raise UserError(table.problems)
-    beside = path.parent / other  # a project: not a scenario that might name this one again
-    return read_project(read_toml(beside), str(beside), beside.parent, overrides)
+    beside = path.parent / other
+    named = read_toml(beside)
+    # A scenario with a project of its own lends that one; who names another again is refused by that key.
+    named.pop("scenario", None)
+    return read_project(named, str(beside), beside.parent, overrides)
 
 
 def read_project(

@@ -10,7 +10,9 @@ from typing import Any, Final
 
 from trcvtui.blocks.parameters import POINTERS, TIMES
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
+from trcvtui.plc.description_keys import keys_of_description, keys_of_iso
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
     SERIAL,
@@ -58,6 +60,8 @@ def keys_of(decl: Declaration) -> Keys:
 
 
 def _connect(c: ConnectConfig) -> Keys:
+    if c.description is not None:
+        return keys_of_description(c, c.description)
     keys: Keys = [("ActiveEstablished", c.active)]
     keys += _unless(ANY_ADDRESS, "LocalAddress", c.local.address)
     keys += [("LocalPort", c.local.port)] if c.local.port or not c.active else []
@@ -90,7 +94,8 @@ def _combuffer(b: ComBufferDecl) -> Keys:
 
 
 def _instance(i: InstanceDecl) -> Keys:
-    keys: Keys = [("block", i.block), (link_key(i.block), i.connect)]
+    link = "config" if i.on_config else link_key(i.block)
+    keys: Keys = [("block", i.block), (link, i.connect)]
     keys += [("addr", i.addr)] if i.addr is not None else []
     keys += [("data", i.data)] if i.data is not None else []
     named = zip(POINTERS.get(i.block, ()), i.pointers, strict=False)
@@ -113,7 +118,8 @@ def _peer(p: PeerDecl) -> Keys:
     keys += [("reconnect", format_time(p.reconnect_ns))] if p.reconnect_ns else []
     keys += [("says", list(p.says))] if p.says else []
     keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
-    return keys + ([("replies", list(p.replies))] if p.replies else [])
+    keys += [("replies", list(p.replies))] if p.replies else []
+    return keys + (keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else [])
 
 
 def _message(m: MessageDecl) -> Keys:

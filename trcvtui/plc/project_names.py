@@ -8,7 +8,7 @@ instance or DATA.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import Final
 
@@ -48,6 +48,7 @@ class Names:
     receivers: tuple[str, ...] = ()  # instances of TRCV_C
     serial_lines: tuple[str, ...] = ()  # ComBuffers with a port
     senders: tuple[str, ...] = ()  # instances of TSEND_C
+    describes: bool = field(default=False, kw_only=True)  # a CONNECT is a connection description
 
     def check_connect(self, table: Table) -> None:
         """Record a RemotePort, or an IsoPort, that names nothing."""
@@ -60,7 +61,7 @@ class Names:
         """Record a RemotePort that names nothing that speaks UDP."""
         name = parse_reference(table.text("RemotePort"))
         if name is not None:
-            _check(table, "RemotePort", name, (*self.peers, *self.udp_configs), "peer or UDP_CONFIG")
+            _check(table, "RemotePort", name, (*self.peers, *self._udp_ends()), "peer or UDP_CONFIG")
 
     def check_peer(self, table: Table) -> None:
         """Record a remote that names no CONNECT; with `udp`, no UDP_CONFIG."""
@@ -68,7 +69,7 @@ class Names:
         if name is None:
             return
         if _is_true(table.peek("udp")):
-            _check(table, "remote", name, self.udp_configs, "UDP_CONFIG")
+            _check(table, "remote", name, self._udp_ends(), "UDP_CONFIG")
         else:
             _check(table, "remote", name, self.connects, "CONNECT")
 
@@ -82,6 +83,10 @@ class Names:
         if line is not None:
             what = 'TSEND_C, or ComBuffer with source = "serial"'
             _check(table, "line", line, (*self.serial_lines, *self.senders), what)
+
+    def _udp_ends(self) -> tuple[str, ...]:
+        """Return what may receive datagrams: a CONNECT can be of UDP, where it is a description."""
+        return (*self.udp_configs, *self.connects) if self.describes else self.udp_configs
 
     def check_message(self, table: Table) -> None:
         """Record a peer that does not exist."""

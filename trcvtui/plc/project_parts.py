@@ -9,7 +9,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN, HAS_DATA, PINS, POINTERS, SPEAKS_UDP, Direction, Pin
+from trcvtui.blocks.parameters import (
+    ADDR_IF_UDP,
+    BUFFER_PIN,
+    HAS_DATA,
+    ON_CONNECT,
+    PINS,
+    POINTERS,
+    SPEAKS_UDP,
+    Direction,
+    Pin,
+)
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
@@ -166,8 +176,12 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     name = table.must("name", NAME)
     block = table.must("block", TEXT)
     speaks_udp = block in SPEAKS_UDP
-    connect = table.must(link_key(block or ""), TEXT)
-    addr = table.must("addr", TEXT) if speaks_udp else None
+    on_config = speaks_udp and not (block in ON_CONNECT and table.has("connect"))
+    connect = table.must("config" if on_config else link_key(block or ""), TEXT)
+    if block in ON_CONNECT and not on_config and table.has("config"):
+        table.know("config")
+        table.wrong("config", "a UDP_CONFIG beside a CONNECT", "one of them")
+    addr = table.must("addr", TEXT) if speaks_udp else _addr_if_udp(table, block, blocks)
     data = table.read("data", TEXT)
     pointers = tuple([table.get(key, TEXT, "") for key in POINTERS.get(block or "", ())])
     task = table.get("task", TEXT, first_task)
@@ -179,12 +193,17 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     inputs = _read_inputs(table, PINS[block]) if block in blocks else ()
     if name is None or block is None or connect is None or (speaks_udp and addr is None):
         return None
-    return InstanceDecl(name, block, connect, data, task, inputs, addr, pointers)
+    return InstanceDecl(name, block, connect, data, task, inputs, addr, on_config, pointers)
 
 
 def link_key(block: str) -> str:
-    """Return the key of what a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer."""
-    return BUFFER_PIN.get(block) or ("config" if block in SPEAKS_UDP else "connect")
+    """Return the key of what a block works on: a ComBuffer or a CONNECT."""
+    return BUFFER_PIN.get(block, "connect")
+
+
+def _addr_if_udp(table: Table, block: str | None, blocks: tuple[str, ...]) -> str | None:
+    """Return ADDR of a _C block; only where there is TUSEND can a CONNECT be of UDP."""
+    return table.read("addr", TEXT) if block in ADDR_IF_UDP and set(blocks) >= ON_CONNECT else None
 
 
 def _read_inputs(table: Table, pins: tuple[Pin, ...]) -> tuple[tuple[str, bool | int], ...]:

@@ -96,10 +96,10 @@ class Reader:
         name = top.must("dialect", TEXT)
         if name is not None and name not in DIALECTS:
             top.wrong("dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
-        known = name in DIALECTS
-        dialect = DIALECTS[name] if name in DIALECTS else next(iter(DIALECTS.values()))
-        model = self.model(top, dialect) if known else dialect.default_model
-        return Head(dialect, model, self.options(dialect) if known else {}, rules_for(dialect.layout))
+        if name is None or name not in DIALECTS:
+            raise UserError(self.problems)  # what else the file says means something in a dialect only
+        dialect = DIALECTS[name]
+        return Head(dialect, self.model(top, dialect), self.options(dialect), rules_for(dialect.layout))
 
     def model(self, top: Table, dialect: Dialect) -> str:
         model = top.get("model", TEXT, dialect.default_model)
@@ -121,7 +121,7 @@ class Reader:
 
     def body(self, head: Head) -> Body:
         tables = {key: self.entries(key) for key in ENTRIES}
-        self.check_names(tables)
+        self.check_names(tables, head.dialect.describes_connects)
         constants = parts.read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         files = [self.file_of(table) for table in self.entries("udt")]
         types = self.types(files, constants)
@@ -145,7 +145,7 @@ class Reader:
             combuffers=joined_up(_present(map(read_combuffer, tables["combuffer"])), instances),
         )
 
-    def check_names(self, tables: Mapping[str, list[Table]]) -> None:
+    def check_names(self, tables: Mapping[str, list[Table]], describes: bool) -> None:
         find_duplicates([("task", tables["task"])])
         find_duplicates([("data", tables["data"]), ("instance", tables["instance"])], reserved=WORDS)
         find_duplicates([(key, tables[key]) for key in ("connect", "udp_config", "peer", "combuffer")])
@@ -156,7 +156,7 @@ class Reader:
         ports = [table for table in tables["combuffer"] if table.text("source") == SERIAL]
         senders = [table for table in tables["instance"] if table.peek("block") == "TSEND_C"]
         kept = (*map(tables.__getitem__, kinds), receivers, ports, senders)
-        names = Names(*(_declared(of_kind) for of_kind in kept))
+        names = Names(*(_declared(of_kind) for of_kind in kept), describes=describes)
         for table in tables["connect"]:
             names.check_connect(table)
         for table in tables["addr"]:
@@ -215,7 +215,7 @@ class Reader:
     ) -> ConnectConfig | None:
         if not head.dialect.describes_connects:
             return parts.read_connect(table)
-        return read_described(table, number, head.dialect.answer(head.options).max_len, certificates)
+        return read_described(table, number, head.rules(), certificates, head.dialect.structures)
 
     def instances(self, tables: list[Table], head: Head, first_task: str) -> tuple[InstanceDecl, ...]:
         blocks = tuple(block for block in head.dialect.blocks if block in PINS)

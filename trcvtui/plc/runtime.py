@@ -19,6 +19,7 @@ from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
+from trcvtui.net.datagram_connection import connection_of
 from trcvtui.net.kernel import Handle
 from trcvtui.net.resources import Resources
 from trcvtui.net.serial_line import SerialPorts
@@ -40,7 +41,7 @@ from trcvtui.plc.commands import (
     SetInput,
     WriteData,
 )
-from trcvtui.plc.elements import elements_of
+from trcvtui.plc.elements import elements_of, text_lens_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.link_snapshot import connection_snapshot
@@ -91,7 +92,7 @@ class Runtime:
 
     def _connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
-        return Connection(config, self._kernel, self._resources, policy, self._resolve, journal)
+        return connection_of(config, self._kernel, self._resources, policy, self._resolve, journal)
 
     def _port(self, config: UdpConfig) -> UdpPort:
         policy, journal = self._project.rules.policy, self.ledger.write
@@ -108,9 +109,10 @@ class Runtime:
         called = decl.name, task.priority if task else 1
         if decl.block in BUFFER_PIN:
             return self._lines.binding(self._env, decl, self._data, called[1])
-        if decl.addr is None:
-            return Binding(self._env, self._connections[decl.connect], data, *called)
-        return UdpBinding(self._env, self._ports[decl.connect], self._addrs[decl.addr], data, *called)
+        addr = self._addrs[decl.addr] if decl.addr is not None else None
+        if addr is not None and decl.on_config:
+            return UdpBinding(self._env, self._ports[decl.connect], addr, data, *called)
+        return Binding(self._env, self._connections[decl.connect], data, *called, address=addr)
 
     def _new_roster(self) -> Roster:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
@@ -134,6 +136,10 @@ class Runtime:
         """Queue a command for phase 1 of the next scan."""
         self._commands.append(command)
 
+    def stand_on(self, kernel: Stirring) -> None:
+        """Use this kernel in front of the one of before; CONNECTs that are there keep theirs."""
+        self._kernel = kernel
+
     @property
     def scans(self) -> int:
         """Return how many scans have passed."""
@@ -146,8 +152,8 @@ class Runtime:
             return local.port if local else None
         if connect not in self._connections:
             return None  # it is declared by the next scan
-        set_up = self._connections[connect].set_up
-        return set_up.local.port if set_up.listener is not None and set_up.local else None
+        end = self._connections[connect].set_up.listening
+        return end.port if end else None
 
     @property
     def called(self) -> tuple[Outputs, ...]:
@@ -179,11 +185,6 @@ class Runtime:
         """Return a copy of what an instance's running job has collected."""
         known = self._instances.get(instance)
         return known.partial() if known else b""
-
-    def noise(self, instance: str) -> tuple[int, bytes]:
-        """Return how many bytes of noise an instance has thrown away, and the last of them."""
-        known = self._instances.get(instance)
-        return known.noise() if known else (0, b"")
 
     def framer(self, instance: str) -> FramerSnapshot | None:
         """Return the framer of a block that receives from a ComBuffer."""
@@ -285,7 +286,8 @@ class Runtime:
             case FeedBuffer(name, payload):
                 self._lines.pull(name) if payload is None else self._lines.arrive(name, payload)
             case ResizeData(data):
-                self._data[data.name].resize(data.type_name, data.size, elements_of(data.type))
+                kind = elements_of(data.type), text_lens_of(data.type, data.size)
+                self._data[data.name].resize(data.type_name, data.size, *kind)
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
     def _create(self, decl: InstanceDecl) -> None:
@@ -386,14 +388,12 @@ class Runtime:
         # The time to the next attempt runs on also where nobody is left to make it.
         pausing = {name for name, connection in self._connections.items() if connection.retry_at is not None}
         for name in stirring | pausing:
-            if name in self._lines:
-                continue
-            self._connection_snapshots[name] = self._link_snapshot(name)
+            if name not in self._lines:
+                self._connection_snapshots[name] = self._link_snapshot(name)
         for name, data in self._data.items():
             if self._data_snapshots[name].generation != data.generation:
                 self._data_snapshots[name] = data_snapshot(data)
 
     def _link_snapshot(self, name: str) -> ConnectionSnapshot:
-        if name in self._ports:
-            return port_snapshot(self._ports[name], self._env.now)
-        return connection_snapshot(self._connections[name], self._env.now)
+        port, now = self._ports.get(name), self._env.now
+        return port_snapshot(port, now) if port else connection_snapshot(self._connections[name], now)

@@ -104,6 +104,7 @@ class InstanceSnapshot:
     task: str = ""
     addr: str | None = None
     framer: FramerSnapshot | None = None  # of a block that receives from a ComBuffer
+    on_config: bool = False  # `connect` names a UDP_CONFIG
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel as a tuple: packed in a quarter of the time."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.plc.elements import elements_of
+from trcvtui.plc.elements import elements_of, text_lens_of
 from trcvtui.plc.project import DataDecl
 from trcvtui.plc.snapshot import DataSnapshot
 
 
 def area_of(decl: DataDecl) -> DataArea:
     """Return the bytes of a variable."""
-    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized)
+    texts = text_lens_of(decl.type, decl.size)
+    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized, texts)
 
 
 def data_snapshot(data: DataArea) -> DataSnapshot:

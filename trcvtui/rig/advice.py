@@ -17,6 +17,7 @@ from trcvtui.rig import advice_link as link
 from trcvtui.rig import advice_receive as receive
 from trcvtui.rig import advice_refusal as refusal
 from trcvtui.rig import advice_serial as serial
+from trcvtui.rig import advice_single as single
 from trcvtui.rig import advice_udp as udp
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.wording import count
@@ -64,6 +65,9 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     **_ATTEMPT,
     **_LOST,
 }
+# Blocks that are asked something of their own.
+OWN_NOW: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NOW) | single.NOW
+OWN_NEXT: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NEXT) | single.NEXT
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +87,12 @@ def advice_on(e: Evidence) -> Advice:
 def _rules(e: Evidence) -> tuple[Rule, ...]:
     """Return what is asked; of datagrams something else than of a stream."""
     condition = Condition(e.condition)
-    of_datagrams = udp.NEXT.get(condition) if e.block in udp.UDP_BLOCKS else None
-    return of_datagrams or NEXT.get(condition, (link.injected,))
+    return OWN_NEXT.get(e.block, {}).get(condition) or NEXT.get(condition, (link.injected,))
 
 
 def why(e: Evidence) -> str:
     """Return why it is shown: how things stand now, and where nothing is known of that, the edge's cause."""
-    rule = (udp.NOW if e.block in udp.UDP_BLOCKS else NOW).get(Condition(e.condition))
+    rule = OWN_NOW.get(e.block, NOW).get(Condition(e.condition))
     stands = rule(e) if rule is not None and (e.need or rule is link.who_is_waited_for) else ""
     if not stands:
         return because(e.cause, e.block)

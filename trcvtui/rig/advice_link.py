@@ -52,6 +52,8 @@ def _caller(e: Evidence) -> str:
     """Return what a passive CONNECT waits for."""
     assert e.config is not None
     anyone = e.config.remote_address == ANY
+    if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
+        return "the UDP port is being set up: no partner is waited for"
     who = "any partner" if anyone else f"a call from {e.config.remote_address}"
     local = e.link.local if e.link is not None else e.cause.detail.removeprefix("listening on ")
     if e.link is not None and e.link.retry_in_ns is not None:
@@ -135,7 +137,7 @@ def second_client(e: Evidence) -> str:
 
 def peer_that_could_call(e: Evidence) -> str:
     """A peer of this bench could be the partner, and does nothing."""
-    if e.config is None or e.is_past or e.link is None:
+    if e.config is None or e.config.is_datagram or e.is_past or e.link is None:
         return ""
     if e.config.active:
         return _peer_to_call(e)

@@ -149,6 +149,10 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
         link.lost_before,
     ),
     Condition.ENDPOINT_THERE: (says("{connect} stands already: TDISCON closes it, then TCON may build it"),),
+    Condition.ID_BUILDING: (
+        says("two CONNECTs of one ID are one connection: one block builds it, or {connect} gets another ID"),
+    ),
+    Condition.ID_OTHER: (says("each connection has an ID of its own: give {connect} one that is free"),),
     Condition.ENDPOINT_GONE: (
         says("nobody has built {connect}, or it was closed: TCON first"),
         link.lost_before,
@@ -174,6 +178,7 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.DATA_MISSING: job.EMPTY,
     Condition.DATA_REFUSED: (says("take an ARRAY OF BYTE, or a STRUCT that has the bits as members"),),
     Condition.DATA_SYMBOLIC: (says("`set {instance} LEN=0` moves all of DATA; or wire a DATA of bytes"),),
+    Condition.LEN_OF_TEXT: (says("`set {instance} LEN=0` moves the whole text, its header with it"),),
     Condition.RESULT_WRONG: (result_too_small,),
     Condition.NO_DESCRIPTION: (
         says("CONNECT has to be a whole TCON_IP_v4, TCON_IP_RFC, TCON_QDN or the like"),
@@ -189,6 +194,9 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     ),
     Condition.TYPE_WRONG: _FLAW,
     Condition.NEEDS_ADDR: (says("datagrams are sent by TUSEND and taken by TURCV, with an address in ADDR"),),
+    Condition.OTHER_TRANSPORT: (
+        says("ConnectionType 16#13 (UDP) is for blocks with an ADDR, TCP for TSEND and TRCV without one"),
+    ),
     Condition.UDP_ACTIVE: (*_FLAW, says("ActiveEstablished is FALSE on both ends of UDP: nobody calls")),
     Condition.TSAP_WRONG: (*_FLAW, says("two bytes begin with E0, as in E0 02; longer ones are text: TCP-1")),
     Condition.PARAMETER_WRONG: _FLAW,

@@ -8,6 +8,7 @@ from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.answers import Endpoint, Fault
+from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.os_kernel import OsKernel
@@ -45,7 +46,9 @@ class Bench:
         self.now = 0
         self._sim = _simulated(project) if kernel == "sim" else None
         self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
-        plc_kernel = self._plc_kernel(project)
+        self._faulty = FaultyKernel(self._kernel, self.plan)
+        self._has_sessions = any(config.session is not None for config in project.connects)
+        plc_kernel = self._with_sessions() if self._has_sessions else self._faulty
         self.runtime = Runtime(
             project, plc_kernel, self._resources(project), self._peer_port, self._serial_port
         )
@@ -68,24 +71,21 @@ class Bench:
         small = self.project.rules.policy.small_buffers
         return new_peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
 
-    def _plc_kernel(self, project: Project) -> SessionKernel | FaultyKernel:
-        """Return the PLC's kernel; sessions cost nothing where no CONNECT has one."""
-        faulty = FaultyKernel(self._kernel, self.plan)
-        if all(config.session is None for config in project.connects):
-            return faulty
-        return SessionKernel(faulty, lambda: self.now, self._client_dropped)
+    def _with_sessions(self) -> SessionKernel:
+        """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else."""
+        return SessionKernel(self._faulty, lambda: self.now, self._of_a_session)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
-        return SessionKernel(self._kernel, lambda: self.now, self._client_dropped, polls=False)
+        return SessionKernel(self._kernel, lambda: self.now, self._of_a_session, polls=False)
 
     def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
         port = OsSerialPort(settings) if self._sim is None else SimSerialPort()
         return FaultyPort(port, self.plan, owner)
 
-    def _client_dropped(self, owner: str, client: str, why: str) -> None:
-        self.note(owner, "client dropped", f"{client}: {why}")
+    def _of_a_session(self, owner: str, what: str, partner: str, why: str) -> None:
+        self.note(owner, what, f"{partner}: {why}")
 
     def _must_listen(self, peer: AnyPeer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""
@@ -217,11 +217,17 @@ class Bench:
             case MessageDecl() | SequenceDecl() as decl:
                 self.note(decl.name, "in the library")
             case decl:
+                self._let_sessions_in(decl)
                 self._submit(commands.Declare(decl))
         if not wrong:
             self.project = after(command, self.project)
             self._links = [link_of(decl, self.project) for decl in self.project.peers]
         return wrong
+
+    def _let_sessions_in(self, decl: object) -> None:
+        if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
+            self._has_sessions = True
+            self.runtime.stand_on(self._with_sessions())
 
     def _add_peer(self, decl: PeerDecl) -> str:
         """Let one more peer begin as those of the file do; a taken port is the user's to mend."""

@@ -6,8 +6,18 @@ Later lines are read against the project as these commands leave it: `after` say
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
-from trcvtui.blocks.parameters import BUFFER_PIN, HAS_DATA, PINS, POINTERS, SPEAKS_UDP, Direction
+from trcvtui.blocks.parameters import (
+    ADDR_IF_UDP,
+    BUFFER_PIN,
+    HAS_DATA,
+    ON_CONNECT,
+    PINS,
+    POINTERS,
+    SPEAKS_UDP,
+    Direction,
+)
 from trcvtui.errors import UserError
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
@@ -32,7 +42,7 @@ def read_create(words: Words, project: Project) -> Create:
         raise words.wrong(shown(block), expected_name(block, blocks, "block"))
     name = _new_name(words, project)
     given = _read_pairs(words)
-    connect, addr = _link(given, block, words, project)
+    link = _link(given, block, words, project)
     data = None
     if block in HAS_DATA:
         data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
@@ -40,18 +50,35 @@ def read_create(words: Words, project: Project) -> Create:
     pointers = [_reference(given, key, known, "DATA", words) or "" for key in POINTERS.get(block, ())]
     task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
     inputs = _inputs(given, block, words, project)
-    called = task or project.tasks[0].name
-    return Create(InstanceDecl(name, block, connect, data, called, inputs, addr, tuple(pointers)))
+    task = task or project.tasks[0].name
+    made = InstanceDecl(
+        name, block, link.name, data, task, inputs, link.addr, link.is_config, tuple(pointers)
+    )
+    return Create(made)
 
 
-def _link(given: dict[str, str], block: str, words: Words, project: Project) -> tuple[str, str | None]:
-    """Return what the block works on: a CONNECT, or a UDP_CONFIG and an ADDR."""
+class _Link(NamedTuple):
+    """What a block works on: a CONNECT, a UDP_CONFIG or a ComBuffer, and an ADDR where it has one."""
+
+    name: str
+    addr: str | None = None
+    is_config: bool = False
+
+
+def _link(given: dict[str, str], block: str, words: Words, project: Project) -> _Link:
     if block in BUFFER_PIN:
-        return _must(given, BUFFER_PIN[block], [b.name for b in project.combuffers], "ComBuffer", words), None
-    if block not in SPEAKS_UDP:
-        return _must(given, "connect", [c.name for c in project.connects], "CONNECT", words), None
-    config = _must(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
-    return config, _must(given, "addr", [a.name for a in project.addrs], "ADDR", words)
+        return _Link(
+            _must(given, BUFFER_PIN[block], [b.name for b in project.combuffers], "ComBuffer", words)
+        )
+    connects, addrs = [c.name for c in project.connects], [a.name for a in project.addrs]
+    if block in SPEAKS_UDP and not (block in ON_CONNECT and "connect" in given):
+        config = _must(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
+        return _Link(config, _must(given, "addr", addrs, "ADDR", words), is_config=True)
+    connect = _must(given, "connect", connects, "CONNECT", words)
+    if block in SPEAKS_UDP:
+        return _Link(connect, _must(given, "addr", addrs, "ADDR", words))
+    takes_addr = block in ADDR_IF_UDP and project.dialect.describes_connects
+    return _Link(connect, _reference(given, "addr", addrs, "ADDR", words) if takes_addr else None)
 
 
 def _must(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str:

@@ -83,7 +83,7 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
 
 
 def _link_pin(decl: InstanceDecl) -> str:
-    return BUFFER_PIN.get(decl.block) or ("CONNECT" if decl.addr is None else "CONFIG")
+    return BUFFER_PIN.get(decl.block) or ("CONFIG" if decl.on_config else "CONNECT")
 
 
 def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:

@@ -70,6 +70,7 @@ def _instance(project: Project) -> Sequence[AddField]:
     ]
     if project.udp_configs:
         fields.append(AddField("config", "of a UDP block", names_of("udp_config", project)))
+    if project.addrs:
         fields.append(AddField("addr", "of a UDP block", names_of("addr", project)))
     return [
         *fields,

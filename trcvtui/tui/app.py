@@ -52,6 +52,7 @@ class BenchApp(App[None]):
         Binding("D", "race", show=False, id="race"),
         Binding("X", "dropped", show=False, id="dropped"),
         Binding("B", "framings", show=False, id="framings"),
+        Binding("C", "description", show=False, id="description"),
     ]
 
     def __init__(
@@ -248,6 +249,11 @@ class BenchApp(App[None]):
     def _lab_left(self, nothing: None) -> None:
         self.lab = None
         self.main.show()
+
+    def action_description(self) -> None:
+        """Show the connection description from any pane."""
+        if self.screen is self.main:
+            self.on_description_wanted()
 
     def on_description_wanted(self) -> None:
         """Show the connection description of the selected instance, where there is any."""

@@ -23,10 +23,11 @@ SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
 SEND_OPTIONS: Final = ("split=", "gap=T#", "repeat=", "every=T#")
 CALLS: Final = (
     "recv", "connect", "bind", "listen", "accept", "socket", "send", "shutdown", "close", "set_reuse",
-    "poll_add", "poll_del", "abort", "buffer", "queue", "clear",
+    "poll_add", "poll_del", "abort", "resolve", "buffer", "queue", "clear",
 )  # fmt: skip
 ERRORS: Final = (
     "ECONNRESET", "EADDRINUSE", "ECONNREFUSED", "EPIPE", "ETIMEDOUT", "EACCES", "EMFILE", "ENOBUFS",
+    "EAI_NONAME", "EAI_AGAIN",
 )  # fmt: skip
 FAULT_OPTIONS: Final = ("on", "times=", "nth=")
 

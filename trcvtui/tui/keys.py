@@ -36,7 +36,7 @@ PINS: Final = (
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
     ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
-    ("C", "in pane 2: the connection description byte for byte; y takes it as hex, s as SCL"),
+    ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
 )
 BYTES: Final = (

@@ -85,8 +85,8 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
     instance = bench.scene.instance
     if instance is None:
         return
-    name, link = plain(instance.name), "connect" if instance.addr is None else "config"
-    link = buffer_pin(instance.block) or link
+    name = plain(instance.name)
+    link = buffer_pin(instance.block) or ("config" if instance.on_config else "connect")
     create = f"create {instance.block} {name}_2 {link}={plain(instance.connect)}"
     create += f" data={plain(instance.data)}" if instance.data else ""
     lines = [

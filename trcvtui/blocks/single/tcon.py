@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import set_up_failed
+from trcvtui.blocks.connection_part import established, set_up_failed
 from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.job_checks import in_use, rival_of
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
 from trcvtui.net.connection import State
 from trcvtui.net.set_up import Stage, StepFault
+
+STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 
 class Tcon:
@@ -20,6 +25,7 @@ class Tcon:
         self.job = NoJob()
         self._env = bound.env
         self._connection = bound.connection
+        self._claim = bound.claim()
         self._req = False
         self._is_building = False
         self._keeps = False  # established by this instance: the endpoint is there until TDISCON or T_RESET
@@ -44,32 +50,45 @@ class Tcon:
 
     def leave(self, reason: str) -> None:
         """Be gone; the connection stays as it is."""
+        self._connection.keeping.give_back(self._claim)
 
     def _begin(self) -> Outcome:
+        rival = rival_of(self._env, self._connection, self._claim)
+        if rival is not None:
+            return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+        if self._connection.set_up.is_closing:
+            return Outcome(Condition.NOT_NOW, STILL_CLOSED)
         if self._connection.state is not State.CLOSED:
             return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
         fault = self._connection.open()
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         self._is_building = True
+        self._connection.keeping.hold(self._claim)
         return Outcome(Condition.STARTED, REQ_ROSE)
 
     def _go_on(self) -> Outcome:
-        if self._connection.state is State.CLOSED:  # TDISCON came first
-            self._is_building = False
+        if self._connection.set_up.is_withdrawn or self._connection.state is State.CLOSED:  # TDISCON, CONT
+            self._end()
+            self._connection.disconnect()
             return Outcome(Condition.RESET_IN_JOB, Cause(Why.OTHER_BLOCK, "closed before it was established"))
         failed = self._connection.step(self._env.scan, self._env.now)
         if failed is not None and self._is_silent(failed):
             return _BUILDING
         if failed is not None:
-            self._is_building = False
+            self._end()
             shown = set_up_failed(self._connection, failed, self._env.rules.course)
             self._connection.disconnect()
             return shown
         if not self._connection.is_up:
             return _BUILDING
-        self._is_building, self._keeps = False, True
-        return Outcome(Condition.FINISHED, Cause(Why.PARTNER, "the partner is connected"))
+        self._end()
+        self._keeps = True
+        return Outcome(Condition.FINISHED, established(self._connection))
+
+    def _end(self) -> None:
+        self._is_building = False
+        self._connection.keeping.give_back(self._claim)
 
     def _is_silent(self, failed: StepFault) -> bool:
         return self._env.rules.course.silent_connect and failed.stage is Stage.CONNECT

@@ -14,19 +14,21 @@ from trcvtui.blocks.not_connected import not_connected
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import ReceiveJob
 from trcvtui.blocks.single.steps import end_of_job, shown_as
+from trcvtui.blocks.told_once import ToldOnce
 from trcvtui.net.connection import State
 from trcvtui.net.connection_loss import ConnectionLoss
 
 
 class Trcv:
-    """One TRCV instance."""
+    """One TRCV instance; with `needs_datagrams` TURCV on a CONNECT."""
 
-    def __init__(self, bound: Binding) -> None:
-        self.job = ReceiveJob(bound)
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
+        self.job = ReceiveJob(bound, needs_datagrams)
         self._course = bound.env.rules.course
         self._connection = bound.connection
         self._link = LinkView(bound.connection)
         self._complaint: Outcome | None = None
+        self._told = ToldOnce(self._course.faults_once, Condition.NO_JOB)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a connection 80A1 or 80C4."""
@@ -39,10 +41,10 @@ class Trcv:
         if not inputs.en_r and not (self.job.running and self._course.en_r_keeps_job):
             self.job.abandon("EN_R fell")
             self.job.let_go()
+            self._told.forget()
             return _IDLE
-        if not self._link.is_known():
-            return self._no_link()
-        return self._receive(inputs)
+        shown = self._receive(inputs) if self._link.is_known() else self._no_link()
+        return self._told.shown(shown, inputs)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""

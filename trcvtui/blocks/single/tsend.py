@@ -14,10 +14,10 @@ from trcvtui.net.connection_loss import ConnectionLoss
 
 
 class Tsend:
-    """One TSEND instance."""
+    """One TSEND instance; with `needs_datagrams` TUSEND on a CONNECT."""
 
-    def __init__(self, bound: Binding) -> None:
-        self.job = SendJob(bound)
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
+        self.job = SendJob(bound, needs_datagrams)
         self._course = bound.env.rules.course
         self._connection = bound.connection
         self._link = LinkView(bound.connection)

@@ -5,6 +5,7 @@ The UDP_CONFIG stands for a connection that the CPU has established: its socket 
 
 from __future__ import annotations
 
+from trcvtui.blocks.addressed import no_target
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
@@ -12,7 +13,6 @@ from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE, shown_as
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.usend_c import DatagramOut
-from trcvtui.net.connect_config import ANY_ADDRESS
 
 
 class Tusend:
@@ -46,16 +46,8 @@ class Tusend:
     def _begin(self, length: int) -> Outcome:
         if not self._port.is_open:
             return Outcome(Condition.NOT_CONNECTED, REQ_ROSE)
-        if self._address.address == ANY_ADDRESS:
-            return _wrong(Condition.REMOTE_WRONG, "ADDR names no address")
-        if self._address.port == 0:
-            return _wrong(Condition.NEEDS_ADDR, "ADDR names no port")
-        began = self.job.begin(length)
+        began = no_target(self._address) or self.job.begin(length)
         return shown_as(Condition.STARTED, began) if began.condition is Condition.SENDING else began
-
-
-def _wrong(condition: Condition, name: str) -> Outcome:
-    return Outcome(condition, Cause(Why.PARAMETER, name, pin="ADDR"))
 
 
 _NO_SOCKET = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"))

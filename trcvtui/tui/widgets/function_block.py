@@ -205,7 +205,7 @@ class FunctionBlock(LineView):
                 return row((f" {clip(pin.text, self.line_width - 1)}", "dim"))
             return self._told[y] if y < len(self._told) else EMPTY
         if y == 0:
-            link = " CONNECT " if instance.addr is None else " CONFIG  "
+            link = " CONFIG  " if instance.on_config else " CONNECT "
             return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
         if y == 1:
             return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
@@ -241,7 +241,7 @@ class FunctionBlock(LineView):
         if connection is None:
             return ""
         if connection.udp:
-            return self._address()
+            return self._address() or f"  UDP, {connection.state}"
         return f"  {'active' if connection.active else 'passive'}, {connection.state}"
 
     def _address(self) -> str:

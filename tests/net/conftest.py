@@ -1,0 +1,25 @@
+"""The networks on which ISO-on-TCP is tried."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.net.iso_bench import IsoBench, Net, OsNetwork
+from tests.net.net_sim import SimNetwork
+from trcvtui.net.sim_kernel import SimKernel
+
+
+@pytest.fixture(params=["sim", "os"])
+def b(request: pytest.FixtureRequest) -> Iterator[IsoBench]:
+    if request.param == "sim":
+        sim = SimKernel()
+        yield IsoBench(Net(SimNetwork(sim)))
+        assert sim.leaks() == ()
+    else:
+        real = OsNetwork()
+        yield IsoBench(Net(real))
+        leaks = real.kernel.leaks()
+        real.close()
+        assert leaks == ()

@@ -1,0 +1,144 @@
+"""A bench of two networks with a SessionKernel in front; its clock stands until somebody moves it."""
+
+from __future__ import annotations
+
+import select
+import socket
+
+from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
+from tests.net.net_sim import SimNetwork
+from trcvtui.net.cotp import TpktReader
+from trcvtui.net.faults import FaultPlan, FaultyKernel
+from trcvtui.net.iso_on_tcp import IsoSettings
+from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, SocketOptions
+from trcvtui.net.os_kernel import OsKernel
+from trcvtui.net.session_kernel import SessionKernel
+from trcvtui.net.shared_listener import DROPPED
+
+SECOND = 1_000_000_000
+E001, E002, E003 = b"\xe0\x01", b"\xe0\x02", b"\xe0\x03"
+CAP = 65536
+CALLS = IsoSettings(E001, E002, CAP)
+WAITS = IsoSettings(E002, E001, CAP)
+REFUSED = Fault("session", "ECONNREFUSED")
+
+
+class OsNetwork:
+    """This machine's network; a breath waits a millisecond on a socket that is never ready."""
+
+    def __init__(self) -> None:
+        self.kernel = OsKernel()
+        self._quiet, self._other = socket.socketpair()
+
+    def breathe(self) -> None:
+        select.select([self._quiet], [], [], 0.001)
+
+    def close(self) -> None:
+        self.kernel.close_all()
+        self._quiet.close()
+        self._other.close()
+
+
+class Net:
+    """A network with sessions in front; its clock stands until somebody moves it."""
+
+    def __init__(self, below: SimNetwork | OsNetwork) -> None:
+        self.now = 0
+        self.told: list[tuple[str, str]] = []  # of clients that were dropped: CONNECT, why
+        self.heard: list[tuple[str, str, str]] = []  # of everything else: CONNECT, what, why
+        self.below = below
+        self.faulty = FaultyKernel(below.kernel, FaultPlan())
+        self.kernel = SessionKernel(self.faulty, lambda: self.now, self._hear)
+
+    def _hear(self, owner: str, what: str, partner: str, why: str) -> None:
+        assert partner.startswith(LOOPBACK)
+        if what == DROPPED:
+            self.told.append((owner, why))
+        else:
+            self.heard.append((owner, what, why))
+
+    def breathe(self) -> None:
+        self.below.breathe()
+
+    def inside(self, handle: Handle) -> int:
+        """Return how many bytes a session holds itself."""
+        return self.kernel.unread(handle) - self.faulty.unread(handle)
+
+
+class IsoBench(Bench):
+    """A bench with ISO-on-TCP in its hands."""
+
+    def __init__(self, net: Net) -> None:
+        super().__init__(net)
+        self.net = net
+
+    def iso_socket(self, settings: IsoSettings, owner: str = "C1", small: bool = False) -> Handle:
+        handle = self.socket(owner=owner)
+        self.kernel.set_options(handle, SocketOptions(session=settings, small_buffers=small))
+        return handle
+
+    def iso_listener(self, settings: IsoSettings, end: Endpoint = ANY_PORT, owner: str = "C1") -> Handle:
+        handle = self.iso_socket(settings, owner)
+        assert self.kernel.set_reuse(handle) is None
+        assert self.kernel.bind(handle, end) is None
+        assert self.kernel.listen(handle, 4) is None
+        assert self.kernel.poll_add(handle) is None
+        return handle
+
+    def call(self, end: Endpoint, settings: IsoSettings = CALLS, small: bool = False) -> Handle:
+        handle = self.iso_socket(settings, "P1", small)
+        assert self.kernel.connect(handle, end) is None
+        return handle
+
+    def taken(self, listener: Handle, settings: IsoSettings = WAITS, caller: Handle | None = None) -> Handle:
+        """Wait for a client of this listener and take it, as a CONNECT does; `caller` looks meanwhile."""
+
+        def has_come() -> bool:
+            if caller is not None:
+                assert self.kernel.connect_result(caller) is WOULD_BLOCK
+            return self.kernel.readable(listener)
+
+        self.until(has_come)
+        got = self.accept(listener)
+        self.kernel.set_options(got.handle, SocketOptions(session=settings))
+        return got.handle
+
+    def message(self, handle: Handle, room: int = CAP) -> tuple[bytes, int]:
+        """Wait for the next message: its bytes as far as there is room, and how many it had."""
+        into = bytearray(room)
+        found: list[Datagram] = []
+
+        def is_there() -> bool:
+            got = self.kernel.recv_from(handle, memoryview(into))
+            if isinstance(got, Datagram):
+                found.append(got)
+            return bool(found)
+
+        self.until(is_there)
+        return bytes(into[: found[0].size]), found[0].whole
+
+    def up(self) -> tuple[Handle, Handle, Handle]:
+        """Return caller, called and listener of a connection that stands."""
+        listener = self.iso_listener(WAITS)
+        caller = self.call(self.end(listener))
+        called = self.taken(listener, caller=caller)
+        assert self.verdict(caller) is None
+        assert self.kernel.poll_add(caller) is None
+        return caller, called, listener
+
+    def close_all(self, *handles: Handle) -> None:
+        for handle in handles:
+            self.kernel.close(handle)
+        self.settle()
+
+
+def answer_of(b: IsoBench, client: Handle, size: int) -> list[object]:
+    return list(TpktReader().feed(b.receive(client, size)))
+
+
+def raw_client(b: IsoBench, end: Endpoint, *data: bytes) -> Handle:
+    """Return a plain TCP client that has sent these bytes."""
+    client = b.connect(end)
+    for part in data:
+        b.send(client, part)
+    return client

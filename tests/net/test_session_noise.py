@@ -1,0 +1,56 @@
+"""Whatever a partner sends: nothing raises, little is held, an end by itself is told once, nothing leaks."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.net.iso_bench import E001, E002, SECOND, IsoBench, Net
+from tests.net.net_sim import SimNetwork
+from tests.net.test_iso_on_tcp import TPDUS
+from trcvtui.net.cotp import Code, Connect, encode
+from trcvtui.net.iso_on_tcp import REMARKS, IsoSettings
+from trcvtui.net.kernel import Accepted, SocketOptions
+from trcvtui.net.shared_listener import ENDED, IGNORED
+from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.stream import PIECE
+
+CAP = 1000
+LARGEST_TPKT = 65535
+WAITS = IsoSettings(E002, E001, CAP)
+CR = encode(Connect(Code.CR, 0, 1, E001, E002, 10))
+# What a session may hold: two messages' worth, one TPKT, and what one read has completed.
+MOST = 2 * CAP + LARGEST_TPKT + PIECE
+PAUSES = st.integers(0, 40 * SECOND)
+
+
+@given(st.booleans(), st.lists(st.tuples(TPDUS, PAUSES), max_size=12), st.booleans())
+@settings(max_examples=80, deadline=None)
+def test_noise_is_held_in_bounds_and_its_end_is_told_once(
+    is_up: bool, sent: list[tuple[bytes, int]], reads: bool
+) -> None:
+    sim = SimKernel()
+    b = IsoBench(Net(SimNetwork(sim)))
+    listener = b.iso_listener(WAITS)
+    client = b.connect(b.end(listener))
+    if is_up:
+        b.send(client, CR)
+    called = None
+    for data, pause in sent:
+        b.kernel.send(client, memoryview(data))
+        b.net.now += pause
+        b.settle()
+        got = b.kernel.accept(listener)
+        if isinstance(got, Accepted):
+            called = got.handle
+            b.kernel.set_options(called, SocketOptions(session=WAITS))
+        if called is not None:
+            assert b.net.inside(called) <= MOST
+            if reads:
+                b.kernel.recv_from(called, memoryview(bytearray(CAP)))
+    b.close_all(client, *([called] if called is not None else []), listener)
+    whats = [what for _, what, _ in b.net.heard]
+    assert whats.count(ENDED) <= 1
+    assert whats.count(IGNORED) <= REMARKS + 1
+    assert len(b.net.told) <= 1
+    assert sim.leaks() == ()

@@ -1,0 +1,245 @@
+"""Who is refused, who is dropped, and what the ledger is told of it; on both networks, in virtual time."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.net.iso_bench import (
+    CAP,
+    E001,
+    E002,
+    E003,
+    REFUSED,
+    SECOND,
+    WAITS,
+    IsoBench,
+    answer_of,
+    raw_client,
+)
+from trcvtui.net.cotp import Code, Connect, Data, Disconnect, encode
+from trcvtui.net.iso_on_tcp import IsoSettings
+from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Fault
+from trcvtui.net.shared_listener import CLIENTS_WAITING, ENDED, GAVE_WAY, IGNORED
+
+
+def test_an_unknown_tsap_is_refused_and_told(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    caller = b.call(b.end(listener), IsoSettings(E001, E003, CAP))
+    assert b.verdict(caller) == REFUSED
+    assert b.net.told == [("C1", "no CONNECT has the TSAP e0 03")]
+    assert not b.kernel.readable(listener)
+    b.close_all(caller, listener)
+
+
+EXPEDITED = b"\x03\0\0\x0b\x06\x10\0\1\0\1\x07"  # an ED, which class 0 does not have
+
+
+@pytest.mark.parametrize(("called", "reason"), [(E003, 3), (E002, 2)])
+def test_the_refusal_on_the_wire_is_a_dr_with_its_reason_and_then_the_end(
+    b: IsoBench, called: bytes, reason: int
+) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 0x4431, E001, called, 10)))
+    if called == E002:
+        b.until(lambda: b.kernel.readable(listener))
+        got = b.kernel.accept(listener)
+        assert isinstance(got, Accepted)
+        b.kernel.abort(got.handle)  # a second client is turned away
+    assert answer_of(b, client, 11) == [Disconnect(0x4431, 0, reason)]
+    assert b.answer(client) == 0
+    b.close_all(client, listener)
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"GET / HTTP/1.1\r\n\r\n", "TPKT version 71"),
+        (b"\x16\x03\x01\x02\x00\x01", "TPKT version 22"),
+        (b"\x03\x00\x00\x03", "a TPKT of 3 bytes"),
+        (encode(Data(b"abc", True)), "a DT out of turn"),
+    ],
+)
+def test_garbage_is_dropped_and_told(b: IsoBench, data: bytes, why: str) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), data)
+    b.until(lambda: b.net.told)
+    assert b.net.told == [("C1", why)]
+    assert b.answer(client) in (0, Fault("recv", "ECONNRESET"))
+    b.close_all(client, listener)
+
+
+def test_a_client_that_leaves_before_its_cr_is_told(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), b"\x03\x00")
+    b.kernel.close(client)
+    b.until(lambda: b.net.told)
+    assert b.net.told == [("C1", "closed before the handshake")]
+    b.close_all(listener)
+
+
+def test_a_client_that_speaks_too_slowly_is_dropped_after_5_s(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener))
+    b.until(lambda: b.kernel.poll_add(client) or True)
+    for byte in encode(Connect(Code.CR, 0, 1, E001, E002, 10))[:5]:
+        b.net.now += SECOND
+        assert b.net.told == []
+        b.send(client, bytes([byte]))
+        b.settle()
+    b.net.now += SECOND
+    b.until(lambda: b.net.told)
+    assert b.net.told == [("C1", "no handshake in 5 s")]
+    b.close_all(client, listener)
+
+
+def test_forty_silent_clients_do_not_delay_a_good_one(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    end = b.end(listener)
+    clients = [raw_client(b, end) for _ in range(40)]
+    last = b.call(end)
+    called = b.taken(listener, caller=last)
+    assert b.verdict(last) is None
+    assert b.net.now == 0  # nobody had to wait for a time limit
+    assert b.net.told == [("C1", GAVE_WAY)] * len(b.net.told)
+    assert len(b.net.told) in (40 - CLIENTS_WAITING, 41 - CLIENTS_WAITING)
+    b.close_all(*clients, last, called, listener)
+
+
+def test_a_client_in_the_middle_of_its_cr_keeps_its_place_before_silent_ones(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    end = b.end(listener)
+    request = encode(Connect(Code.CR, 0, 9, E001, E002, 10))
+    slow = raw_client(b, end, request[:5])
+    b.settle()
+    silent = [raw_client(b, end) for _ in range(2 * CLIENTS_WAITING)]
+    b.settle()
+    assert b.net.told
+    b.send(slow, request[5:])
+    b.until(lambda: b.kernel.readable(listener))
+    b.close_all(slow, *silent, listener)
+
+
+def test_silent_clients_hold_so_many_places_for_5_s(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    clients = [raw_client(b, b.end(listener)) for _ in range(CLIENTS_WAITING)]
+    b.settle()
+    assert b.net.told == []
+    b.net.now += 5 * SECOND
+    b.until(lambda: b.net.told)
+    assert b.net.told == [("C1", "no handshake in 5 s")] * CLIENTS_WAITING
+    b.close_all(*clients, listener)
+
+
+def test_clients_that_nobody_takes_are_refused_from_a_number_on(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    end = b.end(listener)
+    request = encode(Connect(Code.CR, 0, 9, E001, E002, 10))
+    clients = []
+    for _ in range(CLIENTS_WAITING):
+        clients.append(raw_client(b, end, request))
+        b.settle()
+    assert b.net.told == []
+    one_more = raw_client(b, end, request)
+    b.until(lambda: b.net.told)
+    assert b.net.told == [("C1", "16 clients wait there already, and nobody takes them")]
+    assert answer_of(b, one_more, 11) == [Disconnect(9, 0, 2)]
+    b.close_all(*clients, one_more, listener)
+
+
+def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
+    called = b.taken(listener)
+    assert answer_of(b, client, 22) == [Connect(Code.CC, 1, 1, E001, E002, 7)]
+    b.send(client, encode(Data(bytes(126), True)))
+    assert b.loss(called).fault == Fault("session", "EPROTO")
+    assert b.net.heard == [("C1", ENDED, "a DT of 129 bytes, 128 are agreed")]
+    b.close_all(client, called, listener)
+
+
+def test_a_tpdu_that_class_0_does_not_know_is_told_and_the_connection_goes_on(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
+    called = b.taken(listener)
+    for _ in range(20):
+        b.send(client, EXPEDITED)
+    b.send(client, encode(Data(b"abc", True)))
+    assert b.message(called) == (b"abc", 3)
+    b.until(lambda: len(b.net.heard) == 5)
+    assert b.net.heard == [("C1", IGNORED, "a TPDU of code 10")] * 4 + [
+        ("C1", IGNORED, "more of them are not told")
+    ]
+    b.close_all(client, called, listener)
+
+
+def test_such_a_tpdu_before_the_cr_is_told_as_well(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    request = encode(Connect(Code.CR, 0, 1, E001, E002, 7))
+    client = raw_client(b, b.end(listener), EXPEDITED, request)
+    called = b.taken(listener)
+    assert b.net.heard == [("C1", IGNORED, "a TPDU of code 10")]
+    b.close_all(client, called, listener)
+
+
+def test_the_refusal_of_our_own_call_is_told_with_its_reason(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    caller = b.call(b.end(listener), IsoSettings(E001, E003, CAP))
+    assert b.verdict(caller) == REFUSED
+    b.close_all(caller, listener)
+    assert b.net.heard == [("P1", ENDED, "DR, reason 03")]
+
+
+@pytest.mark.parametrize(
+    ("bad", "why"),
+    [
+        (b"GET / HTTP/1.1", "TPKT version 71"),
+        (b"\x03\0\0\x07\xfe\xf0\x80", "length indicator 254 in a TPDU of 3 bytes"),
+        (encode(Disconnect(1, 1, 0x80)), "DR, reason 80"),
+        (encode(Connect(Code.CR, 0, 1, E001, E002, 7)), "a CR out of turn"),
+    ],
+)
+def test_garbage_behind_the_handshake_ends_the_connection_and_is_told(
+    b: IsoBench, bad: bytes, why: str
+) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
+    called = b.taken(listener)
+    b.send(client, bad)
+    assert b.loss(called).fault is not None
+    b.close_all(client, called, listener)
+    assert b.net.heard == [("C1", ENDED, why)]
+
+
+def test_a_size_that_leaves_no_room_for_data_is_refused_and_told(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 1)))
+    b.until(lambda: b.net.told)
+    assert b.net.told == [("C1", "the TPDU size code 01 leaves no room for data")]
+    b.close_all(client, listener)
+
+
+def test_a_size_smaller_than_any_manual_knows_is_answered_as_it_was_proposed(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 6)))
+    called = b.taken(listener)
+    assert answer_of(b, client, 22) == [Connect(Code.CC, 1, 1, E001, E002, 6)]
+    b.send(called, bytes(62))
+    assert answer_of(b, client, 7 + 61 + 7 + 1) == [Data(bytes(61), False), Data(b"\0", True)]
+    b.close_all(client, called, listener)
+
+
+def test_who_does_not_read_makes_the_partner_wait_and_holds_little(b: IsoBench) -> None:
+    caller, called, listener = b.up()
+    message, sent = memoryview(bytes(30_000)), 0
+
+    def full() -> bool:
+        nonlocal sent
+        got = b.kernel.send(caller, message[sent % 30_000 :])
+        sent += got if isinstance(got, int) else 0
+        return got is WOULD_BLOCK
+
+    b.until(full, most=20_000)
+    b.settle()
+    inside = b.kernel.unread(called) - b.net.faulty.unread(called)
+    assert inside <= 2 * CAP + 65535 + 65536
+    b.close_all(caller, called, listener)

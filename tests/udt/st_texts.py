@@ -1,0 +1,44 @@
+"""Small ST texts as types, for the tests of the grammar table of udt.md section 5."""
+
+from __future__ import annotations
+
+from tests.udt.udt_strategies import types_of
+from trcvtui.udt.formats import READERS
+from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    Struct,
+    Type,
+    Union,
+    type_text,
+)
+
+INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
+
+
+def read(suffix: str, text: str) -> TypeSet:
+    """Return the types of a text as of a file of that suffix."""
+    types = join([READERS[suffix](text, f"f{suffix}")], f"f{suffix}")
+    assert [str(problem) for problem in types.problems] == []
+    return types
+
+
+def good(text: str) -> TypeSet:
+    return read(".st", text)
+
+
+def members(types: TypeSet, name: str) -> dict[str, str]:
+    type_ = types.named(name)
+    assert isinstance(type_, Struct | Union)
+    return {member.name: type_text(member.type) for member in type_.members}
+
+
+def member(text: str) -> Type:
+    type_ = good(f"TYPE T : STRUCT {text} END_STRUCT END_TYPE").named("T")
+    assert isinstance(type_, Struct)
+    (only,) = type_.members
+    return only.type
+
+
+def lines(text: str) -> list[str]:
+    return [str(problem) for problem in types_of(text, "f.st").problems]

@@ -1,0 +1,200 @@
+"""Rows of the grammar table of udt.md section 5: what stands around the types, and the other text formats."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.udt.st_texts import good, member, members, read
+from tests.udt.udt_strategies import types_of
+from trcvtui.udt.formats import READERS
+from trcvtui.udt.formats.st import read_spec, read_st
+from trcvtui.udt.type_set import join
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    Enumeration,
+    Struct,
+    Subrange,
+    Text,
+)
+
+# -- what stands around the types ------------------------------------------------------------------------
+
+
+def test_other_blocks_of_the_file_are_passed_over() -> None:
+    types = good(
+        "FUNCTION_BLOCK F VAR x : T; END_VAR {attribute 'pack_mode' := '1'} x := 5; IF a THEN TYPE_ :="
+        " 1; END_IF"
+        " END_FUNCTION_BLOCK\n TYPE T : STRUCT a : INT; END_STRUCT END_TYPE\n PROGRAM MAIN END_PROGRAM\n"
+        'VAR_GLOBAL RETAIN x : INT; END_VAR DATA_BLOCK "db" STRUCT a : Int; END_STRUCT BEGIN a := 5;'
+        " END_DATA_BLOCK"
+        " TYPE U : T; END_TYPE CONFIGURATION c RESOURCE r END_RESOURCE END_CONFIGURATION"
+    )
+    assert types.names() == ["T", "U"]
+    type_ = types.named("T")
+    assert isinstance(type_, Struct) and type_.pack is None
+
+
+def test_a_block_without_an_end_is_told_and_hides_nothing() -> None:
+    types = types_of("PROGRAM MAIN x := 5; TYPE T : INT; END_TYPE", "f.st")
+    assert [str(p) for p in types.problems] == ["f.st:1:1: found 'PROGRAM', expected 'END_PROGRAM' behind it"]
+    assert types.names() == ["T"]
+    types = types_of("TYPE T : INT; PROGRAM MAIN END_PROGRAM TYPE U : INT; END_TYPE", "f.st")
+    assert [str(p) for p in types.problems] == ["f.st:1:15: found 'PROGRAM', expected 'END_TYPE'"]
+    assert types.names() == ["T", "U"]
+
+
+def test_constants_of_the_file_are_kept_the_others_passed_over() -> None:
+    declared = read_st(
+        "VAR_GLOBAL CONSTANT {x} A : INT := 5; B, C : UINT := A * 2; s : STRING := 'a;b'; r : REAL := 1.5;\n"
+        "t : BOOL := TRUE; d AT %MW0 : INT := 16#F END_VAR VAR_GLOBAL x : INT := 1; END_VAR",
+        "f.st",
+    )
+    assert declared.problems == ()
+    found = [(name, n if isinstance(n, int) else n.text) for name, n in declared.constants]
+    assert found == [
+        ("A", 5), ("B", "A*2"), ("C", "A*2"), ("t", "TRUE"), ("d", 15),
+    ]  # fmt: skip
+
+
+def test_ax_namespaces_using_and_named_values() -> None:
+    types = good(
+        "USING System.Strings;\nNAMESPACE Simatic.Ax.Io\n  {S7.extern=ReadWrite}\n  TYPE PUBLIC State :"
+        " INT (Idle := 0,"
+        " Busy := UINT#1); END_TYPE\n  NAMESPACE Inner TYPE T : STRUCT s : State := State#Idle;"
+        " a : ARRAY[0..Limits#UPPER] OF BYTE; r : REF_TO INT; END_STRUCT; END_TYPE END_NAMESPACE\n"
+        "  TYPE Limits : UINT (LOWER := 0, UPPER := 7); END_TYPE\nCLASS C METHOD M END_METHOD END_CLASS"
+        " END_NAMESPACE"
+    )
+    assert members(types, "T") == {"s": "State", "a": "ARRAY[0..7] OF BYTE", "r": "REF_TO INT"}
+
+
+# -- the other text formats ------------------------------------------------------------------------------
+
+TIA = """TYPE "Motor"
+TITLE = it's the STRUCT of a motor
+{ S7_Optimized_Access := 'TRUE' }
+AUTHOR : Me
+FAMILY : F
+NAME : N
+VERSION : 0.1
+//comment
+   STRUCT
+      speed { S7_SetPoint := 'False'} : Real := 1.0;   // m/s
+      "Type" : "Kind";
+      Name : String[10];
+      list : Array[0..3] of Struct
+         x : Bool;
+      END_STRUCT;
+   END_STRUCT;
+
+END_TYPE
+
+TYPE Kind
+VERSION : 0.1
+   STRUCT
+      a : Byte;
+   END_STRUCT;
+END_TYPE
+FUNCTION_BLOCK "x"
+BEGIN
+END_FUNCTION_BLOCK
+"""
+
+
+@pytest.mark.parametrize("suffix", [".udt", ".scl", ".txt"])
+def test_a_tia_source_has_header_lines_and_no_colon(suffix: str) -> None:
+    types = read(suffix, TIA)
+    assert members(types, "Motor") == {
+        "speed": "REAL",
+        "Type": "Kind",
+        "Name": "STRING[10]",
+        "list": "ARRAY[0..3] OF STRUCT",
+    }
+    assert list(types.notes) == ["motor"]
+    assert "optimised access" in types.notes["motor"][0]
+
+
+def test_a_tia_header_that_does_not_end_is_told() -> None:
+    declared = READERS[".udt"](
+        'TYPE "A" VERSION : 0.1\nEND_TYPE TYPE "B" STRUCT a : Int; END_STRUCT; END_TYPE', "f.udt"
+    )
+    types = join([declared], "f.udt")
+    assert [str(p) for p in types.problems] == ["f.udt:2:1: found 'END_TYPE', expected 'STRUCT'"]
+    assert types.names() == ["B"]
+
+
+def test_simatic_sd_has_a_colon_pragma_blocks_and_blocks_of_the_same_suffix() -> None:
+    types = read(
+        ".s7dcl",
+        'TYPE\n  T : STRUCT\n    {\n      S7_Access := "ReadOnly := External";\n      S7_MLC :='
+        ' "MLC_1"\n    }\n'
+        '    "M" : USInt;\n    a : Array[0..1] of _.U;\n  END_STRUCT;\nEND_TYPE\nTYPE U : STRUCT b :'
+        " Bool; END_STRUCT; END_TYPE",
+    )
+    assert members(types, "T") == {"M": "USINT", "a": "ARRAY[0..1] OF U"}
+    assert read(".s7dcl", 'FUNCTION_BLOCK "B" VAR_INPUT a : Bool; END_VAR END_FUNCTION_BLOCK').names() == []
+
+
+def test_b_and_r_has_many_types_in_a_block_and_enumerations_of_four_bytes() -> None:
+    types = read(
+        ".typ",
+        "TYPE\n\tA : \tSTRUCT  (*c*)\n\t\tx : {REDUND_UNREPLICABLE} ARRAY[0..1]OF BOOL; (*c*)\n\t\tm :"
+        " Mode := RUN;\n"
+        "\tEND_STRUCT;\n\tMode : \n\t\t( (*c*)\n\t\tSTOP := 10, (*c*)\n\t\tRUN\n\t\t);\n\tB : (P)"
+        " USINT;\nEND_TYPE",
+    )
+    mode, other = types.named("Mode"), types.named("B")
+    assert isinstance(mode, Enumeration) and isinstance(other, Enumeration)
+    assert (mode.base.name, mode.values, other.base.name) == ("DINT", (("STOP", 10), ("RUN", 11)), "USINT")
+    assert members(types, "A") == {"x": "ARRAY[0..1] OF BOOL", "m": "Mode"}
+    constants = READERS[".var"](
+        "VAR CONSTANT\n\tMAX : USINT := 5;\nEND_VAR\nVAR x : INT := 3; END_VAR", "f.var"
+    )
+    assert constants.constants == (("MAX", 5),)
+
+
+def test_codesys_2_3_headers_are_comments_and_other_objects_are_passed_over() -> None:
+    types = read(
+        ".exp",
+        "\r\n\r\n(* @NESTEDCOMMENTS := 'Yes' *)\r\n(* @PATH := '\\/Types' *)\r\n(* @OBJECTFLAGS := '0,"
+        " 8' *)\r\n"
+        "TYPE T :\r\nSTRUCT\r\n\ta: ARRAY [0..2] OF INT := 1,2,3; (* (* *)"
+        " *)\r\nEND_STRUCT\r\nEND_TYPE\r\n\r\n"
+        "(* @END_DECLARATION := '0' *)\r\nPROGRAM P\r\n_LD_BODY\r\n_NETWORKS :"
+        " 1\r\nEND_PROGRAM\r\n_ALARMCONFIG\r\n"
+        "_ALARMCONFIGNEXTTEXTID : 1\r\nTYPE U : T; END_TYPE\r\nVISUALISATION x _VISU_END\r\n",
+    )
+    assert types.names() == ["T", "U"]
+    text = "(* @NESTEDCOMMENTS := 'No' *) (* a (* b *) TYPE T : INT; END_TYPE (* c *) (* d *) *) "
+    assert join([READERS[".exp"](text, "f.exp")], "f.exp").names() == ["T"]
+
+
+# -- inside another file ---------------------------------------------------------------------------------
+
+
+def test_a_text_inside_another_file_tells_the_lines_of_that_file() -> None:
+    declared = read_st("TYPE T :\nSTRUCT a INT; END_STRUCT END_TYPE", "f.xml", first_line=40)
+    assert [str(p) for p in declared.types[0].problems] == ["f.xml:41:10: found 'INT', expected ':'"]
+    assert declared.types[0].where == "f.xml:40:6"
+
+
+def test_one_type_of_tia_is_read_as_a_specification() -> None:
+    assert read_spec("String[10]", "m") == Text(10)
+    assert type(read_spec('Array[0.."N"] of "My type"', "m")).__name__ == "ArraySpec"
+
+
+def test_a_second_declaration_counts_only_when_that_is_asked_for() -> None:
+    files = [
+        read_st("TYPE A : INT; END_TYPE", "a.st"),
+        read_st("TYPE a : STRUCT x : BOOL; END_STRUCT END_TYPE", "b.st"),
+    ]
+    asked = join(files, "both")
+    assert asked.names() == []
+    assert asked.twice == {"a": ("a.st:1:6", "b.st:1:6")}
+    answered = join(files, "both", last_wins=["A"])
+    assert answered.problems == ()
+    assert members(answered, "A") == {"x": "BOOL"}
+
+
+def test_a_subrange_is_stored_as_its_base() -> None:
+    assert member("a : UINT(0..10) := 5;") == Subrange(ELEMENTARY["UINT"], 0, 10)

@@ -1,0 +1,52 @@
+"""A connection description back to the keys of its table: the bytes of the DB, and the bench's own keys."""
+
+from __future__ import annotations
+
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.description import Description
+from trcvtui.net.description_check import Flaw, Meaning, Protocol, meaning
+from trcvtui.net.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
+from trcvtui.net.tls_settings import TlsSettings
+from trcvtui.plc.connect_descriptions import NO_SERVER
+from trcvtui.plc.tls_words import UNSAFE
+
+Keys = list[tuple[str, bool | int | float | str | list[str]]]
+
+
+def keys_of_description(config: ConnectConfig, description: Description) -> Keys:
+    """Return the keys behind `name`; read again they give the same CONNECT."""
+    says = meaning(description)
+    is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
+    keys: Keys = [("type", description.structure.name)] if is_known else []
+    keys.append(("bytes", description.data.hex(" ")))
+    if isinstance(config.remote_port, str) and says.protocol is not Protocol.ISO:
+        keys.append(("RemotePort", config.remote_port))
+    return keys + _of_the_bench(config, says)
+
+
+def _of_the_bench(config: ConnectConfig, says: Meaning) -> Keys:
+    keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
+    if says.protocol is Protocol.ISO:
+        keys.append(("IsoPort", config.remote_port if config.active else config.local.port))
+    elif not config.active and (config.local.port != says.local_port or _takes_free_port(config)):
+        keys.append(("ListenPort", config.local.port))
+    if says.remote_name and not config.remote_name:
+        no_server = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER
+        keys.append(("DnsAnswer", NO_SERVER if no_server else config.remote_address))
+    if isinstance(config.session, TlsSettings) and config.session.is_unverified:
+        keys.append(("verify", UNSAFE))
+    if config.keep_alive_interval_s:
+        keys.append(("KeepAliveTimeInterval", config.keep_alive_interval_s))
+    return keys
+
+
+def _takes_free_port(config: ConnectConfig) -> bool:
+    return not config.local.port and config.flaw is None
+
+
+def keys_of_iso(session: IsoSettings) -> Keys:
+    """Return what a peer's table says about ISO-on-TCP."""
+    tsaps = (("local_tsap", session.local), ("remote_tsap", session.remote))
+    keys: Keys = [("iso", True)]
+    keys += [(key, f"hex {tsap.hex(' ')}") for key, tsap in tsaps if tsap]
+    return keys + ([("tpdu", 1 << session.size_code)] if session.size_code != OWN_SIZE_CODE else [])

@@ -10,6 +10,7 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.net.description_check import Protocol, meaning
+from trcvtui.net.tls_words import TlsError
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig.advice_receive import limit
@@ -54,6 +55,13 @@ def where_the_flaw_is(e: Evidence) -> str:
     return (
         f"{structure}.{field.name} is byte {field.offset} of {e.config.name}, and holds {held or 'nothing'}"
     )
+
+
+def press_c(e: Evidence) -> str:
+    """The screen shows the description byte for byte."""
+    if e.cause.call != "description" or e.config is None or e.config.description is None:
+        return ""
+    return f"press C: the description of {e.config.name} byte for byte, what is wrong with it first"
 
 
 def another_port(e: Evidence) -> str:
@@ -106,6 +114,13 @@ def look_at_the_certificate(e: Evidence) -> str:
     return f"`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows"
 
 
+def showed_no_certificate(e: Evidence) -> str:
+    """The partner showed no certificate, or one that will not do."""
+    if e.cause.error == TlsError.NO_CERTIFICATE:
+        return f"{_peer(e)} showed no certificate, and is asked for one: its own has to be set there"
+    return f"{_peer(e)} showed a certificate for another use, or with too short a key"
+
+
 # -- DATA and LEN ----------------------------------------------------------------------------------------
 
 
@@ -139,7 +154,7 @@ def result_too_small(e: Evidence) -> str:
 _FLAW: Final = (where_the_flaw_is,)
 _SHOWN: Final = look_at_the_certificate
 # What is more than the flaw itself, in the order of the conditions.
-NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
+_OWN: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.FOUND_CLOSED: (
         *link.LOST,
         says("no job ran, nothing of one is lost; with CONT at 1 {connect} is built again"),
@@ -215,7 +230,7 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
         _SHOWN,
     ),
     Condition.TLS_UNSUPPORTED: (
-        says("{peer} showed no certificate, or one for another use, or with too short a key"),
+        showed_no_certificate,
         _SHOWN,
     ),
     Condition.TLS_DISCARDED: (says("not valid yet, revoked, or not to be read: look at its dates"), _SHOWN),
@@ -247,3 +262,4 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.TLS_SERVER_CHECKS: (*_FLAW, says("only the active end checks a name")),
     Condition.TLS_REFERENCE: (*_FLAW, says("[[certificate]] with that number is missing, or has no key")),
 }
+NEXT: Final = {condition: (*rules, press_c) for condition, rules in _OWN.items()}

@@ -321,7 +321,10 @@ class FactBook:
         attempt, shown = link.attempt, self._refusals.get(instance)
         if attempt is None or link.up_since is not None:
             return None
-        if shown is None or (shown.cause.call, shown.cause.error) != (attempt.cause.call, attempt.cause.error):
+        if shown is None or (shown.cause.call, shown.cause.error) != (
+            attempt.cause.call,
+            attempt.cause.error,
+        ):
             return attempt
         cause = replace(attempt.cause, peer=attempt.cause.peer or shown.cause.peer)
         return replace(attempt, cause=cause, status=shown.status, condition=shown.condition)

@@ -83,7 +83,7 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """A client that was let go before it was a partner: its handshake was wrong, or asked for another TSAP."""
+    """A client that was let go before it was a partner: its handshake was wrong, or named another TSAP."""
 
     at: Moment
     peer: str

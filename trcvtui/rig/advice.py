@@ -74,7 +74,7 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
 # Blocks that are asked something of their own, whatever moves on their CONNECT ...
 OWN_NOW: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NOW) | single.NOW
 OWN_NEXT: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NEXT) | single.NEXT
-# ... and those that stand for STARTED and RUNNING of a block that shows no words of its own for them.
+# ... and what stands for STARTED and RUNNING of blocks that have only these.
 AS: Final = {
     "TCON": Condition.ESTABLISHING,
     "TSEND": Condition.SENDING,
@@ -116,6 +116,8 @@ def _rules(e: Evidence) -> tuple[Rule, ...]:
 def _condition(e: Evidence) -> Condition:
     """Return what is the case, in the words of the blocks that have more of them."""
     condition = Condition(e.condition)
+    if condition is Condition.RECEIVING_PART:
+        return Condition.RECEIVING
     return AS.get(e.block, condition) if condition in JOB else condition
 
 

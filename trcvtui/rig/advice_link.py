@@ -64,9 +64,9 @@ def _caller(e: Evidence) -> str:
     if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
         return "the UDP port is being set up: no partner is waited for"
     who = "any partner" if anyone else f"a call from {e.config.remote_address}"
-    selector = remote_tsap(e.config)
-    if selector:
-        who = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {selector}"
+    named = remote_tsap(e.config)
+    if named:
+        who = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
     local = e.link.local if e.link is not None else e.cause.detail.removeprefix("listening on ")
     if e.link is not None and e.link.retry_in_ns is not None:
         return f"cannot listen{_since(e)}{_again(e)}"
@@ -84,15 +84,21 @@ def _not_built(e: Evidence) -> str:
     attempt = e.facts.attempt
     if attempt is None or attempt.cause.call not in NOT_BUILT or e.config is None or e.link is None:
         return ""
-    detail = f": {attempt.cause.detail}" if attempt.cause.detail else ""
-    return f"{e.config.name} is not built, {attempt.cause.name}{detail}{_since(e)}{_again(e)}"
+    detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
+    return f"{e.config.name} is not built{_since(e)}: {attempt.cause.name}{detail}{_again(e)}"
+
+
+def selector(data: bytes) -> str:
+    """Return a T-selector as an engineer writes it: `TCP-1`, `E0 02`."""
+    is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
+    return data.decode("ascii") if is_text else data.hex(" ").upper()
 
 
 def remote_tsap(config: ConnectConfig) -> str:
     """Return the T-selector that the partner has to have, "" where there is none or any will do."""
     if config.description is None or meaning(config.description).protocol is not Protocol.ISO:
         return ""
-    return meaning(config.description).remote_tsap.hex(" ").upper()
+    return selector(meaning(config.description).remote_tsap)
 
 
 def _called(e: Evidence) -> str:
@@ -183,7 +189,7 @@ def let_go(e: Evidence) -> str:
     text = f"{refused} called and was refused in scan {dropped.at.scan}: {dropped.why}"
     if e.config.description is None or meaning(e.config.description).protocol is not Protocol.ISO:
         return text
-    ours = meaning(e.config.description).local_tsap.hex(" ").upper()
+    ours = selector(meaning(e.config.description).local_tsap)
     return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
 
 

@@ -14,6 +14,7 @@ from trcvtui.rig.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
 SLOW: Final = 2  # so many of a sender's longest pauses are waited for
+RUNS: Final = frozenset({Condition.RECEIVING, Condition.RECEIVING_PART, Condition.RUNNING})
 ARMED, FILLING, STUCK = "armed", "filling", "stuck"
 CURE: Final = "COM_RST (or CONT 0, then 1) puts it back in step"
 
@@ -31,7 +32,7 @@ def state(e: Evidence) -> str:
 
 def is_stuck(e: Evidence) -> bool:
     """Return whether a static frame has begun and its sender seems to have no more."""
-    is_running = e.condition in (Condition.RECEIVING, Condition.RUNNING)
+    is_running = e.condition in RUNS
     return is_running and not e.adhoc and not e.is_message and not e.is_datagram and state(e) == STUCK
 
 
@@ -274,10 +275,10 @@ def nothing_sent(e: Evidence) -> str:
 
 def at_rest(e: Evidence) -> str:
     """Between two frames that came well, armed is the normal state."""
-    if e.have or e.done_scan is None or e.is_past or e.facts.drop is not None:
+    if e.have or e.done_scan is None or not e.done_len or e.is_past or e.facts.drop is not None:
         return ""
     return (
-        f"not stuck: the last frame ({count(e.done_len or 0, 'byte')}) was delivered in scan {e.done_scan}, "
+        f"not stuck: the last frame ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, "
         "the next one has not begun"
     )
 

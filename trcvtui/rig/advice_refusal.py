@@ -100,7 +100,8 @@ def no_such_selector(e: Evidence) -> str:
     says_what = meaning(e.config.description)
     if says_what.protocol is not Protocol.ISO:
         return ""
-    ours, theirs = says_what.local_tsap.hex(" ") or "none", says_what.remote_tsap.hex(" ") or "any"
+    ours = link.selector(says_what.local_tsap) or "none"
+    theirs = link.selector(says_what.remote_tsap) or "any"
     return (
         f"{_peer(e)} took the call and refused it: crosswise, its remote selector has to be {ours} (our "
         f"local one) and its local selector {theirs} (our remote one)"

@@ -150,6 +150,13 @@ def nobody_is_told(e: Evidence) -> str:
     return f"it went to {target}, {near.name} receives at {near.local}: address or port in ADDR is wrong"
 
 
+def took_it(e: Evidence) -> str:
+    """Return the same of a block whose edge does not name the receiver."""
+    return nobody_is_told(e) or (
+        "DONE tells that the local stack took the datagram; UDP does not tell whether it came"
+    )
+
+
 def no_edge(e: Evidence) -> str:
     """The socket is open and REQ stays 1: that is no edge."""
     return "REQ stays 1: a job starts with a rising edge only, set it to 0 first" if e.pin("REQ") == 1 else ""
@@ -188,6 +195,7 @@ NOW_BY_CONNECT: Final[dict[Condition, Rule]] = {**NOW, Condition.ESTABLISHING: l
 BY_CONNECT: Final[dict[Condition, tuple[Rule, ...]]] = {
     **{condition: rules for condition, rules in NEXT.items() if condition is not Condition.CREATED},
     Condition.CONNECTED: (nobody_reads_here, no_edge),
+    **dict.fromkeys((Condition.SENDING, Condition.SENT), (took_it,)),
     Condition.MESSAGE_TOO_LONG: (message_too_long,),
     Condition.REMOTE_WRONG: (addr_is_empty,),
     Condition.SEND_BUFFER_FULL: (link.injected, nobody_is_told),

@@ -280,3 +280,12 @@ def test_instructions_before_3_cannot_reach_names_and_certificates_and_say_why()
     assert len(rows) > 15
     assert {row.reach for row in rows} == {Reach.NEVER}
     assert all(row.unreached for row in rows)
+
+
+@pytest.mark.parametrize("name", ["s7-1500", "s7-1200", "s7-1200-legacy"])
+def test_no_label_of_a_siemens_state_speaks_of_a_socket(name: str) -> None:
+    dialect = DIALECTS[name]
+    labels = {condition: dialect.label(condition) for row in dialect.status for condition in row.conditions}
+    assert {str(c): label for c, label in labels.items() if "socket" in label} == {}
+    assert labels[Condition.CREATED] == "connecting"
+    assert DIALECTS["baosky"].label(Condition.CREATED) == "socket created"

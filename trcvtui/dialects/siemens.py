@@ -198,6 +198,7 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
 WORDS: Final[Mapping[str, str]] = {
     Condition.CREATING: "connecting begins",
     Condition.CREATED: "connecting",
+    Condition.NO_SOCKET: "no resources",
 }
 
 

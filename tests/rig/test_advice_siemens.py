@@ -48,7 +48,9 @@ def test_a_description_of_a_wrong_length_is_told_in_7002_too_and_sends_to_the_sc
     told = shipped("s7-iso-passive", "set TSEND_C_1 CONT=1", "run 50", old=TSAPS, new=f'bytes = "{data}"')
     size = len(bytes.fromhex(data))
     advice = told.of("TSEND_C_1")
-    assert advice.why.startswith("C1 is not built since scan 2, 0.4 s: the connection description is wrong, ")
+    assert advice.why.startswith(
+        "C1 is not built since scan 2, 0.4 s: the connection description is wrong (press C), "
+    )
     assert f"{size} bytes, TCON_IP_RFC has 80; the next attempt in" in advice.why
     assert advice.checks == (
         "the last attempt ended in 809A in scan 2: take the structure alone, all of it: not the DB or UDT "
@@ -70,7 +72,9 @@ def test_a_wrong_tsap_of_our_own_is_no_matter_of_ports_in_7002() -> None:
 def test_a_name_that_nobody_knows_is_what_7002_speaks_of() -> None:
     path = CONFIGS / "scenarios" / "siemens" / "80d3-names.toml"
     advice = desk(path, "set X_unknown CONT=1", "run 20").of("X_unknown")
-    assert advice.why.startswith("C2 is not built since scan 2, 0.1 s: the connection description is wrong, ")
+    assert advice.why.startswith(
+        "C2 is not built since scan 2, 0.1 s: the connection description is wrong (press C), "
+    )
     assert "the DNS server does not know plc9.line.invalid." in advice.why
     assert advice.checks[0].startswith(
         "the last attempt ended in 80D3 in scan 2: `getent hosts plc9.line.inv"

@@ -85,7 +85,8 @@ def _not_built(e: Evidence) -> str:
     if attempt is None or attempt.cause.call not in NOT_BUILT or e.config is None or e.link is None:
         return ""
     detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
-    return f"{e.config.name} is not built{_since(e)}: {attempt.cause.name}{detail}{_again(e)}"
+    press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
+    return f"{e.config.name} is not built{_since(e)}: {attempt.cause.name}{press}{detail}{_again(e)}"
 
 
 def selector(data: bytes) -> str:

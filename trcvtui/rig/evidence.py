@@ -59,8 +59,10 @@ class Evidence:
 
     @property
     def is_datagram(self) -> bool:
-        """Return whether its CONNECT is one of UDP."""
-        return self.config is not None and self.config.is_datagram
+        """Return whether datagrams move: its CONNECT is one of UDP, or a UDP_CONFIG."""
+        if self.config is not None:
+            return self.config.is_datagram
+        return self.link is not None and self.link.udp
 
     @property
     def is_message(self) -> bool:

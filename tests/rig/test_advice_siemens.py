@@ -10,8 +10,11 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.rig.told import Told
 from trcvtui.blocks.conditions import Condition
+from trcvtui.net.answers import Fault
+from trcvtui.net.notes import ConnectionNote, What
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.assembly import Bench
+from trcvtui.rig.fact_book import FactBook
 from trcvtui.rig.local_driver import LocalDriver
 
 TSAPS = 'ActiveEstablished = false\nLocalTSelector = "E0 02"\nRemoteTSelector = "E0 01"\nIsoPort = 0'
@@ -104,6 +107,20 @@ def test_a_certificate_that_was_not_shown_stays_told_while_the_next_client_is_wa
     assert told.of("TRCV_C_1").checks[0].startswith("the last attempt ended in 80E4 in scan ")
     told.do("peer good connect", "run 20", "peer good close", "run 20")
     assert "last attempt" not in said(told, "TRCV_C_1")
+
+
+def test_what_kept_a_connection_from_being_built_is_forgotten_when_it_is_built() -> None:
+    book = FactBook()
+    failed = ConnectionNote(
+        "C1", 0, What.ATTEMPT_FAILED, fault=Fault("description", "wrong TSAP"), detail="x"
+    )
+    book.take([(2, 20, failed)])
+    attempt = book.facts("X", "C1").attempt
+    assert attempt is not None
+    assert (attempt.at.scan, attempt.cause.call, attempt.cause.detail) == (2, "description", "x")
+    book.take([(102, 1020, ConnectionNote("C1", 0, What.CONNECTING))])
+    facts = book.facts("X", "C1")
+    assert (facts.attempt, facts.failures) == (None, ())
 
 
 # -- TSAPs ---------------------------------------------------------------------------------------------------

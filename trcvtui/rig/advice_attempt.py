@@ -11,8 +11,9 @@ from dataclasses import replace
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.rig.advice_link import NOT_BUILT, lost_before
+from trcvtui.rig.advice_link import lost_before
 from trcvtui.rig.evidence import Evidence
+from trcvtui.rig.facts import NOT_BUILT
 
 Rule = Callable[[Evidence], str]
 # What shows while a connection is built; RUNNING of the block that builds one.

@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.description_check import Protocol, meaning
 from trcvtui.rig.evidence import Evidence
-from trcvtui.rig.facts import Failures
+from trcvtui.rig.facts import NOT_BUILT, Failures
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.wording import age, count, times
 
@@ -39,7 +39,6 @@ NO_CALL: Final = {
     "session ECONNRESET": "taken and given up by the partner",
 }
 OTHER: Final = {"session": "the handshake failed", "resolve": "the name was not found"}
-NOT_BUILT: Final = frozenset({"description", "identity"})  # these attempts end before there is a socket
 
 
 # -- what is waited for -----------------------------------------------------------------------------------

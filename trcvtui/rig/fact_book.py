@@ -20,6 +20,7 @@ from trcvtui.net.shared_listener import DROPPED
 from trcvtui.net.shared_listener import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Event, Line, PeerSent, StatusEdge
 from trcvtui.rig.facts import (
+    NOT_BUILT,
     PAUSE_SCANS,
     Attempt,
     Drop,
@@ -113,6 +114,13 @@ class _Link:
         """Forget what failed: it stands, or waits for whoever comes."""
         self.failures.clear()
         self.attempt = self.dropped = self.said = None
+
+    def is_built(self) -> None:
+        """Forget what kept it from having a socket."""
+        for error in [error for error in self.failures if error.partition(" ")[0] in NOT_BUILT]:
+            del self.failures[error]
+        if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
+            self.attempt = None
 
     def begin_stream(self) -> None:
         """Begin with a new connection: offsets count from 0 again."""
@@ -227,6 +235,7 @@ class FactBook:
                 link.datagrams, link.down_since = _Datagrams(at), None
         elif event.what is What.CONNECTING:
             link.down_since = link.down_since or at
+            link.is_built()
 
     def _ended(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
         if event.what in (What.DISCONNECTED, What.STOPPED):

@@ -10,6 +10,7 @@ from typing import Final
 
 from trcvtui.blocks.cause import Cause
 
+NOT_BUILT: Final = frozenset({"description", "identity"})  # these attempts end before there is a socket
 PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
 
 

@@ -194,6 +194,14 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
     )
 
 
+# There is no word for a socket in this manual: 7001 begins to connect, 7002 goes on (2.1).
+WORDS: Final[Mapping[str, str]] = {
+    Condition.CREATING: "connecting begins",
+    Condition.CREATED: "connecting",
+    Condition.NO_SOCKET: "no resources",
+}
+
+
 def _answer_of(cpu: Cpu, chosen: Mapping[str, SwitchValue]) -> Rules:
     return answer({switch.name: switch.default for switch in SWITCHES} | dict(chosen), cpu)
 
@@ -210,6 +218,7 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         layout="s7-standard",
         describes_connects=True,
         folder="siemens",
+        words=WORDS,
         answer=partial(_answer_of, cpu),
     )
 

@@ -88,7 +88,7 @@ class InstanceList(LineView):
             ("▸ " if selected else "  ", "key"),
             (squeeze(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
             (_partner_text(connection, columns), "dim"),
-            *_status(instance, columns),
+            *_status(instance, self._scene.project.dialect.label(instance.condition), columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
         ]
@@ -162,14 +162,13 @@ def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
     return f"{letter}{lamp(on, glowing)} ", style if on else "glow" if glowing else "faint"
 
 
-def _status(instance: InstanceSnapshot, columns: Columns) -> list[Part]:
+def _status(instance: InstanceSnapshot, condition: str, columns: Columns) -> list[Part]:
     style = "error" if instance.error else "done" if instance.done else "busy" if instance.busy else ""
     word = status_word(instance.status)[-columns.word :]
     return [
         (word + " ", style),
         (
-            clip(instance.condition, columns.condition).ljust(columns.condition + 1)
-            * bool(columns.condition),
+            clip(condition, columns.condition).ljust(columns.condition + 1) * bool(columns.condition),
             style,
         ),
     ]

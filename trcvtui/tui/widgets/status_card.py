@@ -89,8 +89,12 @@ class StatusCard(LineView):
             rows.append(row(*lamps))
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
+        label = "else" if told.checks else "next"
+        if told.code is not None:  # the last attempt's row says more than "connecting"
+            found = self._scene.project.dialect.row(told.code, shown.block) or found
+            label = f"{told.code:04X}"
         if found is not None:
-            rows += self._paragraph("else" if told.checks else "next", found.checks_of(shown.block), "dim")
+            rows += self._paragraph(label, found.checks_of(shown.block), "dim")
             rows += self._paragraph("means", found.causes_of(shown.block), "dim")
         return rows
 

@@ -68,3 +68,12 @@ LocalTSelector = "E0 02"
         "RemoteTSelector := (TSelLength := 0, TSel := [])",
         "LocalTSelector := (TSelLength := 2, TSel := [16#E0, 16#02])",
     )
+
+
+def test_a_free_port_says_so_and_where_it_listens_now() -> None:
+    text = 'dialect = "s7-1500"\n[[connect]]\nname = "C1"\nListenPort = 0\n'
+    config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
+    closed, open_ = description_view(config), description_view(config, "127.0.0.1:40001")
+    assert closed is not None and open_ is not None
+    assert closed.says == "TCP, passive on 127.0.0.1, a free port"
+    assert open_.says == "TCP, passive on 127.0.0.1:40001, a free port"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,12 +13,14 @@ from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
+from trcvtui.net.description import Description, pack
 from trcvtui.plc.project import Project
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.st_call import st_call
 from trcvtui.tui.app import BenchApp
+from trcvtui.tui.screens.description import DescriptionScreen
 
 SCENARIOS = CONFIGS / "scenarios"
 SINGLE, UDP = "siemens/1-10-single-instructions.toml", "siemens/udp-send-and-receive.toml"
@@ -174,6 +177,21 @@ async def test_a_long_name_takes_as_many_lines_as_it_needs_and_its_zeros_one() -
         await shown.press("2", "C")
         assert "RemoteQDN" in shown.text and "00 × " in shown.text
         assert "LocalPort" in shown.text, "a structure of 266 bytes fits a small screen"
+
+
+async def test_a_long_value_goes_on_below_instead_of_being_cut() -> None:
+    name = "a-rather-long-host-name.of-a-line.in-a-hall.of-a-plant.example."
+    async with bench("siemens/80d3-names.toml") as shown:
+        config = shown.app.scene.project.connects[0]
+        assert config.description is not None
+        values = {**config.description.values(), "RemoteQDN": name}
+        structure = config.description.structure
+        longer = replace(config, description=Description(structure, pack(structure, values)))
+        await shown.app.push_screen(DescriptionScreen([longer], longer.name, {}))
+        await shown.press()
+        column = shown.line("RemoteQDN").index("a-rather")
+        shown_name = "".join(line[column:].split("│")[0].strip() for line in shown.text.splitlines()[1:])
+        assert name in shown_name and "…" not in shown_name
 
 
 async def test_a_description_is_yanked_as_hex_and_as_scl(state: Path) -> None:

@@ -256,7 +256,7 @@ class BenchApp(App[None]):
         configs = [each for each in self.scene.project.connects if each.description is not None]
         instance = self.scene.instance
         if configs and instance is not None:
-            self.push_screen(DescriptionScreen(configs, instance.connect))
+            self.push_screen(DescriptionScreen(configs, instance.connect, self.scene.listening()))
         else:
             self.main.prompt.complain("no CONNECT of this project has a connection description")
 

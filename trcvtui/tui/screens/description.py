@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from textual.binding import Binding
@@ -23,11 +23,12 @@ class DescriptionText(LineView):
     def __init__(self) -> None:
         super().__init__(id="description")
         self.config: ConnectConfig | None = None
+        self._listens = ""
         self._rows: list[Row] = []
 
-    def draw(self, config: ConnectConfig) -> None:
-        """Show another one from its beginning."""
-        self.config = config
+    def draw(self, config: ConnectConfig, listens: str) -> None:
+        """Show another one from its beginning; `listens`: the end where it listens now."""
+        self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
         self._break()
 
@@ -36,7 +37,7 @@ class DescriptionText(LineView):
         self._break()
 
     def _break(self) -> None:
-        view = description_view(self.config) if self.config is not None else None
+        view = description_view(self.config, self._listens) if self.config is not None else None
         self._rows = description_rows(view, max(40, self.line_width - 1)) if view is not None else []
         self.resize_rows()  # also while it has no height yet
         self.refresh()
@@ -70,9 +71,10 @@ class DescriptionScreen(ModalScreen[None]):
     }
     """
 
-    def __init__(self, configs: Sequence[ConnectConfig], name: str) -> None:
+    def __init__(self, configs: Sequence[ConnectConfig], name: str, listens: Mapping[str, str]) -> None:
         super().__init__()
         self._configs = configs
+        self._listens = listens  # by name: where they listen now
         self._place = next((n for n, each in enumerate(configs) if each.name == name), 0)
         self._text = DescriptionText()
 
@@ -93,7 +95,7 @@ class DescriptionScreen(ModalScreen[None]):
         size = len(config.description.data) if config.description is not None else 0
         which = f" {self._place + 1}/{len(self._configs)}" if many else ""
         self._text.set_title(None, plain(config.name), f"{size} bytes{which}")
-        self._text.draw(config)
+        self._text.draw(config, self._listens.get(config.name, ""))
         self._tell("y hex  s SCL  " + ("← → other CONNECT  " if many else "") + "esc")
 
     def _tell(self, words: str) -> None:

@@ -6,6 +6,7 @@ from typing import ClassVar, Final
 
 from textual import events
 
+from trcvtui.plc.secure_view import security_of
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
@@ -158,7 +159,8 @@ class FunctionBlock(LineView):
             return EMPTY
         if y == 0:
             link = " CONFIG  " if instance.on_config else " CONNECT "
-            return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
+            end = (plain(instance.connect), "strong")
+            return row((link, "dim"), end, *self._secured(instance), (self._connection(), "dim"))
         if y == 1:
             return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
         if y == 2:
@@ -195,6 +197,10 @@ class FunctionBlock(LineView):
         if connection.udp:
             return self._address() or f"  UDP, {connection.state}"
         return f"  {'active' if connection.active else 'passive'}, {connection.state}"
+
+    def _secured(self, instance: InstanceSnapshot) -> list[Part]:
+        found = security_of(self._scene.project.connect(instance.connect))
+        return [(f"  {found.text}", "error strong" if found.is_unsafe else "dim")] if found else []
 
     def _address(self) -> str:
         """Return ADDR and what stands in it: `SOURCE 127.0.0.1:51322`."""

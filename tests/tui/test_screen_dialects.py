@@ -127,6 +127,26 @@ async def test_a_block_is_drawn_with_the_pins_that_its_manual_draws(
         assert not any(pin in box for pin in missing), shown.text
 
 
+@BOTH
+async def test_a_single_instruction_shows_the_id_of_its_connection_and_lets_nobody_change_it(
+    size: tuple[int, int],
+) -> None:
+    async with bench(SINGLE, size) as shown:
+        await shown.select("TSEND_1")
+        assert re.search(r"REQ ▷┤.*\n.*  ID ─┤ 1 .*\n.*LEN ─┤ 0", shown.text)
+        await shown.press("down", "enter")
+        assert "ID is 1: the description of C1 says so (C)" in shown.words
+        await shown.select("TCON_1")
+        assert "ID ─┤ 1" in shown.text and "CONNECT C1" in shown.words
+        assert " ID ─┤" not in shown.text.replace("ID ─┤ 1", "")
+
+
+async def test_a_block_with_connect_alone_has_no_id() -> None:
+    async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml") as shown:
+        await shown.select("TRCV_C_1")
+        assert "ID ─┤" not in shown.text
+
+
 async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
     async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", WIDE) as shown:
         await shown.select("TRCV_C_1")

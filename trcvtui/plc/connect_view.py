@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from trcvtui.net.connect_config import ConnectConfig as ConnectConfig
-from trcvtui.net.description import Field, FieldType, Value, rows
 from trcvtui.net.description import Row as Row
-from trcvtui.net.description_check import Protocol, field_name, meaning
+from trcvtui.net.description import rows
+from trcvtui.net.description_check import Flaw, Protocol, field_name, meaning
 from trcvtui.plc.secure_view import WARNING, certificate_remarks, security_of
 
 TYPE_FIELDS: Final = ("ConnectionType", "connection_type")
@@ -49,42 +49,10 @@ def description_view(config: ConnectConfig, listens: str = "") -> DescriptionVie
     )
 
 
-def initial_values(config: ConnectConfig) -> tuple[str, ...]:
-    """Return the fields as the initial values of a DB, in SCL; () where the dialect has no descriptions."""
-    description = config.description
-    if description is None:
-        return ()
-    fields = description.structure.fields
-    return tuple([f"{field.name} := {_literal(field, description.value(field.name))}" for field in fields])
-
-
-def _literal(field: Field, value: Value) -> str:
-    match field.type, value:
-        case FieldType.TRUTH, _:
-            return str(value).upper()
-        case FieldType.ADDRESS, str():
-            return f"(ADDR := [{', '.join(value.split('.'))}])"
-        case FieldType.SELECTOR, bytes():
-            return f"(TSelLength := {len(value)}, TSel := {_array(value)})"
-        case FieldType.NAME, str():
-            return "'" + "".join(_character(one) for one in value) + "'"
-        case FieldType.BYTES, bytes():
-            return _array(value)
-        case _:
-            return str(value)
-
-
-def _array(data: bytes) -> str:
-    return "[" + ", ".join(f"16#{byte:02X}" for byte in data) + "]"
-
-
-def _character(one: str) -> str:
-    """Return a character as a STRING literal has it."""
-    return one if one.isprintable() and one not in "'$" else f"${ord(one):02X}"
-
-
 def _says(config: ConnectConfig, listens: str) -> str:
     assert config.description is not None
+    if config.flaw is not None and config.flaw.flaw is Flaw.NO_DESCRIPTION:
+        return "no connection description"
     protocol = meaning(config.description).protocol
     if protocol in (Protocol.UNKNOWN, Protocol.CONFIGURED):
         return str(protocol)

@@ -79,9 +79,11 @@ def _read(kind: str, table: Table, project: Project) -> Declaration | None:
         case "instance":
             blocks = tuple(block for block in project.dialect.blocks if block in PINS)
             reader.check_pins(table, _head(project))
-            return parts.read_instance(table, blocks, project.tasks[0].name)
+            return parts.read_instance(table, blocks, project.tasks[0].name, project.rules)
         case "connect":
             return reader.connect(table, len(project.connects) + 1, _head(project), project.certificates)
+        case "addr":
+            return reader.addr(table, _head(project))
         case "peer":
             return parts.read_peer(table, project.certificates)
         case _:
@@ -90,7 +92,6 @@ def _read(kind: str, table: Table, project: Project) -> Declaration | None:
 
 _READERS: Final[dict[str, Callable[[Table], Declaration | None]]] = {
     "udp_config": parts.read_udp_config,
-    "addr": parts.read_addr,
     "message": parts.read_message,
     "sequence": parts.read_sequence,
 }

@@ -63,6 +63,9 @@ def _udp_config(c: UdpConfig) -> Keys:
 
 
 def _addr(a: AddrParam) -> Keys:
+    if a.description is not None:
+        keys: Keys = [("type", a.description.structure.name), ("bytes", a.description.data.hex(" "))]
+        return keys + ([("RemotePort", a.remote_port)] if isinstance(a.remote_port, str) else [])
     return [
         *_unless(ANY_ADDRESS, "RemoteAddress", a.remote_address),
         *_unless(0, "RemotePort", a.remote_port),

@@ -19,6 +19,7 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
+from trcvtui.plc.addr_words import read_described_addr
 from trcvtui.plc.connect_descriptions import read_described
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
@@ -121,7 +122,7 @@ class Reader:
             data=_present([self.data(table, types, head) for table in tables["data"]]),
             connects=self.connects(tables["connect"], head, certificates),
             udp_configs=_present([parts.read_udp_config(table) for table in tables["udp_config"]]),
-            addrs=_present([parts.read_addr(table) for table in tables["addr"]]),
+            addrs=_present([self.addr(table, head) for table in tables["addr"]]),
             instances=self.instances(tables["instance"], head, tasks[0].name),
             peers=_present([parts.read_peer(table, certificates) for table in tables["peer"]]),
             messages=_present([parts.read_message(table) for table in tables["message"]]),
@@ -197,11 +198,15 @@ class Reader:
             return parts.read_connect(table)
         return read_described(table, number, head.rules(), certificates, head.dialect.structures)
 
+    def addr(self, table: Table, head: Head) -> AddrParam | None:
+        return read_described_addr(table) if head.dialect.describes_connects else parts.read_addr(table)
+
     def instances(self, tables: list[Table], head: Head, first_task: str) -> tuple[InstanceDecl, ...]:
         blocks = tuple(block for block in head.dialect.blocks if block in PINS)
         for table in tables:
             self.check_pins(table, head)
-        return _present([parts.read_instance(table, blocks, first_task) for table in tables])
+        rules = head.rules()
+        return _present([parts.read_instance(table, blocks, first_task, rules) for table in tables])
 
     def check_pins(self, table: Table, head: Head) -> None:
         for pin in head.rules().lacks:

@@ -9,7 +9,8 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
-from trcvtui.plc.connect_view import ConnectConfig, description_view, initial_values
+from trcvtui.plc.connect_view import ConnectConfig, description_view
+from trcvtui.plc.initial_values import declaration
 from trcvtui.tui.description_lines import description_rows
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.styles import COMPONENT_CLASSES
@@ -114,11 +115,8 @@ class DescriptionScreen(ModalScreen[None]):
 
     def action_source(self) -> None:
         """Take the fields as the initial values of a DB."""
-        lines = ",\n".join(f"    {field}" for field in initial_values(self._config))
-        description = self._config.description
-        if description is not None:
-            text = f"{self._config.name} : {description.structure.name} := (\n{lines}\n);\n"
-            self._take("the description in SCL", text, ".scl")
+        if self._config.description is not None:
+            self._take("the description in SCL", declaration(self._config) + "\n", ".scl")
 
     def _take(self, name: str, text: str, suffix: str) -> None:
         from trcvtui.tui.taking import take  # read when first asked for

@@ -34,7 +34,7 @@ class FunctionBlock(LineView):
         super().__init__(id="block")
         self._scene = scene
         self._voice = voice
-        self._drawings: dict[str, Drawing] = {}
+        self._drawings: dict[tuple[str, str], Drawing] = {}
         self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
         self._cursor = 0
         self._hover: int | None = None
@@ -59,9 +59,10 @@ class FunctionBlock(LineView):
         instance = self._scene.instance or self._scene.project.instance(self._scene.selected)
         if instance is None:
             return Drawing()
-        if instance.block not in self._drawings:
-            self._drawings[instance.block] = drawing_of(self._scene.project, instance.block)
-        return self._drawings[instance.block]
+        drawn = instance.block, instance.connect
+        if drawn not in self._drawings:
+            self._drawings[drawn] = drawing_of(self._scene.project, *drawn)
+        return self._drawings[drawn]
 
     def show(self) -> None:
         """Repaint what changed."""
@@ -224,6 +225,8 @@ class FunctionBlock(LineView):
         instance = self._scene.instance
         if instance is None:
             return 0, False
+        if pin.is_fixed:
+            return self._scene.project.identity(instance.block, instance.connect) or 0, False
         waiting = self._pending.get((instance.name, pin.name))
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 
@@ -240,7 +243,9 @@ class FunctionBlock(LineView):
         if instance is None or snapshot is None:
             return
         value, _ = self.value_of(pin)
-        if not pin.is_bool:
+        if pin.is_fixed:
+            self._voice.complain(f"{pin.name} is {value}: the description of {instance.connect} says so (C)")
+        elif not pin.is_bool:
             self._voice.open_prompt(f"set {instance.name} {pin.name}=")
         elif pin.edge:
             self._voice.submit(f"pulse {instance.name} {pin.name}")

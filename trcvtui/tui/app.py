@@ -155,6 +155,8 @@ class BenchApp(App[None]):
         """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self._engine.close()
+            if self.race is not None:
+                self.race.forget()
             os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
 
     def submit(self, line: str) -> None:

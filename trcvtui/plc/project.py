@@ -160,9 +160,10 @@ class Project:
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""
         labels = self.rules.labels.get(block, {})
+        done = labels.get("DONE", "DONE")
         return tuple(
             [
-                replace(pin, label=labels[pin.name]) if pin.name in labels else pin
+                replace(pin, label=labels.get(pin.name, pin.label), text=pin.text.replace("DONE", done))
                 for pin in map(self.rules.typed, PINS[block])
                 if pin.name not in self.rules.lacks
             ]

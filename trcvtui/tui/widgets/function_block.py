@@ -10,6 +10,7 @@ from trcvtui.plc.secure_view import security_of
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
+from trcvtui.tui.keys import PIN_LETTERS
 from trcvtui.tui.messages import DescriptionWanted
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
@@ -235,6 +236,9 @@ class FunctionBlock(LineView):
         pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
         if pin is not None:
             self.toggle(pin)
+        elif self._scene.instance is not None:
+            missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
+            self._voice.complain(f"{self._scene.instance.block} has no {missing}")
         return pin is not None
 
     def toggle(self, pin: DrawnPin) -> None:

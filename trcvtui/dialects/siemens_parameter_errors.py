@@ -225,7 +225,7 @@ PARAMETER_ERRORS: Final = (
         ),
         (
             "key `data` of the T_DIAG instance, and the size of that variable",
-            "ARRAY[0..15] OF BYTE is enough to look at it in hex",
+            "declare it as TDiag_Status; ARRAY[0..15] OF BYTE is enough to look at it in hex",
         ),
         Reach.LOGIC,
         "siemens.md 1.10, 2.6",

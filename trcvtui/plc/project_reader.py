@@ -113,7 +113,7 @@ class Reader:
         self.check_names(tables, head.dialect.describes_connects)
         constants = parts.read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         files = [self.file_of(table) for table in self.entries("udt")]
-        types = self.types(files, constants)
+        types = self.types(files, constants, head.dialect.types)
         certificates = read_certificates(tables["certificate"], self.base)
         tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
         return Body(
@@ -151,12 +151,13 @@ class Reader:
         for table in tables["message"]:
             names.check_message(table)
 
-    def types(self, files: list[Path | None], constants: Mapping[str, int]) -> TypeSet | None:
-        """Return the UDTs of all files, None where a file cannot be read."""
-        if not files:
+    def types(self, files: list[Path | None], constants: Mapping[str, int], library: str) -> TypeSet | None:
+        """Return the UDTs of all files and the library's, None where a file cannot be read."""
+        if not files and not library:
             return join([], NO_TYPES.where, constants)
         try:
-            types = read_files([file for file in files if file is not None], constants)
+            read = [file for file in files if file is not None]
+            types = read_files(read, constants, library=library)
         except UserError as refused:
             self.problems += refused.problems
             return None

@@ -94,6 +94,7 @@ class PeerDecl:
     layout: str | None = None
     byte_order: str | None = None
     session: Settings | None = None
+    tls: tuple[tuple[str, bool | int | str], ...] = ()  # what its table says of TLS, certificates by number
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,7 +91,8 @@ def _peer(p: PeerDecl) -> Keys:
     keys += [("says", list(p.says))] if p.says else []
     keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
     keys += [("replies", list(p.replies))] if p.replies else []
-    return keys + (keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else [])
+    keys += keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else []
+    return keys + list(p.tls)
 
 
 def _message(m: MessageDecl) -> Keys:

@@ -230,19 +230,23 @@ def read_peer(table: Table, certificates: Certificates) -> PeerDecl | None:
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
     layout, byte_order = table.read("layout", LAYOUT), table.read("byte_order", BYTE_ORDER)
-    session = _read_session(table, certificates)
+    session, tls = _read_session(table, certificates)
     table.finish()
     if name is None or end is None:
         return None
-    decl = PeerDecl(name, active, end, source, reconnect, says, every, replies=replies, session=session)
+    decl = PeerDecl(
+        name, active, end, source, reconnect, says, every, replies=replies, session=session, tls=tls
+    )
     return replace(decl, layout=layout, byte_order=byte_order)
 
 
-def _read_session(table: Table, certificates: Certificates) -> Settings | None:
+def _read_session(
+    table: Table, certificates: Certificates
+) -> tuple[Settings | None, tuple[tuple[str, bool | int | str], ...]]:
     iso, secure = read_iso(table), read_peer_tls(table, certificates)
     if iso is not None and secure is not None:
         table.wrong("tls", "true beside iso = true", "one of them")
-    return iso or secure
+    return (iso, ()) if secure is None else (secure.settings, secure.keys)
 
 
 def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tomlkit.items import AoT, Table
 
 CRLF: Final = "\r\n"
+FILES: Final = {"udt": ("file",), "certificate": ("file", "key")}  # what names a file beside the project
 
 
 def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
@@ -35,13 +36,21 @@ def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
 
 
 def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
-    """Return the text of a project in the folder `old` as it has to be in `new`: UDTs are files beside it."""
+    """Return the text of a project in the folder `old` as it has to be in `new`: UDTs and
+    certificates are files beside it.
+    """
     wanted = parse_toml(text, where)
-    ways = [_way(entry["file"], old, new) for entry in wanted.get("udt", [])]
-    if all(entry["file"] == way for entry, way in zip(wanted.get("udt", []), ways, strict=True)):
+    ways = [
+        (kind, number, key, _way(entry[key], old, new))
+        for kind, keys in FILES.items()
+        for number, entry in enumerate(wanted.get(kind, []))
+        for key in keys
+        if key in entry
+    ]
+    if all(wanted[kind][number][key] == way for kind, number, key, way in ways):
         return text
-    for entry, way in zip(wanted["udt"], ways, strict=True):
-        entry["file"] = way
+    for kind, number, key, way in ways:
+        wanted[kind][number][key] = way
     return _checked(text, wanted, where, lambda plain: _with_ways(plain, ways))
 
 
@@ -178,10 +187,10 @@ def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
     return append
 
 
-def _with_ways(plain: str, ways: Sequence[str]) -> str | None:
+def _with_ways(plain: str, ways: Sequence[tuple[str, int, str, str]]) -> str | None:
     document = _parsed(plain)
     if document is None:
         return None
-    for entry, way in zip(document["udt"], ways, strict=True):
-        entry["file"] = way
+    for kind, number, key, way in ways:
+        document[kind][number][key] = way
     return document.as_string()

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.plc.project_keys import KIND_OF, Declaration, KeyValue, keys_of
+from trcvtui.plc.project_keys import KIND_OF, Declaration, KeyValue, entry_of
 from trcvtui.plc.toml_file import parse_toml
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
     for decl in decls:
         entries = wanted.setdefault(KIND_OF[type(decl)], [])
         if isinstance(entries, list):
-            entries.append({"name": decl.name, **dict(keys_of(decl))})
+            entries.append(dict(entry_of(decl)))
     return _checked(text, wanted, where, lambda plain: _in_their_places(plain, decls), _at_the_end(decls))
 
 
@@ -49,9 +49,16 @@ def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
     ]
     if all(wanted[kind][number][key] == way for kind, number, key, way in ways):
         return text
+    others = {wanted[kind][number][key]: way for kind, number, key, way in ways}
     for kind, number, key, way in ways:
         wanted[kind][number][key] = way
-    return _checked(text, wanted, where, lambda plain: _with_ways(plain, ways))
+    return _checked(
+        text,
+        wanted,
+        where,
+        lambda plain: _with_ways(plain, ways),
+        lambda plain: _with_texts(plain, others),
+    )
 
 
 def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
@@ -157,7 +164,7 @@ def _table(decl: Declaration) -> Table:
     import tomlkit
 
     table = tomlkit.table()
-    for key, value in [("name", decl.name), *keys_of(decl)]:
+    for key, value in entry_of(decl):
         table.append(key, _item(value))
     return table
 
@@ -185,6 +192,13 @@ def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
         return plain + "".join(tables)
 
     return append
+
+
+def _with_texts(plain: str, others: Mapping[str, str]) -> str:
+    """Return the text with these strings in the place of others, where tomlkit cannot give it back."""
+    for old, new in others.items():
+        plain = plain.replace(f"= {json.dumps(old)}", f"= {json.dumps(new)}")
+    return plain
 
 
 def _with_ways(plain: str, ways: Sequence[tuple[str, int, str, str]]) -> str | None:

@@ -32,6 +32,11 @@ class CertificateDecl:
     file: str
     key: str = ""
 
+    @property
+    def name(self) -> str:
+        """Return what it is called: its number."""
+        return str(self.number)
+
 
 Certificates = Mapping[int, CertificateDecl]
 

@@ -43,6 +43,7 @@ class Dialect:
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
     `structures`: the connection descriptions that it takes, () all of them.
+    `types`: in ST, those that its library brings along.
     `folder`: where its scenarios lie, when that has another name.
     `words`: what it calls a condition whose neutral word is another vendor's.
     """
@@ -59,6 +60,7 @@ class Dialect:
     describes_connects: bool = False
     structures: tuple[str, ...] = ()
     folder: str = ""
+    types: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
 
     def label(self, condition: str) -> str:

@@ -16,6 +16,7 @@ from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens_blocks import ALL
 from trcvtui.dialects.siemens_secure import SECURE_SET_UP
 from trcvtui.dialects.siemens_status import STATUS
+from trcvtui.dialects.siemens_types import TDIAG_STATUS
 from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.description_check import Flaw
 from trcvtui.net.identities import Taken
@@ -219,6 +220,7 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         describes_connects=True,
         folder="siemens",
         words=WORDS,
+        types=TDIAG_STATUS,
         answer=partial(_answer_of, cpu),
     )
 

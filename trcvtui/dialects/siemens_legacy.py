@@ -137,6 +137,7 @@ def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
         newer,
         status_of=codes_of(_SHOWN),
         lacks=frozenset({"ADHOC"}),
+        types={"LEN": "UINT", "RCVD_LEN": "UINT"},  # 1.11
         receiving_part=Condition.RECEIVING_PART,
         area=replace(newer.area, adhoc_lens=AD_HOC),
         course=replace(

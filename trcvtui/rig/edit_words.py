@@ -7,8 +7,18 @@ from dataclasses import dataclass, field
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.project import DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl
+from trcvtui.plc.tls_words import CertificateDecl
 
-AddedDecl = ConnectConfig | UdpConfig | AddrParam | InstanceDecl | PeerDecl | MessageDecl | SequenceDecl
+AddedDecl = (
+    ConnectConfig
+    | UdpConfig
+    | AddrParam
+    | InstanceDecl
+    | PeerDecl
+    | MessageDecl
+    | SequenceDecl
+    | CertificateDecl
+)
 
 
 @dataclass(frozen=True, slots=True)

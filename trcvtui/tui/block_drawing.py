@@ -10,12 +10,12 @@ from trcvtui.tui.afterglow import DONE, ERROR, Afterglow
 from trcvtui.tui.formatting import lamp, status_word
 from trcvtui.tui.keys import letters_of
 
-UNNAMED: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
-LAMP_STYLES: Final = {"ERROR": "error", "DONE": "done", "BUSY": "busy"}
-
 
 class DrawnPin(NamedTuple):
-    """A pin as the drawing needs it; `letter` toggles it, "" on an output. `label` is drawn as its name."""
+    """A pin as the drawing needs it; `letter` toggles it, "" on an output. `label` is drawn as its name.
+
+    `is_fixed`: the project file says what stands there, as it does at CONNECT.
+    """
 
     name: str
     text: str
@@ -23,6 +23,14 @@ class DrawnPin(NamedTuple):
     edge: bool
     letter: str
     label: str
+    is_fixed: bool = False
+
+
+UNNAMED: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
+ID: Final = DrawnPin(
+    "ID", "the ID of the connection, as its description has it", False, False, "", "ID", True
+)
+LAMP_STYLES: Final = {"ERROR": "error", "DONE": "done", "BUSY": "busy"}
 
 
 class Drawing(NamedTuple):
@@ -47,8 +55,8 @@ class Drawing(NamedTuple):
         return max(len(self.inputs), len(self.outputs))
 
 
-def drawing_of(project: Project, block: str) -> Drawing:
-    """Return the drawing of a block."""
+def drawing_of(project: Project, block: str, connect: str) -> Drawing:
+    """Return the drawing of a block that works on a CONNECT; its ID stands behind the first pin."""
     pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
     letters = letters_of(pin.name for pin in pins if pin.direction != "out")
     drawn = [
@@ -66,6 +74,8 @@ def drawing_of(project: Project, block: str) -> Drawing:
         for pin in pins
     ]
     inputs = tuple(pin for direction, pin in drawn if direction != "out")
+    if project.identity(block, connect) is not None:
+        inputs = (*inputs[:1], ID, *inputs[1:])
     return Drawing(inputs, tuple(pin for direction, pin in drawn if direction == "out"))
 
 

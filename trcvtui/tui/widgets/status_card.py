@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.secure_view import WARNING, security_of
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.afterglow import DONE, ERROR
 from trcvtui.tui.explain import Explainer
@@ -87,6 +88,7 @@ class StatusCard(LineView):
             rows += [row(*lamps), row(*rest)]
         elif lamps:
             rows.append(row(*lamps))
+        rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
         label = "else" if told.checks else "next"
@@ -97,6 +99,13 @@ class StatusCard(LineView):
             rows += self._paragraph(label, found.checks_of(shown.block), "dim")
             rows += self._paragraph("means", found.causes_of(shown.block), "dim")
         return rows
+
+    def _unsafe(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
+        project = self._scene.project
+        name = shown.name if isinstance(shown, InstanceSnapshot) else shown.instance
+        decl = project.instance(name)
+        found = security_of(project.connect(decl.connect)) if decl is not None else None
+        return [WARNING] if found is not None and found.is_unsafe else []
 
     def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
         rows: list[Row] = []

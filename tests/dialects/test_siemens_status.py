@@ -135,7 +135,9 @@ _RECEIVES = {Condition.RECEIVED, Condition.RECEIVE_FAILED, Condition.MESSAGE_TOO
 _SINGLE = {Condition.NOT_CALLED, Condition.NO_JOB, Condition.STARTED, Condition.RUNNING}
 _ENDS = _SINGLE | {Condition.FINISHED}
 
-NOT_BEFORE_3 = {Condition.JOB_BEGINS, Condition.ESTABLISHED}
+# A TCON_Param, the one description that they take, has no name and no certificate.
+_NAMES_AND_TLS = {c for c in Condition if c.name.startswith(("TLS_", "NAME_"))} | {Condition.NO_RESOLVER}
+NOT_BEFORE_3 = {Condition.JOB_BEGINS, Condition.ESTABLISHED} | _NAMES_AND_TLS
 
 # What each block can show: the conditions that its code makes.
 CAN_SHOW = {
@@ -213,6 +215,7 @@ def test_instructions_before_3_have_one_row_for_each_condition_that_they_can_sho
     for block in legacy.blocks:
         rows = Counter(c for row in legacy.status if block in row.blocks for c in row.conditions)
         assert {str(c): rows[c] for c in CAN_SHOW[block] - NOT_BEFORE_3 if rows[c] != 1} == {}
+        assert {str(c) for c in _NAMES_AND_TLS if rows[c]} == set()
     rules = legacy.answer({})
     assert rules.word("TSEND_C", Condition.ESTABLISHING) == 0x7001
     assert rules.word("TSEND_C", Condition.SENDING) == 0x7002
@@ -264,3 +267,25 @@ def test_a_row_that_nothing_here_shows_says_why_and_the_others_have_a_condition(
 def test_a_code_that_is_not_certain_says_so(code: int, block: str) -> None:
     [row] = [row for row in STATUS if row.code == code and block in row.blocks]
     assert len(row.unsure) > 20
+
+
+def test_instructions_before_3_send_nobody_to_a_block_or_a_pin_that_they_do_not_have() -> None:
+    legacy = DIALECTS["s7-1200-legacy"]
+    told = [line for row in legacy.status for line in (*row.causes, *row.checks)]
+    assert [line for line in told if "T_DIAG" in line or "ADHOC" in line] == []
+
+
+def test_instructions_before_3_cannot_reach_names_and_certificates_and_say_why() -> None:
+    rows = [row for row in DIALECTS["s7-1200-legacy"].status if 0x80D0 <= row.code < 0x80F0]
+    assert len(rows) > 15
+    assert {row.reach for row in rows} == {Reach.NEVER}
+    assert all(row.unreached for row in rows)
+
+
+@pytest.mark.parametrize("name", ["s7-1500", "s7-1200", "s7-1200-legacy"])
+def test_no_label_of_a_siemens_state_speaks_of_a_socket(name: str) -> None:
+    dialect = DIALECTS[name]
+    labels = {condition: dialect.label(condition) for row in dialect.status for condition in row.conditions}
+    assert {str(c): label for c, label in labels.items() if "socket" in label} == {}
+    assert labels[Condition.CREATED] == "connecting"
+    assert DIALECTS["baosky"].label(Condition.CREATED) == "socket created"

@@ -12,7 +12,7 @@ from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.description_check import Flaw
 from trcvtui.net.iso_on_tcp import IsoSettings
-from trcvtui.plc.iso_words import parse_selector
+from trcvtui.plc.iso_words import db_bytes, parse_selector
 from trcvtui.plc.project_file import read_project
 
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
@@ -249,3 +249,15 @@ def test_a_peer_speaks_iso_on_tcp_with_its_tsaps_and_its_size() -> None:
 def test_a_peer_that_is_no_partner_of_iso_is_refused(table: str) -> None:
     with pytest.raises(UserError):
         peer(table)
+
+
+@pytest.mark.parametrize(
+    "cut", ["00 40 00 01 0b 01 c0 a8 00 0a 07 d0 0 00", "00 40 00 01 0b 01 c0 a8 00 0a 07 d"]
+)
+def test_a_copy_of_a_db_that_was_cut_off_in_a_byte_is_refused(cut: str) -> None:
+    with pytest.raises(UserError, match="two digits each"):
+        read(f'bytes = "{cut}"')
+
+
+def test_a_dump_with_marks_and_commas_is_read() -> None:
+    assert db_bytes("16#00, 16#40,0x00 01") == b"\x00\x40\x00\x01"

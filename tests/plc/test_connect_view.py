@@ -5,7 +5,8 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from trcvtui.plc.connect_view import DescriptionView, description_view, initial_values
+from trcvtui.plc.connect_view import DescriptionView, description_view
+from trcvtui.plc.initial_values import initial_values
 from trcvtui.plc.project_file import read_project
 
 
@@ -45,6 +46,7 @@ def test_bytes_of_no_description_are_shown_with_their_flaw() -> None:
     seen = view('bytes = "00 40 00"')
     assert seen is not None
     assert seen.flaw == "3 bytes are no connection description"
+    assert seen.says == "no connection description"
     assert seen.rows[-1].remark == "! 3 bytes are no connection description"
     assert b"".join(row.data for row in seen.rows) == b"\x00\x40\x00"
 
@@ -59,7 +61,8 @@ RemoteAddress = "10.0.0.9"
 LocalTSelector = "E0 02"
 """
     config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
-    assert initial_values(config) == (
+    assert config.description is not None
+    assert tuple(each.text for each in initial_values(config.description, {})) == (
         "InterfaceId := 64",
         "ID := 1",
         "ConnectionType := 12",
@@ -68,3 +71,12 @@ LocalTSelector = "E0 02"
         "RemoteTSelector := (TSelLength := 0, TSel := [])",
         "LocalTSelector := (TSelLength := 2, TSel := [16#E0, 16#02])",
     )
+
+
+def test_a_free_port_says_so_and_where_it_listens_now() -> None:
+    text = 'dialect = "s7-1500"\n[[connect]]\nname = "C1"\nListenPort = 0\n'
+    config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
+    closed, open_ = description_view(config), description_view(config, "127.0.0.1:40001")
+    assert closed is not None and open_ is not None
+    assert closed.says == "TCP, passive on 127.0.0.1, a free port"
+    assert open_.says == "TCP, passive on 127.0.0.1:40001, a free port"

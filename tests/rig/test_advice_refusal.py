@@ -29,7 +29,7 @@ SITUATIONS = [
     ("80a1-80a2-port", Condition.PORT_IN_USE, "bind gave EADDRINUSE", "`ss -ltnp` names it"),
     ("1-9-connect-refused", Condition.REFUSED, "connect gave ECONNREFUSED",
      "answers with RST: the machine is there, and nobody listens on that port"),
-    ("iso-refused", Condition.REFUSED, "the handshake failed (session gave ECONNREFUSED)",
+    ("iso-refused", Condition.REFUSED, "the partner took the call and refused it in the handshake",
      "took the call and refused it: crosswise, its remote selector has to be"),
     ("80c6-unreachable", Condition.UNREACHABLE, "connect gave EHOSTUNREACH", "that was injected here"),
     ("1-8-trcv_c-lets-go", Condition.LET_GO, "closed on our side", "another block on C1 closed or reset it"),

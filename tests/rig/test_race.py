@@ -96,6 +96,13 @@ run 3
     assert (after.differs, after.scans) == (("DATA",), "9-10")
 
 
+def test_a_row_that_differs_from_the_one_above_in_data_alone_shows_its_hash() -> None:
+    race = race_file(CONFIGS / "scenarios" / "siemens" / "udp-send-and-receive.toml", ["baosky", "s7-1500"])
+    sender = next(n for n, each in enumerate(race.instances) if each.instance == "TUSEND_2")
+    first, second = walk(race, 0, sender).split(" | ")
+    assert first == "1-2 7000" and second.startswith("3-13 7000 DATA ")
+
+
 def test_three_dialects_stand_side_by_side(tmp_path: Path) -> None:
     race = raced(tmp_path, RECEIVE, "baosky", "s7-1200", "s7-1200-legacy")
     assert summary(race.instances[0]).startswith("first differ in scan 1: 0001 vs 7001 vs 7001; ")

@@ -11,6 +11,7 @@ from trcvtui.cli import main
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.console import Console, fresh_bench
 from trcvtui.rig.picture import EngineTiming, PictureRequest
+from trcvtui.rig.race import race_file
 from trcvtui.rig.routine import next_due
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.session import Seen
@@ -135,3 +136,6 @@ def test_a_partner_outside_the_bench_is_named_and_nothing_is_expected_of_it(tmp_
     assert f"A partner outside the bench took part ({name}): nothing is expected on C1." in scenario.about
     assert scenario.steps[-1].line == "expect TRCV_C_1 trace ..."
     assert main(["scenario", str(file)]) == 0
+    left_out = race_file(file, ["baosky", "s7-1500"]).notes[0]
+    told = f"{name} was a partner outside the bench and is not replayed"
+    assert left_out.text == f"{told}: nobody calls or sends in its place on C1"

@@ -105,7 +105,12 @@ def head_of(block: str) -> str:
 def test_each_block_has_its_own_pins_and_data_only_where_it_moves_bytes(block: str, tmp_path: Path) -> None:
     call = st_call(project(tmp_path, instance("X", block), head=head_of(block)), "X")
     bound = re.findall(r"^    (\w+)(:=|=>)", call, re.MULTILINE)
-    link = {"CONFIG", "ADDR"} if block in SPEAKS_UDP else {BUFFER_PIN.get(block, "CONNECT")}
+    link = (
+        {"CONFIG" if block in DIALECTS["baosky"].blocks else "ID", "ADDR"}
+        if block in SPEAKS_UDP
+        else {BUFFER_PIN.get(block, "CONNECT")}
+    )
+    link = {"ID"} if block == "T_DIAG" else link
     own = {NDR.get((block, pin.name), pin.name) for pin in PINS[block]} - {"EN"} | {*POINTERS.get(block, ())}
     names = own | link | {DATA_PIN.get(block, "DATA") for _ in HAS_DATA & {block}}
     assert {name for name, _ in bound} == names and len(bound) == len(names)
@@ -206,3 +211,104 @@ def test_st_prints_one_instance_or_all(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["st", str(bench.path), "X"]) == 2
     out, err = capsys.readouterr()
     assert (out, err) == ("", "INSTANCE: found 'X', expected one of S, R\n")
+
+
+SIEMENS = f"""dialect = "s7-1500"
+{DATA}
+[[connect]]
+name = "C1"
+ID = 7
+ActiveEstablished = true
+RemoteAddress = "10.0.0.7"
+RemotePort = "@P1"
+
+[[connect]]
+name = "SHORT"
+type = "TCON_IP_RFC"
+bytes = "00 40 00 01 0c 01 00 00 0a 00 00 07 00 02"
+
+[[connect]]
+name = "NONE"
+bytes = ""
+
+[[connect]]
+name = "LONG_TSAP"
+bytes = "00 40 00 02 0c 00 00 00 00 00 00 00 00 28 {"e0 " * 32} 00 02 e0 01 {"00 " * 30}"
+
+[[udp_config]]
+name = "U1"
+
+[[addr]]
+name = "A1"
+rem_ip_addr = "10.0.0.7"
+rem_port_nr = "@P2"
+
+[[addr]]
+name = "SEVEN"
+type = "TADDR_Param"
+bytes = "0a 00 00 07 07 d0 00"
+
+[[peer]]
+name = "P1"
+
+[[peer]]
+name = "P2"
+udp = true
+"""
+
+
+@pytest.mark.parametrize("block", ["TSEND", "TRCV", "TDISCON", "T_RESET", "T_DIAG"])
+def test_a_single_instruction_of_siemens_is_given_the_id_of_the_description(
+    block: str, tmp_path: Path
+) -> None:
+    call = st_call(project(tmp_path, instance("X", block), head=SIEMENS), "X")
+    assert call.splitlines()[2] == "    ID:=7," and "CONNECT" not in call
+
+
+def test_tcon_has_the_id_and_the_description_and_baosky_has_no_id(tmp_path: Path) -> None:
+    call = st_call(project(tmp_path, instance("X", "TCON"), head=SIEMENS), "X")
+    assert "    ID:=7,\n    CONNECT:=C1,\n" in call
+    assert "ID:=" not in st_call(project(tmp_path, instance("X", "TCON")), "X")
+
+
+def test_a_udp_block_of_siemens_is_given_an_id_and_a_taddr_param(tmp_path: Path) -> None:
+    bench = project(tmp_path, 'name = "S"\nblock = "TUSEND"\nconfig = "U1"\naddr = "A1"', head=SIEMENS)
+    text = st_text(bench, ["S"])
+    assert "    U1_ID : CONN_OUC;  // ID of the configured connection" in text
+    assert "    A1 : TADDR_Param := (\n        rem_ip_addr := [10, 0, 0, 7],\n" in text
+    assert "        rem_port_nr := 0,  // where @P2 listens\n" in text and "ID:=U1_ID," in text
+    assert "UDP_CONFIG" not in text and "ADDR_PARAM" not in text
+
+
+def test_bytes_that_fill_no_structure_stay_bytes_and_say_why(tmp_path: Path) -> None:
+    names = ("SHORT", "NONE")
+    bench = project(
+        tmp_path, *(f'name = "X_{n}"\nblock = "TSEND_C"\nconnect = "{n}"' for n in names), head=SIEMENS
+    )
+    text = st_variables(bench, ["X_SHORT", "X_NONE"])
+    assert "SHORT : ARRAY[0..13] OF BYTE := [  // a CPU refuses this: 14 bytes, TCON_IP_RFC has 80" in text
+    assert "16#00, 16#40, 16#00, 16#01, 16#0C, 16#01, 16#00, 16#00,\n" in text
+    assert "// NONE holds no byte: 0 bytes are no connection description" in text
+    assert "TSelLength" not in text and "TCON_" not in text.replace("TCON_IP_RFC has", "")
+
+
+def test_a_length_that_does_not_fit_its_selector_is_not_mended(tmp_path: Path) -> None:
+    bench = project(tmp_path, 'name = "X"\nblock = "TSEND_C"\nconnect = "LONG_TSAP"', head=SIEMENS)
+    line = next(line for line in st_variables(bench, ["X"]).splitlines() if "RemoteTSelector" in line)
+    assert "(TSelLength := 40, TSel := [" in line and "// a CPU refuses this: TSelLength is 40" in line
+
+
+def test_seven_bytes_at_addr_stay_seven_bytes(tmp_path: Path) -> None:
+    bench = project(tmp_path, 'name = "S"\nblock = "TUSEND"\nconfig = "U1"\naddr = "SEVEN"', head=SIEMENS)
+    assert (
+        "SEVEN : ARRAY[0..6] OF BYTE := [  // a CPU refuses this: 7 bytes, TADDR_Param has 8"
+        in st_variables(bench, ["S"])
+    )
+
+
+def test_older_instructions_have_a_uint_for_len_and_rcvd_len(tmp_path: Path) -> None:
+    head = f'dialect = "s7-1200-legacy"\n{DATA}\n[[connect]]\nname = "C1"\n'
+    bench = project(tmp_path, instance("R", "TRCV_C", "LEN = 65535"), head=head)
+    assert "R_RCVD_LEN : UINT;" in st_variables(bench, ["R"])
+    with pytest.raises(UserError, match="LEN: found 65536, expected"):
+        project(tmp_path, instance("R", "TRCV_C", "LEN = 65536"), head=head)

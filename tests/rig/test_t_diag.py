@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.rig.test_udp_blocks import Desk
+from trcvtui.udt.decode import decode
+from trcvtui.udt.value_text import value_text
 
 BENCH = """
 dialect = "s7-1500"
@@ -86,4 +88,29 @@ def test_what_stands_behind_the_answer_is_left_as_it_was(tmp_path: Path) -> None
     desk.say("run 1")
     after = desk.bench.runtime.data("diag")
     assert after[:16] != before[:16] and after[16:] == before[16:]
+    desk.close()
+
+
+def test_a_tdiag_status_names_state_and_kind(tmp_path: Path) -> None:
+    typed = BENCH.replace("ARRAY[0..19] OF BYTE", "TDiag_Status")
+    desk = Desk(typed.format(connect=IP_V4 + "\nListenPort = 0"), tmp_path)
+    desk.say("pulse TCON_1 REQ", "run 3", "pulse T_DIAG_1 REQ", "run 4")
+    decl = desk.bench.project.data_decl("diag")
+    assert decl is not None and decl.size == 16
+    values = decode(decl.layout, desk.bench.runtime.data("diag"))
+    pairs = zip(decl.layout.leaves(), values, strict=True)
+    shown = {leaf.path.rpartition(".")[2]: value_text(leaf, value) for leaf, value in pairs}
+    assert shown["State"] == "3 (PassiveWaiting)" and shown["Kind"] == "3 (Programmed)"
+    assert shown["ID"] == "4095" and shown["ActiveEstablished"] == "FALSE"
+    desk.close()
+
+
+def test_a_tdiag_status_of_the_users_own_comes_first(tmp_path: Path) -> None:
+    (tmp_path / "own.st").write_text(
+        "TYPE TDiag_Status : STRUCT mine : ARRAY[0..31] OF BYTE; END_STRUCT END_TYPE"
+    )
+    typed = BENCH.replace("ARRAY[0..19] OF BYTE", "TDiag_Status") + '\n[[udt]]\nfile = "own.st"\n'
+    desk = Desk(typed.format(connect=PLAIN), tmp_path)
+    decl = desk.bench.project.data_decl("diag")
+    assert decl is not None and decl.size == 32
     desk.close()

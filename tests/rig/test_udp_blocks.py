@@ -169,7 +169,7 @@ def test_a_udp_config_is_set_from_the_command_line() -> None:
     ("line", "said"),
     [
         ("create USEND_C S2 addr=TARGET data=tx", "w: found no config=, expected config= and the name of a "),
-        ("create USEND_C S2 config=U1 data=tx", "w: found no addr=, expected addr= and the name of a ADDR"),
+        ("create USEND_C S2 config=U1 data=tx", "w: found no addr=, expected addr= and the name of an ADDR"),
         ("link U2 down", "w: found 'U2', expected U1"),
     ],
 )

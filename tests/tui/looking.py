@@ -49,7 +49,7 @@ class Looker:
 
     async def type(self, text: str) -> None:
         """Type a text."""
-        await self.press(*text)
+        await self.at_once(text)
 
     async def at_once(self, text: str) -> None:
         """Let keys arrive in one batch, as a terminal passes them on that was busy."""

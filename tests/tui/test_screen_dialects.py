@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,12 +13,14 @@ from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
+from trcvtui.net.description import Description, pack
 from trcvtui.plc.project import Project
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.st_call import st_call
 from trcvtui.tui.app import BenchApp
+from trcvtui.tui.screens.description import DescriptionScreen
 
 SCENARIOS = CONFIGS / "scenarios"
 SINGLE, UDP = "siemens/1-10-single-instructions.toml", "siemens/udp-send-and-receive.toml"
@@ -124,6 +127,45 @@ async def test_a_block_is_drawn_with_the_pins_that_its_manual_draws(
         assert not any(pin in box for pin in missing), shown.text
 
 
+@BOTH
+async def test_a_single_instruction_shows_the_id_of_its_connection_and_lets_nobody_change_it(
+    size: tuple[int, int],
+) -> None:
+    async with bench(SINGLE, size) as shown:
+        await shown.select("TSEND_1")
+        assert re.search(r"REQ ▷┤.*\n.*  ID ─┤ 1 .*\n.*LEN ─┤ 0", shown.text)
+        await shown.press("down", "enter")
+        assert "ID is 1: the description of C1 says so (C)" in shown.words
+        await shown.select("TCON_1")
+        assert "ID ─┤ 1" in shown.text and "CONNECT C1" in shown.words
+        assert " ID ─┤" not in shown.text.replace("ID ─┤ 1", "")
+
+
+async def test_a_block_with_connect_alone_has_no_id() -> None:
+    async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml") as shown:
+        await shown.select("TRCV_C_1")
+        assert "ID ─┤" not in shown.text
+
+
+async def test_a_letter_of_a_pin_that_the_block_lacks_says_so() -> None:
+    async with bench(SINGLE) as shown:
+        await shown.select("T_DIAG_1")
+        await shown.press("l")
+        assert "T_DIAG has no LEN" in shown.words
+
+
+def test_rcvd_len_is_valid_in_the_scan_of_the_lamp_that_the_block_has() -> None:
+    project = project_of(SINGLE)
+    text = {
+        block: pin.text
+        for block in ("TRCV", "TRCV_C")
+        for pin in project.pins(block)
+        if pin.name == "RCVD_LEN"
+    }
+    assert text["TRCV"] == "bytes received; valid in the NDR scan only"
+    assert text["TRCV_C"] == "bytes received; valid in the DONE (NDR) scan only"
+
+
 async def test_done_keeps_its_scan_where_its_whole_name_has_no_room() -> None:
     async with bench("siemens/1-5-trcv_c-cont-then-en_r.toml", WIDE) as shown:
         await shown.select("TRCV_C_1")
@@ -174,6 +216,21 @@ async def test_a_long_name_takes_as_many_lines_as_it_needs_and_its_zeros_one() -
         await shown.press("2", "C")
         assert "RemoteQDN" in shown.text and "00 × " in shown.text
         assert "LocalPort" in shown.text, "a structure of 266 bytes fits a small screen"
+
+
+async def test_a_long_value_goes_on_below_instead_of_being_cut() -> None:
+    name = "a-rather-long-host-name.of-a-line.in-a-hall.of-a-plant.example."
+    async with bench("siemens/80d3-names.toml") as shown:
+        config = shown.app.scene.project.connects[0]
+        assert config.description is not None
+        values = {**config.description.values(), "RemoteQDN": name}
+        structure = config.description.structure
+        longer = replace(config, description=Description(structure, pack(structure, values)))
+        await shown.app.push_screen(DescriptionScreen([longer], longer.name, {}))
+        await shown.press()
+        column = shown.line("RemoteQDN").index("a-rather")
+        shown_name = "".join(line[column:].split("│")[0].strip() for line in shown.text.splitlines()[1:])
+        assert name in shown_name and "…" not in shown_name
 
 
 async def test_a_description_is_yanked_as_hex_and_as_scl(state: Path) -> None:

@@ -66,7 +66,7 @@ async def test_an_entry_goes_to_its_pane_and_does_what_the_key_does(
         looker.bench.scan(8)
         await looker.pictures()
         await looker.press("ctrl+p")
-        await looker.type(title)
+        await looker.at_once(title)
         await looker.pilot.pause(0.3)
         await looker.press("enter")
         await looker.pictures()

@@ -23,6 +23,7 @@ def udp_picture(end: str = "127.0.0.1:51322") -> Picture:
         connect="U1",
         inputs=(("EN_R", True), ("CONT", True), ("LEN", 0)),
         addr="SOURCE",
+        on_config=True,
     )
     port = replace(connections()[0], name="U1", state="created", udp=True)
     shown = picture(block)

@@ -61,7 +61,7 @@ class Condition(StrEnum):
     UNREACHABLE = "partner unreachable"
     NOT_NOW = "not possible now"
     FOUND_CLOSED = "found closed"
-    STILL_ASKED = "link gone, still asked"
+    STILL_ASKED = "no link, asked"
     ENDPOINT_THERE = "already connected"
     ID_BUILDING = "ID being built by another"
     ID_OTHER = "ID of another connection"

@@ -279,4 +279,4 @@ def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> 
 
 
 _NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)
-_CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the socket is there"))
+_CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the set-up has begun"))

@@ -135,6 +135,8 @@ SPEAKS_UDP: Final = frozenset(
     {"USEND_C", "URECV_C", "TUSEND", "TURCV"}
 )  # CONFIG and ADDR in the place of CONNECT
 ON_CONNECT: Final = frozenset({"TUSEND", "TURCV"})  # these may have a CONNECT of UDP instead
+HAS_ID: Final = frozenset({"TCON", "TSEND", "TRCV", "TDISCON", "T_RESET", "T_DIAG", "TUSEND", "TURCV"})
+ID_ALONE: Final = HAS_ID - {"TCON"}  # where connections have an ID: no CONNECT beside it
 ADDR_IF_UDP: Final = frozenset({"TSEND_C", "TRCV_C"})  # they need ADDR on a CONNECT of UDP
 SENDS: Final = frozenset({"TSEND_C", "TSEND"})
 MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP

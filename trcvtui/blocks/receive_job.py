@@ -54,7 +54,7 @@ class ReceiveJob:
         self._connection = bound.connection
         self._connect = bound.connection.config.name
         self._is_message_oriented = bound.connection.config.is_message_oriented
-        self._unfit = unfit(bound, needs_datagrams)
+        self._unfit = unfit(bound, needs_datagrams, receives=True)
         self._address = bound.address if bound.connection.config.is_datagram else None
         self._limit = bound.env.rules.max_datagram if self._address is not None else None
         self._source: Endpoint | None = None  # of the message that has come

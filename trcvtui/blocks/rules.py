@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
+from trcvtui.blocks.parameters import Pin
 from trcvtui.net.policy import Policy
 
 
@@ -55,6 +56,7 @@ class Rules:
     labels: Mapping[str, Mapping[str, str]] = field(
         default_factory=dict
     )  # block -> pin -> what this vendor calls it
+    types: Mapping[str, str] = field(default_factory=dict)  # pin -> IEC type, where it is another one
     also_busy: frozenset[Condition] = frozenset()  # BUSY shows here, too
     receiving_part: Condition = Condition.RECEIVING  # the job has some bytes
     datagram_too_long: Condition = Condition.RECEIVE_FAILED
@@ -71,6 +73,10 @@ class Rules:
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64
     queue: int = 64
+
+    def typed(self, pin: Pin) -> Pin:
+        """Return a pin with the IEC type that this vendor gives it."""
+        return replace(pin, iec_type=self.types[pin.name]) if pin.name in self.types else pin
 
     def word(self, block: str, condition: Condition) -> int:
         """Return the STATUS that a condition has on a block."""

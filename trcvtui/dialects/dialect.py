@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
@@ -43,7 +43,9 @@ class Dialect:
 
     `describes_connects`: a CONNECT is a connection description (TCON_IP_v4, ...), no TCP_CONNECTCONFIG.
     `structures`: the connection descriptions that it takes, () all of them.
+    `types`: in ST, those that its library brings along.
     `folder`: where its scenarios lie, when that has another name.
+    `words`: what it calls a condition whose neutral word is another vendor's.
     """
 
     name: str
@@ -58,6 +60,12 @@ class Dialect:
     describes_connects: bool = False
     structures: tuple[str, ...] = ()
     folder: str = ""
+    types: str = ""
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    def label(self, condition: str) -> str:
+        """Return a condition in two or three words, in a column beside its code."""
+        return self.words.get(condition, condition)
 
     @property
     def shelf(self) -> str:

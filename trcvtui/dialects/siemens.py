@@ -16,6 +16,7 @@ from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens_blocks import ALL
 from trcvtui.dialects.siemens_secure import SECURE_SET_UP
 from trcvtui.dialects.siemens_status import STATUS
+from trcvtui.dialects.siemens_types import TDIAG_STATUS
 from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.description_check import Flaw
 from trcvtui.net.identities import Taken
@@ -194,6 +195,14 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
     )
 
 
+# There is no word for a socket in this manual: 7001 begins to connect, 7002 goes on (2.1).
+WORDS: Final[Mapping[str, str]] = {
+    Condition.CREATING: "connecting begins",
+    Condition.CREATED: "connecting",
+    Condition.NO_SOCKET: "no resources",
+}
+
+
 def _answer_of(cpu: Cpu, chosen: Mapping[str, SwitchValue]) -> Rules:
     return answer({switch.name: switch.default for switch in SWITCHES} | dict(chosen), cpu)
 
@@ -210,6 +219,8 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         layout="s7-standard",
         describes_connects=True,
         folder="siemens",
+        words=WORDS,
+        types=TDIAG_STATUS,
         answer=partial(_answer_of, cpu),
     )
 

@@ -165,15 +165,14 @@ DESCRIPTION_ERRORS: Final = (
     ),
     StatusRow(
         0x80B7,
-        None,
+        Condition.PARAMETER_WRONG,
         UDP,
         True,
         "ADDR has not 8 bytes",
         ("another structure than TADDR_Param stands at ADDR", "a hand-made one without the two spare bytes"),
         ("the type of the variable at ADDR", "TADDR_Param: 4 bytes address, 2 port, 2 that are 0"),
-        Reach.NEVER,
+        Reach.LOGIC,
         "siemens.md 2.7",
-        unreached="an [[addr]] of the project file is always a TADDR_Param",
     ),
     StatusRow(
         0x80B8,

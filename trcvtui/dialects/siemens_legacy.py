@@ -8,9 +8,9 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.status import StatusRow
+from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
-from trcvtui.dialects.siemens import S7_1200, SWITCHES, Cpu, answer
+from trcvtui.dialects.siemens import S7_1200, SWITCHES, WORDS, Cpu, answer
 from trcvtui.dialects.siemens_blocks import BOTH_C, RCV_C, SEND_C
 from trcvtui.dialects.siemens_connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens_status import STATUS
@@ -67,9 +67,51 @@ OWN_ROWS: Final = (
         title="Data is being received",
         cause="some bytes of the frame are here, and the rest is awaited",
     ),
-    replace(_row(0x7006, "TRCV_C"), also=(), title="Armed and waiting", unsure=UNSURE),
+    replace(
+        _row(0x7006, "TRCV_C"),
+        also=(),
+        title="Armed and waiting",
+        causes=(
+            "nothing has come: with EN_R at 1 this is the normal state of rest",
+            "LEN is 0 (or 65535): ad hoc, what is there ends the job; any other LEN is awaited whole",
+            "EN_R fell, and the job goes on all the same until data is there",
+        ),
+        checks=(
+            "the partner's length against LEN; 7002 shows while part of a frame is here",
+            "frames of varying length: LEN = 0, or ISO-on-TCP, which keeps their ends",
+            "shifted values: one rising edge at COM_RST, then watch the first frame",
+        ),
+        unsure=UNSURE,
+    ),
 )  # fmt: skip
 _OWN: Final = {(row.code, block) for row in OWN_ROWS for block in row.blocks}
+
+
+# What newer instructions or structures say of themselves, and what stands for it here.
+_REWORDED: Final = {
+    "; T_DIAG shows State 4 while it stands": "",
+    "; T_DIAG behind TDISCON ends here, too": "",
+    " (T_DIAG: RESULT)": "",
+    ": T_DIAG tells whether it stands": ": a TSEND or TRCV tells whether it stands",
+    "ADHOC = 1 into a symbolic DATA": "LEN = 0, ad hoc, into a symbolic DATA",
+}
+_ONLY_TCON_PARAM: Final = "a TCON_Param, which is all these instructions take, has no name and no certificate"
+_NAMES_AND_TLS: Final = range(0x80D0, 0x80F0)
+
+
+def _lines(lines: tuple[str, ...]) -> tuple[str, ...]:
+    """Return lines without what these instructions do not have."""
+    for theirs, ours in _REWORDED.items():
+        lines = tuple(line.replace(theirs, ours) for line in lines)
+    return tuple(line for line in lines if "T_DIAG" not in line)
+
+
+def _listed(row: StatusRow) -> StatusRow:
+    """Return a row as the table has it: names and certificates are not within reach."""
+    if row.code not in _NAMES_AND_TLS:
+        return row
+    why = row.unreached or _ONLY_TCON_PARAM
+    return replace(row, condition=None, also=(), reach=Reach.NEVER, unreached=why)
 
 
 def _kept(row: StatusRow) -> StatusRow | None:
@@ -78,15 +120,13 @@ def _kept(row: StatusRow) -> StatusRow | None:
     gone |= set(BOTH_C) if row.code in _NOT_THESE else set()
     gone |= set(row.blocks) if row.code == _NEWER_ID_ERROR else set()
     blocks = tuple(block for block in row.blocks if block not in gone)
-    return replace(row, blocks=blocks) if blocks else None
-
-
-LEGACY_STATUS: Final = tuple(
-    sorted(
-        (*(kept for row in STATUS if (kept := _kept(row)) is not None), *OWN_ROWS, *LEGACY_ERRORS),
-        key=lambda row: row.code,
+    return (
+        replace(row, blocks=blocks, causes=_lines(row.causes), checks=_lines(row.checks)) if blocks else None
     )
-)
+
+
+_SHOWN: Final = (*(kept for row in STATUS if (kept := _kept(row)) is not None), *OWN_ROWS, *LEGACY_ERRORS)
+LEGACY_STATUS: Final = tuple(sorted(map(_listed, _SHOWN), key=lambda row: row.code))
 
 
 def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
@@ -95,8 +135,9 @@ def legacy_answer(values: Mapping[str, SwitchValue]) -> Rules:
     newer = answer(chosen, CPU)
     return replace(
         newer,
-        status_of=codes_of(LEGACY_STATUS),
+        status_of=codes_of(_SHOWN),
         lacks=frozenset({"ADHOC"}),
+        types={"LEN": "UINT", "RCVD_LEN": "UINT"},  # 1.11
         receiving_part=Condition.RECEIVING_PART,
         area=replace(newer.area, adhoc_lens=AD_HOC),
         course=replace(
@@ -120,5 +161,6 @@ S7_1200_LEGACY: Final = Dialect(
     describes_connects=S7_1200.describes_connects,
     structures=("TCON_Param",),  # 1.11
     folder="siemens-legacy",
+    words=WORDS,
     answer=legacy_answer,
 )

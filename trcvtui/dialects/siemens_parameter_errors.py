@@ -225,28 +225,27 @@ PARAMETER_ERRORS: Final = (
         ),
         (
             "key `data` of the T_DIAG instance, and the size of that variable",
-            "ARRAY[0..15] OF BYTE is enough to look at it in hex",
+            "declare it as TDiag_Status; ARRAY[0..15] OF BYTE is enough to look at it in hex",
         ),
         Reach.LOGIC,
         "siemens.md 1.10, 2.6",
     ),
     StatusRow(
         0x8089,
-        None,
+        Condition.NO_DESCRIPTION,
         UDP,
         True,
         "ADDR is of the wrong type",
         (
-            "ADDR is no TADDR_Param, TADDR_SEND_QDN (TUSEND) or TADDR_RCV_IP (TURCV)",
+            "ADDR is no TADDR_Param, TADDR_SEND_QDN (TUSEND; not on this bench) or TADDR_RCV_IP (TURCV)",
             "TUSEND and TURCV share one ADDR, but of a type that only one of them takes",
         ),
         (
             "the declared type of the variable at ADDR",
             "TADDR_Param has 8 bytes: address, port, and two that are 0",
         ),
-        Reach.NEVER,
+        Reach.LOGIC,
         "siemens.md 2.7, 3.6",
-        unreached="an [[addr]] of the project file is always a TADDR_Param",
     ),
     StatusRow(
         0x8090,

@@ -25,7 +25,7 @@ STATES: Final = (
             "without DONE: the block has not been called, or the CPU is in STOP",
         ),
         (
-            "copy RCVD_LEN and DATA in this scan; in the next one RCVD_LEN is 0 again",
+            "with DONE: copy RCVD_LEN and DATA in this scan; in the next one RCVD_LEN is 0 again",
             "TSEND_C, TSEND: whether the partner took it is seen with `ss -tn` (Send-Q 0) or in its answer",
             "a standing 0000: CPU mode, and whether the task with this call comes round",
         ),
@@ -170,9 +170,9 @@ STATES: Final = (
             "TRCV_C: TSEND_C on this connection has it already, and TRCV_C follows one scan later",
         ),
         (
-            "ActiveEstablished: TRUE at exactly one end; the ports of both descriptions side by side",
-            "passive: `ss -ltn` shows LocalPort; from the partner `nc -vz ADDRESS PORT`",
-            "active: `nc -vz RemoteAddress RemotePort`; the ledger keeps each 80C5 and 80C6 with its errno",
+            "ActiveEstablished: TRUE at exactly one end; the ports side by side, the TSAPs crosswise",
+            "passive: `ss -ltn` shows LocalPort, or 102 (IsoPort); from the partner `nc -vz ADDRESS PORT`",
+            "active: `nc -vz RemoteAddress PORT`; the history keeps each code of an attempt that failed",
             "`tcpdump -ni any tcp port PORT`: a SYN without an answer is a firewall or the cable",
         ),
         Reach.REAL,
@@ -188,10 +188,10 @@ STATES: Final = (
         (
             "TCON: the partner has not come or answered yet",
             "TSEND, TUSEND: the stack has not taken all bytes, or has, which shows in the next scan",
-            "TRCV, TURCV: armed and waiting, perhaps with part of the frame here",
+            "TRCV, TURCV: armed and waiting; on TCP perhaps with part of the frame here",
         ),
         (
-            "TRCV: bytes here against bytes wanted; LEN larger than the partner's frame waits forever",
+            "TRCV: on TCP a LEN larger than the partner's frame waits forever; messages are whole",
             "TSEND: `ss -tn`, a Send-Q that stands still means that the partner does not read",
             "TCON: the checks of TSEND_C's 7002, `trcvtui status 7002 --block TSEND_C`",
         ),
@@ -263,12 +263,12 @@ STATES: Final = (
         "Receiving, or armed and waiting",
         (
             "nothing has come: with EN_R at 1 this is the normal state of rest",
-            "LEN (0: the size of DATA) is larger than what the partner sends, so the frame is never full",
+            "on TCP: LEN (0: the size of DATA) is larger than what the partner sends, so it is never full",
             "EN_R fell, and the job goes on all the same until data is there",
-            "an earlier frame was cut, so the stream is shifted",
+            "on TCP: an earlier frame was cut, so the stream is shifted",
         ),
         (
-            "bytes here against bytes wanted, and how long ago the last one came",
+            "bytes here against bytes wanted; on ISO-on-TCP any message, on UDP any datagram ends the job",
             "the partner's length against LEN; `trcvtui udt show FILE` prints the size of a type",
             "frames of varying length: ADHOC = 1, or ISO-on-TCP, which keeps their ends",
             "shifted values: one rising edge at COM_RST, then watch the first frame",

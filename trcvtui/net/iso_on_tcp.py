@@ -37,6 +37,7 @@ SIZE_CODES: Final = range(2, 17)  # 4 bytes, of which 1 is data, to 65536; the m
 NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size (A19)
 MESSAGES_WAITING: Final = 4
 CAPS: Final = 16
+NO_SUCH_TSAP: Final = "no CONNECT has the TSAP"
 REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connection
 
 
@@ -195,7 +196,7 @@ class IsoOnTcp:
         """Return "" when the CR asks for this CONNECT, else why not."""
         assert self.request is not None
         if not isinstance(settings, IsoSettings) or not self.names(settings):
-            return f"no CONNECT has the TSAP {self.request.called.hex(' ')}"
+            return f"{NO_SUCH_TSAP} {self.request.called.hex(' ')}"
         if settings.remote and self.request.calling != settings.remote:
             return f"the TSAP {self.request.calling.hex(' ')} is not the partner's"
         return ""

@@ -124,10 +124,11 @@ class Listener:
         if meant and len(meant[0].ready) < CLIENTS_WAITING:
             self._hand_over(client, meant[0])
             return
-        why = FULL if meant else session.is_for((named or members)[0].settings)
+        asked = (named or members)[0]
+        why = FULL if meant else session.is_for(asked.settings)
         session.refuse(is_known=bool(named))
         client.flush()
-        self._drop(client, why)
+        self._drop(client, why, asked)
 
     def _hand_over(self, client: Stream, member: Member) -> None:
         if len(member.ready) >= CLIENTS_WAITING:
@@ -144,9 +145,10 @@ class Listener:
             member.ready.append(Fault("session", session.ended.error))
         self._drop(client, why)
 
-    def _drop(self, client: Stream, why: str) -> None:
+    def _drop(self, client: Stream, why: str, asked: Member | None = None) -> None:
+        """Let a client go; `asked`: whom it wanted, where it has said so."""
         self.clients.remove(client)
-        self._told(self._any_member().owner, DROPPED, str(client.peer), why)
+        self._told((asked or self._any_member()).owner, DROPPED, str(client.peer), why)
         self._kernel.close(client.handle)
 
     def _any_member(self) -> Member:

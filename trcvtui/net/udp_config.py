@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from trcvtui.net.answers import Endpoint, Fault
 from trcvtui.net.connect_config import ANY_ADDRESS, ANY_END
+from trcvtui.net.description import ADDRESSES, Description, Value, pack
+
+TADDR_PARAM: Final = ADDRESSES["TADDR_Param"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +23,24 @@ class UdpConfig:
 
 @dataclass(frozen=True, slots=True)
 class AddrParam:
-    """One ADDR_PARAM as it stands in the file; `@NAME` for RemotePort, resolved at each send."""
+    """One ADDR_PARAM as it stands in the file; `@NAME` for RemotePort, resolved at each send.
+
+    `description`: the bytes of a TADDR_Param, or of what stands there instead; None: only an end is given.
+    """
 
     name: str
     remote_address: str = ANY_ADDRESS
     remote_port: int | str = 0
+    description: Description | None = None
+
+    @property
+    def written(self) -> Description:
+        """Return it as the TADDR_Param that it stands for."""
+        if self.description is not None:
+            return self.description
+        port = self.remote_port if isinstance(self.remote_port, int) else 0
+        values: dict[str, Value] = {"rem_ip_addr": self.remote_address, "rem_port_nr": port}
+        return Description(TADDR_PARAM, pack(TADDR_PARAM, values))
 
 
 class RemoteAddress:
@@ -34,6 +51,7 @@ class RemoteAddress:
 
     def __init__(self, param: AddrParam) -> None:
         self.name = param.name
+        self.description = param.description  # as it was declared: its structure and its length
         self.address = param.remote_address
         self.port = param.remote_port
         self.generation = 0

@@ -39,7 +39,7 @@ from trcvtui.net.ipv4 import is_loopback, octets
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.session import Settings
 from trcvtui.net.tcon_param import as_param
-from trcvtui.plc.iso_words import TSAP, hex_of
+from trcvtui.plc.iso_words import DB_BYTES, TSAP, db_bytes
 from trcvtui.plc.names import expected_name, parse_reference
 from trcvtui.plc.project_parts import NAME, PORT_OR_NAME, UINT
 from trcvtui.plc.tables import ADDRESS, PORT, TRUTH, Kind, Table, of_text, shown, whole
@@ -58,13 +58,12 @@ USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
 def _bytes_of(size: int) -> Callable[[str], bytes | None]:
     def read(text: str) -> bytes | None:
         numbers = octets(text)
-        found = bytes(numbers) if numbers is not None else hex_of(text)
+        found = bytes(numbers) if numbers is not None else db_bytes(text)
         return found if found is not None and len(found) <= size else None
 
     return read
 
 
-HEX: Final = of_text('the bytes of a DB in hex such as "00 40 00 01 0b 01 ..."', hex_of)
 REFERENCE: Final = of_text(
     "@NAME of a peer or CONNECT: the bytes say the rest", lambda text: text if parse_reference(text) else None
 )
@@ -180,7 +179,7 @@ def _read_written(table: Table, number: int, structures: tuple[str, ...]) -> _Wr
         table.wrong("type", shown(type_name), expected_name(type_name, CONNECTIONS, "structure"))
         table.know(*table.rest())
         return None
-    raw = table.read("bytes", HEX)
+    raw = table.read("bytes", DB_BYTES)
     if table.has("bytes"):
         reference = table.read("RemotePort", REFERENCE)
         return None if raw is None else _of_bytes(raw, type_name, reference)

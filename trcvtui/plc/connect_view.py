@@ -5,82 +5,68 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from trcvtui.net.connect_config import ConnectConfig as ConnectConfig
-from trcvtui.net.description import Field, FieldType, Value, rows
 from trcvtui.net.description import Row as Row
-from trcvtui.net.description_check import Protocol, field_name, meaning
+from trcvtui.net.description import rows
+from trcvtui.net.description_check import Flaw, Protocol, field_name, meaning
+from trcvtui.plc.secure_view import WARNING, certificate_remarks, security_of
 
 TYPE_FIELDS: Final = ("ConnectionType", "connection_type")
 INTERFACE_FIELDS: Final = ("InterfaceId", "local_device_id")
 
 
 class DescriptionView(NamedTuple):
-    """One description: its structure, what it says in one line, its rows, and what a CPU finds wrong."""
+    """One description: its structure, what it says in one line, its rows, and what a CPU finds wrong.
+
+    `warning`: what the project has switched off.
+    """
 
     structure: str
     says: str
     rows: tuple[Row, ...]
     flaw: str
+    warning: str = ""
 
 
-def description_view(config: ConnectConfig) -> DescriptionView | None:
-    """Return the view of a CONNECT, None where the dialect has no descriptions."""
+def description_view(config: ConnectConfig, listens: str = "") -> DescriptionView | None:
+    """Return the view of a CONNECT, None where the dialect has no descriptions.
+
+    `listens`: the end where it really listens now, "" while it does not.
+    """
     description = config.description
     if description is None:
         return None
     flaw = config.flaw
-    remarks = _remarks(config)
+    remarks = _remarks(config) | certificate_remarks(config)
     if flaw is not None:
         remarks[flaw.field] = f"! {flaw.text}"
+    security = security_of(config)
     return DescriptionView(
         structure=description.structure.name,
-        says=_says(config),
+        says=_says(config, listens),
         rows=rows(description, remarks),
         flaw=flaw.text if flaw is not None else "",
+        warning=WARNING if security is not None and security.is_unsafe else "",
     )
 
 
-def initial_values(config: ConnectConfig) -> tuple[str, ...]:
-    """Return the fields as the initial values of a DB, in SCL; () where the dialect has no descriptions."""
-    description = config.description
-    if description is None:
-        return ()
-    fields = description.structure.fields
-    return tuple([f"{field.name} := {_literal(field, description.value(field.name))}" for field in fields])
-
-
-def _literal(field: Field, value: Value) -> str:
-    match field.type, value:
-        case FieldType.TRUTH, _:
-            return str(value).upper()
-        case FieldType.ADDRESS, str():
-            return f"(ADDR := [{', '.join(value.split('.'))}])"
-        case FieldType.SELECTOR, bytes():
-            return f"(TSelLength := {len(value)}, TSel := {_array(value)})"
-        case FieldType.NAME, str():
-            return "'" + "".join(_character(one) for one in value) + "'"
-        case FieldType.BYTES, bytes():
-            return _array(value)
-        case _:
-            return str(value)
-
-
-def _array(data: bytes) -> str:
-    return "[" + ", ".join(f"16#{byte:02X}" for byte in data) + "]"
-
-
-def _character(one: str) -> str:
-    """Return a character as a STRING literal has it."""
-    return one if one.isprintable() and one not in "'$" else f"${ord(one):02X}"
-
-
-def _says(config: ConnectConfig) -> str:
+def _says(config: ConnectConfig, listens: str) -> str:
     assert config.description is not None
+    if config.flaw is not None and config.flaw.flaw is Flaw.NO_DESCRIPTION:
+        return "no connection description"
     protocol = meaning(config.description).protocol
     if protocol in (Protocol.UNKNOWN, Protocol.CONFIGURED):
         return str(protocol)
+    security = security_of(config)
+    spoken = f"{protocol}, {security.text}" if security is not None else str(protocol)
     if config.active:
-        return f"{protocol}, active to {config.remote_address}:{config.remote_port}"
-    return f"{protocol}, passive on {config.local}"
+        return f"{spoken}, active to {config.remote_address}:{config.remote_port}"
+    return f"{spoken}, passive on {_own_end(config, listens)}"
+
+
+def _own_end(config: ConnectConfig, listens: str) -> str:
+    if config.local.port:
+        return str(config.local)
+    return f"{listens}, a free port" if listens else f"{config.local.address}, a free port"
 
 
 def _remarks(config: ConnectConfig) -> dict[str, str]:

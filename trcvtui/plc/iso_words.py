@@ -37,6 +37,13 @@ def hex_of(text: str) -> bytes | None:
         return None
 
 
+def db_bytes(text: str) -> bytes | None:
+    """Return the bytes of a DB; a lone digit is a copy that was cut off, not a byte."""
+    groups = text.replace(",", " ").split()
+    lone = any(len(group.lower().removeprefix("0x").removeprefix("16#")) % 2 for group in groups)
+    return None if lone else hex_of(text)
+
+
 def _ascii(text: str) -> bytes | None:
     return text.encode("ascii") if text.isascii() else None
 
@@ -46,6 +53,11 @@ TPDU: Final[Kind[int]] = Kind(
     "a TPDU size: 128, 256, 512, 1024, 2048, 4096 or 8192",
     lambda value: SIZES.get(value) if isinstance(value, int) else None,
     lambda text: SIZES.get(int(text)) if text.isascii() and text.isdigit() and len(text) < 6 else None,
+)
+
+
+DB_BYTES: Final = of_text(
+    'the bytes of a DB in hex, two digits each, such as "00 40 00 01 0b 01 ..."', db_bytes
 )
 
 

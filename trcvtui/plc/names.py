@@ -32,9 +32,14 @@ def expected_name(wrong: str, known: Iterable[str], what: str) -> str:
     if near is not None:
         return near
     if not names:
-        return f"the name of a {what}, but there is none"
+        return f"the name of {with_article(what)}, but there is none"
     listed = ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
     return listed if len(names) == 1 else f"one of {listed}"
+
+
+def with_article(word: str) -> str:
+    """Return `an instance`, `a CONNECT`."""
+    return f"{'an' if word[:1] in 'aeioAEIO' else 'a'} {word}"  # UDT and UDP_CONFIG begin with a you
 
 
 def nearest(wrong: str, known: Iterable[str]) -> str | None:

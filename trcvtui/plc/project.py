@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from trcvtui.blocks.parameters import PINS, Pin
+from trcvtui.blocks.parameters import HAS_ID, PINS, Pin
 from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.description_check import meaning
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
@@ -120,6 +121,7 @@ class PeerDecl:
     layout: str | None = None
     byte_order: str | None = None
     session: Settings | None = None
+    tls: tuple[tuple[str, bool | int | str], ...] = ()  # what its table says of TLS, certificates by number
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,10 +189,11 @@ class Project:
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""
         labels = self.rules.labels.get(block, {})
+        done = labels.get("DONE", "DONE")
         return tuple(
             [
-                replace(pin, label=labels[pin.name]) if pin.name in labels else pin
-                for pin in PINS[block]
+                replace(pin, label=labels.get(pin.name, pin.label), text=pin.text.replace("DONE", done))
+                for pin in map(self.rules.typed, PINS[block])
                 if pin.name not in self.rules.lacks
             ]
         )
@@ -206,6 +209,13 @@ class Project:
     def connect(self, name: str) -> ConnectConfig | None:
         """Return the CONNECT of that name."""
         return next((c for c in self.connects if c.name == name), None)
+
+    def identity(self, block: str, connect: str) -> int | None:
+        """Return what stands at the ID of a block, None where it has no such pin."""
+        config = self.connect(connect)
+        if block not in HAS_ID or config is None or config.description is None:
+            return None
+        return meaning(config.description).identity
 
     def udp_config(self, name: str) -> UdpConfig | None:
         """Return the UDP_CONFIG of that name."""

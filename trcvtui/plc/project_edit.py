@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from trcvtui.blocks.parameters import PINS
 from trcvtui.errors import Problem, UserError
+from trcvtui.net.description import CONNECTIONS
 from trcvtui.plc import project_parts as parts
 from trcvtui.plc.combuffers import joined_up, read_combuffer
 from trcvtui.plc.project import Project
@@ -18,6 +19,7 @@ from trcvtui.plc.project_keys import KIND_OF, Declaration
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
 from trcvtui.plc.project_reader import Head, Reader
 from trcvtui.plc.tables import Given, Table
+from trcvtui.plc.tls_words import CertificateDecl, read_certificates
 
 # Where the entries of a kind stand in a Project, and which kinds share their names with it.
 FIELDS: Final = {
@@ -30,6 +32,7 @@ FIELDS: Final = {
     "message": "messages",
     "sequence": "sequences",
     "combuffer": "combuffers",
+    "certificate": "certificates",
 }
 SHARED_NAMES: Final = (("data", "instance"), ("connect", "udp_config", "peer", "combuffer"))
 CHECKS: Final[dict[str, Callable[[Names, Table], None]]] = {
@@ -88,21 +91,37 @@ def _read(kind: str, table: Table, project: Project) -> Declaration | None:
         case "instance":
             blocks = tuple(block for block in project.dialect.blocks if block in PINS)
             reader.check_pins(table, _head(project))
-            return parts.read_instance(table, blocks, project.tasks[0].name)
+            return parts.read_instance(table, blocks, project.tasks[0].name, project.rules)
         case "connect":
             return reader.connect(table, len(project.connects) + 1, _head(project), project.certificates)
         case "combuffer":
             buffer = read_combuffer(table)
             return buffer and joined_up((buffer,), project.instances)[0]
+        case "addr":
+            return reader.addr(table, _head(project))
+        case "certificate":
+            return _certificate(table, project)
         case "peer":
             return parts.read_peer(table, project.certificates)
         case _:
             return _READERS[kind](table)
 
 
+def _certificate(table: Table, project: Project) -> CertificateDecl | None:
+    """Return one certificate; its number is its name, in the line that adds it."""
+    found = next(iter(read_certificates([table], project.base).values()), None)
+    if found is not None and found.number in project.certificates:
+        table.wrong("number", f"{found.number}, which is there already", "a number of its own")
+    return found
+
+
+def structures_of(project: Project) -> tuple[str, ...]:
+    """Return the connection descriptions that the instructions of this PLC take."""
+    return project.dialect.structures or tuple(CONNECTIONS)
+
+
 _READERS: Final[dict[str, Callable[[Table], Declaration | None]]] = {
     "udp_config": parts.read_udp_config,
-    "addr": parts.read_addr,
     "message": parts.read_message,
     "sequence": parts.read_sequence,
 }
@@ -126,11 +145,19 @@ def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
 
 def names_of(kind: str, project: Project) -> tuple[str, ...]:
     """Return the names of a project's entries of one kind."""
-    return tuple([entry.name for entry in getattr(project, FIELDS[kind])])
+    return tuple([entry.name for entry in entries_of(kind, project)])
+
+
+def entries_of(kind: str, project: Project) -> tuple[Declaration, ...]:
+    """Return a project's entries of one kind."""
+    found = getattr(project, FIELDS[kind])
+    return tuple(found.values()) if isinstance(found, Mapping) else found
 
 
 def with_entry(project: Project, decl: Declaration) -> Project:
     """Return the project with one more entry, the last of its kind."""
+    if isinstance(decl, CertificateDecl):
+        return replace(project, certificates={**project.certificates, decl.number: decl})
     field = FIELDS[KIND_OF[type(decl)]]
     changed: dict[str, Any] = {field: (*getattr(project, field), decl)}
     grown = replace(project, **changed)

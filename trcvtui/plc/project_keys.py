@@ -25,6 +25,7 @@ from trcvtui.plc.project import (
     SequenceDecl,
 )
 from trcvtui.plc.project_parts import FREE_PORT, link_key
+from trcvtui.plc.tls_words import CertificateDecl
 from trcvtui.udt.literals import format_time
 
 Declaration = (
@@ -37,6 +38,7 @@ Declaration = (
     | PeerDecl
     | MessageDecl
     | SequenceDecl
+    | CertificateDecl
 )
 KeyValue = bool | int | float | str | list[str]
 Keys = list[tuple[str, KeyValue]]
@@ -51,12 +53,21 @@ KIND_OF: Final[dict[type, str]] = {
     PeerDecl: "peer",
     MessageDecl: "message",
     SequenceDecl: "sequence",
+    CertificateDecl: "certificate",
 }
 
 
 def keys_of(decl: Declaration) -> Keys:
     """Return the keys behind `name` with their TOML values, in the order of the contract."""
     return _KEYS[type(decl)](decl)
+
+
+def entry_of(decl: Declaration) -> Keys:
+    """Return the whole table of a declaration, with what it is called by."""
+    called: tuple[str, KeyValue] = ("name", decl.name)
+    if isinstance(decl, CertificateDecl):
+        called = ("number", decl.number)
+    return [called, *keys_of(decl)]
 
 
 def _connect(c: ConnectConfig) -> Keys:
@@ -76,6 +87,9 @@ def _udp_config(c: UdpConfig) -> Keys:
 
 
 def _addr(a: AddrParam) -> Keys:
+    if a.description is not None:
+        keys: Keys = [("type", a.description.structure.name), ("bytes", a.description.data.hex(" "))]
+        return keys + ([("RemotePort", a.remote_port)] if isinstance(a.remote_port, str) else [])
     return [
         *_unless(ANY_ADDRESS, "RemoteAddress", a.remote_address),
         *_unless(0, "RemotePort", a.remote_port),
@@ -119,7 +133,8 @@ def _peer(p: PeerDecl) -> Keys:
     keys += [("says", list(p.says))] if p.says else []
     keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
     keys += [("replies", list(p.replies))] if p.replies else []
-    return keys + (keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else [])
+    keys += keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else []
+    return keys + list(p.tls)
 
 
 def _message(m: MessageDecl) -> Keys:
@@ -144,4 +159,5 @@ _KEYS: Final[dict[type, Callable[[Any], Keys]]] = {
     PeerDecl: _peer,
     MessageDecl: _message,
     SequenceDecl: lambda s: [("steps", list(s.steps))],
+    CertificateDecl: lambda c: [("file", c.file), *_unless("", "key", c.key)],
 }

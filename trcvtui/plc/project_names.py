@@ -59,9 +59,10 @@ class Names:
 
     def check_addr(self, table: Table) -> None:
         """Record a RemotePort that names nothing that speaks UDP."""
-        name = parse_reference(table.text("RemotePort"))
-        if name is not None:
-            _check(table, "RemotePort", name, (*self.peers, *self._udp_ends()), "peer or UDP_CONFIG")
+        for key in ("RemotePort", "rem_port_nr"):
+            name = parse_reference(table.text(key))
+            if name is not None:
+                _check(table, key, name, (*self.peers, *self._udp_ends()), "peer or UDP_CONFIG")
 
     def check_peer(self, table: Table) -> None:
         """Record a remote that names no CONNECT; with `udp`, no UDP_CONFIG."""

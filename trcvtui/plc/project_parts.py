@@ -20,6 +20,7 @@ from trcvtui.blocks.parameters import (
     Direction,
     Pin,
 )
+from trcvtui.blocks.rules import Rules
 from trcvtui.errors import Problem
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig, parse_address
@@ -171,7 +172,9 @@ def read_addr(table: Table) -> AddrParam | None:
     return AddrParam(name, address, port) if name is not None else None
 
 
-def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> InstanceDecl | None:
+def read_instance(
+    table: Table, blocks: tuple[str, ...], first_task: str, rules: Rules
+) -> InstanceDecl | None:
     """Return one instance; every key that is not its own is an input pin of its block."""
     name = table.must("name", NAME)
     block = table.must("block", TEXT)
@@ -190,7 +193,7 @@ def read_instance(table: Table, blocks: tuple[str, ...], first_task: str) -> Ins
     if block is not None and block not in blocks:
         table.wrong("block", shown(block), expected_name(block, blocks, "block"))
     # Without its block nobody knows which pins it has: the other names are checked all the same.
-    inputs = _read_inputs(table, PINS[block]) if block in blocks else ()
+    inputs = _read_inputs(table, tuple(map(rules.typed, PINS[block]))) if block in blocks else ()
     if name is None or block is None or connect is None or (speaks_udp and addr is None):
         return None
     return InstanceDecl(name, block, connect, data, task, inputs, addr, on_config, pointers)
@@ -246,19 +249,23 @@ def read_peer(table: Table, certificates: Certificates) -> PeerDecl | None:
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
     layout, byte_order = table.read("layout", LAYOUT), table.read("byte_order", BYTE_ORDER)
-    session = _read_session(table, certificates)
+    session, tls = _read_session(table, certificates)
     table.finish()
     if name is None or end is None:
         return None
-    decl = PeerDecl(name, active, end, source, reconnect, says, every, replies=replies, session=session)
+    decl = PeerDecl(
+        name, active, end, source, reconnect, says, every, replies=replies, session=session, tls=tls
+    )
     return replace(decl, layout=layout, byte_order=byte_order)
 
 
-def _read_session(table: Table, certificates: Certificates) -> Settings | None:
+def _read_session(
+    table: Table, certificates: Certificates
+) -> tuple[Settings | None, tuple[tuple[str, bool | int | str], ...]]:
     iso, secure = read_iso(table), read_peer_tls(table, certificates)
     if iso is not None and secure is not None:
         table.wrong("tls", "true beside iso = true", "one of them")
-    return iso or secure
+    return (iso, ()) if secure is None else (secure.settings, secure.keys)
 
 
 def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:

@@ -19,6 +19,7 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
+from trcvtui.plc.addr_words import read_described_addr
 from trcvtui.plc.combuffers import joined_up, read_combuffer
 from trcvtui.plc.connect_descriptions import read_described
 from trcvtui.plc.names import expected_name
@@ -124,7 +125,7 @@ class Reader:
         self.check_names(tables, head.dialect.describes_connects)
         constants = parts.read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
         files = [self.file_of(table) for table in self.entries("udt")]
-        types = self.types(files, constants)
+        types = self.types(files, constants, head.dialect.types)
         certificates = read_certificates(tables["certificate"], self.base)
         tasks = _present([parts.read_task(table) for table in tables["task"]]) or (Task(),)
         instances = self.instances(tables["instance"], head, tasks[0].name)
@@ -134,7 +135,7 @@ class Reader:
             data=_present([self.data(table, types, head) for table in tables["data"]]),
             connects=self.connects(tables["connect"], head, certificates),
             udp_configs=_present([parts.read_udp_config(table) for table in tables["udp_config"]]),
-            addrs=_present([parts.read_addr(table) for table in tables["addr"]]),
+            addrs=_present([self.addr(table, head) for table in tables["addr"]]),
             instances=instances,
             peers=_present([parts.read_peer(table, certificates) for table in tables["peer"]]),
             messages=_present([parts.read_message(table) for table in tables["message"]]),
@@ -170,12 +171,13 @@ class Reader:
         for table in tables["message"]:
             names.check_message(table)
 
-    def types(self, files: list[Path | None], constants: Mapping[str, int]) -> TypeSet | None:
-        """Return the UDTs of all files, None where a file cannot be read."""
-        if not files:
+    def types(self, files: list[Path | None], constants: Mapping[str, int], library: str) -> TypeSet | None:
+        """Return the UDTs of all files and the library's, None where a file cannot be read."""
+        if not files and not library:
             return join([], NO_TYPES.where, constants)
         try:
-            types = read_files([file for file in files if file is not None], constants)
+            read = [file for file in files if file is not None]
+            types = read_files(read, constants, library=library)
         except UserError as refused:
             self.problems += refused.problems
             return None
@@ -217,11 +219,15 @@ class Reader:
             return parts.read_connect(table)
         return read_described(table, number, head.rules(), certificates, head.dialect.structures)
 
+    def addr(self, table: Table, head: Head) -> AddrParam | None:
+        return read_described_addr(table) if head.dialect.describes_connects else parts.read_addr(table)
+
     def instances(self, tables: list[Table], head: Head, first_task: str) -> tuple[InstanceDecl, ...]:
         blocks = tuple(block for block in head.dialect.blocks if block in PINS)
         for table in tables:
             self.check_pins(table, head)
-        return _present([parts.read_instance(table, blocks, first_task) for table in tables])
+        rules = head.rules()
+        return _present([parts.read_instance(table, blocks, first_task, rules) for table in tables])
 
     def check_pins(self, table: Table, head: Head) -> None:
         for pin in head.rules().lacks:

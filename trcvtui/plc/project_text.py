@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.plc.project_keys import KIND_OF, Declaration, KeyValue, keys_of
+from trcvtui.plc.project_keys import KIND_OF, Declaration, KeyValue, entry_of
 from trcvtui.plc.toml_file import parse_toml
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tomlkit.items import AoT, Table
 
 CRLF: Final = "\r\n"
+FILES: Final = {"udt": ("file",), "certificate": ("file", "key")}  # what names a file beside the project
 
 
 def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
@@ -30,19 +31,34 @@ def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
     for decl in decls:
         entries = wanted.setdefault(KIND_OF[type(decl)], [])
         if isinstance(entries, list):
-            entries.append({"name": decl.name, **dict(keys_of(decl))})
+            entries.append(dict(entry_of(decl)))
     return _checked(text, wanted, where, lambda plain: _in_their_places(plain, decls), _at_the_end(decls))
 
 
 def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
-    """Return the text of a project in the folder `old` as it has to be in `new`: UDTs are files beside it."""
+    """Return the text of a project in the folder `old` as it has to be in `new`: UDTs and
+    certificates are files beside it.
+    """
     wanted = parse_toml(text, where)
-    ways = [_way(entry["file"], old, new) for entry in wanted.get("udt", [])]
-    if all(entry["file"] == way for entry, way in zip(wanted.get("udt", []), ways, strict=True)):
+    ways = [
+        (kind, number, key, _way(entry[key], old, new))
+        for kind, keys in FILES.items()
+        for number, entry in enumerate(wanted.get(kind, []))
+        for key in keys
+        if key in entry
+    ]
+    if all(wanted[kind][number][key] == way for kind, number, key, way in ways):
         return text
-    for entry, way in zip(wanted["udt"], ways, strict=True):
-        entry["file"] = way
-    return _checked(text, wanted, where, lambda plain: _with_ways(plain, ways))
+    others = {wanted[kind][number][key]: way for kind, number, key, way in ways}
+    for kind, number, key, way in ways:
+        wanted[kind][number][key] = way
+    return _checked(
+        text,
+        wanted,
+        where,
+        lambda plain: _with_ways(plain, ways),
+        lambda plain: _with_texts(plain, others),
+    )
 
 
 def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
@@ -148,7 +164,7 @@ def _table(decl: Declaration) -> Table:
     import tomlkit
 
     table = tomlkit.table()
-    for key, value in [("name", decl.name), *keys_of(decl)]:
+    for key, value in entry_of(decl):
         table.append(key, _item(value))
     return table
 
@@ -178,10 +194,17 @@ def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
     return append
 
 
-def _with_ways(plain: str, ways: Sequence[str]) -> str | None:
+def _with_texts(plain: str, others: Mapping[str, str]) -> str:
+    """Return the text with these strings in the place of others, where tomlkit cannot give it back."""
+    for old, new in others.items():
+        plain = plain.replace(f"= {json.dumps(old)}", f"= {json.dumps(new)}")
+    return plain
+
+
+def _with_ways(plain: str, ways: Sequence[tuple[str, int, str, str]]) -> str | None:
     document = _parsed(plain)
     if document is None:
         return None
-    for entry, way in zip(document["udt"], ways, strict=True):
-        entry["file"] = way
+    for kind, number, key, way in ways:
+        document[kind][number][key] = way
     return document.as_string()

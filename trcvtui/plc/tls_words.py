@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from trcvtui.net.description import Description
 from trcvtui.net.description_check import CHECKS_NAME, Finding, Flaw, Meaning
@@ -31,6 +31,11 @@ class CertificateDecl:
     number: int
     file: str
     key: str = ""
+
+    @property
+    def name(self) -> str:
+        """Return what it is called: its number."""
+        return str(self.number)
 
 
 Certificates = Mapping[int, CertificateDecl]
@@ -117,7 +122,14 @@ def _authorities(known: Certificates, number: int) -> tuple[str, ...]:
 # -- a peer --------------------------------------------------------------------------------------------------
 
 
-def read_peer_tls(table: Table, known: Certificates) -> TlsSettings | None:
+class PeerTls(NamedTuple):
+    """What a peer's table says of TLS: as settings, and as its keys."""
+
+    settings: TlsSettings
+    keys: tuple[tuple[str, bool | int | str], ...]
+
+
+def read_peer_tls(table: Table, known: Certificates) -> PeerTls | None:
     """Return what a peer's table says about TLS, None where it speaks plain TCP."""
     if not table.get("tls", TRUTH, False):
         for key in PEER_KEYS:
@@ -130,15 +142,20 @@ def read_peer_tls(table: Table, known: Certificates) -> TlsSettings | None:
     name = table.read("server_name", HOST)
     if own is not None and not own.key:
         table.wrong("certificate", f"{own.number}, which has no key", "one with a key")
-    return TlsSettings(
+    asks_client = table.get("client_certificate", TRUTH, False)
+    verify = table.read("verify", VERIFY)
+    settings = TlsSettings(
         certificate=own.file if own else "",
         key=own.key if own else "",
         authorities=_authorities(known, authority.number if authority else 0),
-        asks_client=table.get("client_certificate", TRUTH, False),
+        asks_client=asks_client,
         server_name=name or "",
         checks_name=name is not None,
-        is_unverified=table.read("verify", VERIFY) is not None,
+        is_unverified=verify is not None,
     )
+    numbers = tuple(one.number if one is not None else None for one in (own, authority))
+    said = zip(PEER_KEYS, (*numbers, asks_client or None, name, verify), strict=True)
+    return PeerTls(settings, (("tls", True), *((key, value) for key, value in said if value is not None)))
 
 
 def _known(table: Table, key: str, known: Certificates) -> CertificateDecl | None:

@@ -12,8 +12,10 @@ from typing import Final
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import SENDERS
+from trcvtui.rig import advice_attempt as attempt
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
+from trcvtui.rig import advice_message as message
 from trcvtui.rig import advice_receive as receive
 from trcvtui.rig import advice_refusal as refusal
 from trcvtui.rig import advice_serial as serial
@@ -23,7 +25,12 @@ from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.wording import count
 
 Rule = Callable[[Evidence], str]
+WHOLE: Final = frozenset({"TURCV", "URECV_C"})  # a datagram is here whole, or not at all
 INJECTED: Final = "injected fault: "
+SESSION: Final = {
+    "ECONNREFUSED": "the partner took the call and refused it in the handshake",
+    "ECONNRESET": "the partner took the call and ended it in the handshake",
+}
 
 # What says more about the present than the cause of the edge does.
 NOW: Final[dict[Condition, Rule]] = {
@@ -53,6 +60,7 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.RECEIVING: (*receive.RECEIVING, link.second_client),
     Condition.RECEIVED: receive.RECEIVED,
     Condition.ESTABLISHING: link.ESTABLISHING,
+    Condition.NOT_CALLED: (job.not_called,),
     Condition.NOT_CONNECTED: link.NOT_CONNECTED,
     Condition.LINK_DEAD: link.DEAD,
     Condition.SENDING: job.SENDING,
@@ -65,34 +73,62 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     **_ATTEMPT,
     **_LOST,
 }
-# Blocks that are asked something of their own.
+# Blocks that are asked something of their own, whatever moves on their CONNECT ...
 OWN_NOW: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NOW) | single.NOW
 OWN_NEXT: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NEXT) | single.NEXT
+# ... and what stands for STARTED and RUNNING of blocks that have only these.
+AS: Final = {
+    "TCON": Condition.ESTABLISHING,
+    "TSEND": Condition.SENDING,
+    "TRCV": Condition.RECEIVING,
+}
+JOB: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """`why` in one sentence; `checks` are what to look at next, the most telling first."""
+    """`why` in one sentence; `checks` are what to look at next, the most telling first.
+
+    `code`: that whose row of the table says more than the row of the code that is shown.
+    """
 
     why: str
     checks: tuple[str, ...]
+    code: int | None = None
 
 
 def advice_on(e: Evidence) -> Advice:
     """Return what the evidence proves."""
-    told = (rule(e) for rule in _rules(e))
-    return Advice(why(e), tuple(dict.fromkeys(sentence for sentence in told if sentence)))
+    failed = e.facts.attempt
+    words = because(failed.cause, e.block) if failed is not None else ""
+    first = attempt.told(e, _rules, words)
+    rules = () if first and attempt.stops_it(e) else _rules(e)
+    told = [sentence for rule in rules if (sentence := rule(e))]
+    more = [sentence for sentence in told if not attempt.is_repeated(sentence, first)]
+    return Advice(why(e), tuple(dict.fromkeys((*first, *more))), attempt.code(e))
 
 
 def _rules(e: Evidence) -> tuple[Rule, ...]:
-    """Return what is asked; of datagrams something else than of a stream."""
+    """Return what is asked; of datagrams and of messages something else than of a stream."""
+    condition = _condition(e)
+    own = OWN_NEXT.get(e.block) or (udp.BY_CONNECT if e.is_datagram else message.NEXT if e.is_message else {})
+    return own.get(condition) or NEXT.get(condition, (link.injected,))
+
+
+def _condition(e: Evidence) -> Condition:
+    """Return what is the case, in the words of the blocks that have more of them."""
     condition = Condition(e.condition)
-    return OWN_NEXT.get(e.block, {}).get(condition) or NEXT.get(condition, (link.injected,))
+    if condition is Condition.RECEIVING_PART:
+        return Condition.RECEIVING
+    return AS.get(e.block, condition) if condition in JOB else condition
 
 
 def why(e: Evidence) -> str:
     """Return why it is shown: how things stand now, and where nothing is known of that, the edge's cause."""
-    rule = OWN_NOW.get(e.block, NOW).get(Condition(e.condition))
+    own = OWN_NOW.get(e.block) or (
+        udp.NOW_BY_CONNECT if e.is_datagram else message.NOW if e.is_message else {}
+    )
+    rule = own.get(_condition(e)) or (NOW.get(_condition(e)) if e.block not in OWN_NOW else None)
     stands = rule(e) if rule is not None and (e.need or rule is link.who_is_waited_for) else ""
     if not stands:
         return because(e.cause, e.block)
@@ -102,7 +138,9 @@ def why(e: Evidence) -> str:
 def because(cause: Cause, block: str) -> str:
     """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
     text = cause.name
-    if cause.call and cause.why is Why.PARAMETER:  # no call was made
+    if cause.call == "session":  # no call either: what came inside the connection
+        text = SESSION.get(cause.error, f"{cause.name} ({cause.error})")
+    elif cause.call and cause.why is Why.PARAMETER:  # no call was made
         text += "" if cause.detail else f" ({cause.error})"
     elif cause.call and cause.call in text:
         text = f"{cause.call} gave {cause.error or 'an error'}"
@@ -120,6 +158,8 @@ def _numbers(cause: Cause, block: str) -> str:
     if cause.have is not None and cause.need is not None:
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
+        if not cause.have and block in WHOLE:
+            return f", at most {count(cause.need, 'byte')}"
         where = "taken" if block in SENDERS else "here"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:

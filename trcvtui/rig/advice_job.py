@@ -144,6 +144,13 @@ def cont_is_missing(e: Evidence) -> str:
     return f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}: `set {e.instance} CONT=1`"
 
 
+def not_called(e: Evidence) -> str:
+    """Nothing is called in STOP."""
+    if e.is_stopped:
+        return "the PLC is in STOP, no block is called: `plc run`"
+    return "" if e.is_past else f"no scan has called {e.instance} yet: is its task running?"
+
+
 SENDING: Final = (stalled_peer, does_not_read)
 IN_USE: Final = (who_holds,)
 LENGTH: Final = (wrong_length,)

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.description_check import Protocol, meaning
 from trcvtui.rig.evidence import Evidence
-from trcvtui.rig.facts import Failures
+from trcvtui.rig.facts import NOT_BUILT, Failures
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.wording import age, count, times
 
@@ -31,6 +33,12 @@ FAILED: Final = {
 }
 
 HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
+# What fails before the partner is called, or behind it: in words, and no errno beside them.
+NO_CALL: Final = {
+    "session ECONNREFUSED": "taken and refused by the partner",
+    "session ECONNRESET": "taken and given up by the partner",
+}
+OTHER: Final = {"session": "the handshake failed", "resolve": "the name was not found"}
 
 
 # -- what is waited for -----------------------------------------------------------------------------------
@@ -40,7 +48,7 @@ def who_is_waited_for(e: Evidence) -> str:
     """Return who a set-up waits for, since when, and how far it is; "" where nothing is known."""
     if e.config is None:
         return ""
-    return _caller(e) if not e.config.active else _called(e)
+    return _not_built(e) or (_caller(e) if not e.config.active else _called(e))
 
 
 def _since(e: Evidence) -> str:
@@ -55,16 +63,50 @@ def _caller(e: Evidence) -> str:
     if e.config.is_datagram and (e.link is None or e.link.retry_in_ns is None):
         return "the UDP port is being set up: no partner is waited for"
     who = "any partner" if anyone else f"a call from {e.config.remote_address}"
+    named = remote_tsap(e.config)
+    if named:
+        who = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
     local = e.link.local if e.link is not None else e.cause.detail.removeprefix("listening on ")
     if e.link is not None and e.link.retry_in_ns is not None:
-        return f"cannot listen{_since(e)}; the next attempt in {age(e.link.retry_in_ns)}"
+        return f"cannot listen{_since(e)}{_again(e)}"
     where = f", listening on {local}" if local else ", not listening yet"
     return f"waits for {who}{_since(e)}{where}"
 
 
+def _again(e: Evidence) -> str:
+    assert e.link is not None
+    return f"; the next attempt in {age(e.link.retry_in_ns)}" if e.link.retry_in_ns is not None else ""
+
+
+def _not_built(e: Evidence) -> str:
+    """Return why there is no endpoint at all: the description, or its ID, is not taken."""
+    attempt = e.facts.attempt
+    if attempt is None or attempt.cause.call not in NOT_BUILT or e.config is None or e.link is None:
+        return ""
+    detail = f", {attempt.cause.detail}" if attempt.cause.detail else ""
+    press = " (press C)" if attempt.cause.call == "description" and e.config.description is not None else ""
+    return f"{e.config.name} is not built{_since(e)}: {attempt.cause.name}{press}{detail}{_again(e)}"
+
+
+def selector(data: bytes) -> str:
+    """Return a T-selector as an engineer writes it: `TCP-1`, `E0 02`."""
+    is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
+    return data.decode("ascii") if is_text else data.hex(" ").upper()
+
+
+def remote_tsap(config: ConnectConfig) -> str:
+    """Return the T-selector that the partner has to have, "" where there is none or any will do."""
+    if config.description is None or meaning(config.description).protocol is not Protocol.ISO:
+        return ""
+    return selector(meaning(config.description).remote_tsap)
+
+
 def _called(e: Evidence) -> str:
     """Return what an active CONNECT waits for."""
-    end = (e.link.remote if e.link is not None else "") or e.cause.peer or "its partner"
+    assert e.config is not None
+    end = (
+        (e.link.remote if e.link is not None else "") or e.cause.peer or e.config.remote_name or "its partner"
+    )
     text = f"waits for {end}{_since(e)}"
     for failed in e.facts.failures:
         text += f"; {_times_failed(failed)}"
@@ -78,7 +120,10 @@ def _called(e: Evidence) -> str:
 
 def _times_failed(failed: Failures) -> str:
     call, _, errno = failed.error.partition(" ")
-    word = HOW.get(errno, f"{call} failed")
+    word = NO_CALL.get(failed.error)
+    if word and not failed.injected:
+        return f"{word} {times(failed.count)} (last in scan {failed.last.scan})"
+    word = OTHER.get(call) or HOW.get(errno, f"{call} failed")
     injected = ", injected" if failed.injected else ""
     return f"{word} {times(failed.count)} ({errno}{injected}, last in scan {failed.last.scan})"
 
@@ -135,6 +180,19 @@ def second_client(e: Evidence) -> str:
     )
 
 
+def let_go(e: Evidence) -> str:
+    """Somebody called, and was let go before he was a partner: his handshake, or another TSAP."""
+    dropped = e.facts.dropped
+    if dropped is None or e.config is None or e.config.active:
+        return ""
+    refused = next((p.name for p in e.peers if p.name in e.callers and p.state == "refused"), dropped.peer)
+    text = f"{refused} called and was refused in scan {dropped.at.scan}: {dropped.why}"
+    if e.config.description is None or meaning(e.config.description).protocol is not Protocol.ISO:
+        return text
+    ours = selector(meaning(e.config.description).local_tsap)
+    return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
+
+
 def peer_that_could_call(e: Evidence) -> str:
     """A peer of this bench could be the partner, and does nothing."""
     if e.config is None or e.config.is_datagram or e.is_past or e.link is None:
@@ -145,7 +203,8 @@ def peer_that_could_call(e: Evidence) -> str:
     if e.peers and not any(peer.active for peer in e.peers):
         names = " and ".join(peer.name for peer in e.peers[:3])
         return f"{e.config.name} and {names} are all passive: exactly one of two ends has to be active"
-    waiting = [peer for peer in callers if peer.state not in ("connected", "connecting")]
+    busy = ("connected", "connecting", "refused" if e.facts.dropped is not None else "connected")
+    waiting = [peer for peer in callers if peer.state not in busy]
     return _call(waiting[0]) if waiting else ""
 
 
@@ -230,7 +289,7 @@ def closed_behind_its_message(e: Evidence) -> str:
 
 
 ESTABLISHING: Final = (
-    injected, what_failed, wrong_partner, peer_that_could_call, unanswered, lost_before,
+    injected, let_go, what_failed, wrong_partner, peer_that_could_call, unanswered, lost_before,
 )  # fmt: skip
 FAILED_ATTEMPT: Final = (injected, no_connection_left, what_failed, peer_that_could_call, lost_before)
 NOT_CONNECTED: Final = (asked_too_early, wrong_partner, what_failed, peer_that_could_call)

@@ -14,6 +14,7 @@ from trcvtui.rig.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
 SLOW: Final = 2  # so many of a sender's longest pauses are waited for
+RUNS: Final = frozenset({Condition.RECEIVING, Condition.RECEIVING_PART, Condition.RUNNING})
 ARMED, FILLING, STUCK = "armed", "filling", "stuck"
 CURE: Final = "COM_RST (or CONT 0, then 1) puts it back in step"
 
@@ -31,12 +32,13 @@ def state(e: Evidence) -> str:
 
 def is_stuck(e: Evidence) -> bool:
     """Return whether a static frame has begun and its sender seems to have no more."""
-    return e.condition == Condition.RECEIVING and not e.adhoc and state(e) == STUCK
+    is_running = e.condition in RUNS
+    return is_running and not e.adhoc and not e.is_message and not e.is_datagram and state(e) == STUCK
 
 
 def how_it_stands(e: Evidence) -> str:
     """Return what a job that receives has, wants, and since when nothing came."""
-    wanted = f"up to {count(e.need, 'byte')} (ADHOC)" if e.adhoc else count(e.need, "byte")
+    wanted = f"up to {count(e.need, 'byte')} ({_pin(e)})" if e.adhoc else count(e.need, "byte")
     if e.is_past:
         return f"{e.have} of {wanted} were here"
     since = "" if e.quiet_ns is None else f"{age(e.quiet_ns)} ago"
@@ -47,6 +49,20 @@ def how_it_stands(e: Evidence) -> str:
         return f"complete: all {wanted} are here, DONE comes with the next scan"
     came = f", the last one came {since}" if since else ""
     return f"{state(e)}: {e.have} of {wanted} are here{came}{_rate(e)}"
+
+
+def _pin(e: Evidence) -> str:
+    """Return what makes a job ad hoc: a pin, or a LEN of 0 where there is none."""
+    return "ADHOC" if e.has_adhoc else "LEN 0 is ad hoc"
+
+
+def _switch(e: Evidence) -> str:
+    """Return what would make it ad hoc."""
+    return "ADHOC=1" if e.has_adhoc else "LEN=0, which is ad hoc here,"
+
+
+def _name(e: Evidence) -> str:
+    return "ADHOC" if e.has_adhoc else "LEN 0"
 
 
 def _since_up(e: Evidence) -> str:
@@ -166,7 +182,7 @@ def too_long_a_sender(e: Evidence) -> str:
         return ""
     if e.adhoc:
         return (
-            f"{_were(e, size)}, ADHOC takes at most {e.need} at once: "
+            f"{_were(e, size)}, {_name(e)} takes at most {e.need} at once: "
             f"one message comes as {-(-size // e.need)} frames"
         )
     rest = size % e.need
@@ -197,7 +213,7 @@ def messages_of_many_sizes(e: Evidence) -> str:
         return ""
     return (
         f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}: "
-        "ADHOC=1 takes what is there, or one job reads the header and one the rest"
+        f"{_switch(e)} takes what is there, or one job reads the header and one the rest"
     )
 
 
@@ -231,7 +247,8 @@ def ad_hoc_hint(e: Evidence) -> str:
     """Static, stuck, and nothing tells whether more will come."""
     if e.adhoc or state(e) != STUCK or not e.have:
         return ""
-    return f"ADHOC=1 would have delivered these {count(e.have, 'byte')} at once (read when EN_R rises again)"
+    here = count(e.have, "byte")
+    return f"{_switch(e)} would have delivered these {here} at once (read when EN_R rises again)"
 
 
 def parts_of_a_message(e: Evidence) -> str:
@@ -243,7 +260,7 @@ def parts_of_a_message(e: Evidence) -> str:
     if e.condition != "received":
         return ""
     what = f"{length} of them are a part of one" if length < size else f"{length} are more than one"
-    return f"{_were(e, size)}: {what}; ADHOC delivers what is there, not messages"
+    return f"{_were(e, size)}: {what}; {_name(e)} delivers what is there, not messages"
 
 
 def nothing_sent(e: Evidence) -> str:
@@ -258,10 +275,10 @@ def nothing_sent(e: Evidence) -> str:
 
 def at_rest(e: Evidence) -> str:
     """Between two frames that came well, armed is the normal state."""
-    if e.have or e.done_scan is None or e.is_past or e.facts.drop is not None:
+    if e.have or e.done_scan is None or not e.done_len or e.is_past or e.facts.drop is not None:
         return ""
     return (
-        f"not stuck: the last frame ({count(e.done_len or 0, 'byte')}) was delivered in scan {e.done_scan}, "
+        f"not stuck: the last frame ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, "
         "the next one has not begun"
     )
 

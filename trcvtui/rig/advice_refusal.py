@@ -10,6 +10,7 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.net.description_check import Protocol, meaning
+from trcvtui.net.tls_words import TlsError
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig.advice_receive import limit
@@ -56,6 +57,13 @@ def where_the_flaw_is(e: Evidence) -> str:
     )
 
 
+def press_c(e: Evidence) -> str:
+    """The screen shows the description byte for byte."""
+    if e.cause.call != "description" or e.config is None or e.config.description is None:
+        return ""
+    return f"press C: the description of {e.config.name} byte for byte, what is wrong with it first"
+
+
 def another_port(e: Evidence) -> str:
     """Return which port may be taken; the port of ISO-on-TCP has a key of its own."""
     config = e.config
@@ -92,7 +100,8 @@ def no_such_selector(e: Evidence) -> str:
     says_what = meaning(e.config.description)
     if says_what.protocol is not Protocol.ISO:
         return ""
-    ours, theirs = says_what.local_tsap.hex(" ") or "none", says_what.remote_tsap.hex(" ") or "any"
+    ours = link.selector(says_what.local_tsap) or "none"
+    theirs = link.selector(says_what.remote_tsap) or "any"
     return (
         f"{_peer(e)} took the call and refused it: crosswise, its remote selector has to be {ours} (our "
         f"local one) and its local selector {theirs} (our remote one)"
@@ -104,6 +113,13 @@ def look_at_the_certificate(e: Evidence) -> str:
     if e.config is None or not e.config.active or not e.cause.peer:
         return ""
     return f"`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows"
+
+
+def showed_no_certificate(e: Evidence) -> str:
+    """The partner showed no certificate, or one that will not do."""
+    if e.cause.error == TlsError.NO_CERTIFICATE:
+        return f"{_peer(e)} showed no certificate, and is asked for one: its own has to be set there"
+    return f"{_peer(e)} showed a certificate for another use, or with too short a key"
 
 
 # -- DATA and LEN ----------------------------------------------------------------------------------------
@@ -139,7 +155,7 @@ def result_too_small(e: Evidence) -> str:
 _FLAW: Final = (where_the_flaw_is,)
 _SHOWN: Final = look_at_the_certificate
 # What is more than the flaw itself, in the order of the conditions.
-NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
+_OWN: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.FOUND_CLOSED: (
         *link.LOST,
         says("no job ran, nothing of one is lost; with CONT at 1 {connect} is built again"),
@@ -215,7 +231,7 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
         _SHOWN,
     ),
     Condition.TLS_UNSUPPORTED: (
-        says("{peer} showed no certificate, or one for another use, or with too short a key"),
+        showed_no_certificate,
         _SHOWN,
     ),
     Condition.TLS_DISCARDED: (says("not valid yet, revoked, or not to be read: look at its dates"), _SHOWN),
@@ -247,3 +263,4 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.TLS_SERVER_CHECKS: (*_FLAW, says("only the active end checks a name")),
     Condition.TLS_REFERENCE: (*_FLAW, says("[[certificate]] with that number is missing, or has no key")),
 }
+NEXT: Final = {condition: (*rules, press_c) for condition, rules in _OWN.items()}

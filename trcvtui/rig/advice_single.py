@@ -13,7 +13,6 @@ from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig import advice_udp as udp
 from trcvtui.rig.evidence import Evidence
-from trcvtui.rig.wording import count
 
 Rule = Callable[[Evidence], str]
 
@@ -32,11 +31,6 @@ def socket_is_closed(e: Evidence) -> str:
     )
 
 
-def addr_is_empty(e: Evidence) -> str:
-    """The receiver of a datagram stands in ADDR."""
-    return "ADDR is the receiver: write both address and port into it before the edge of REQ"
-
-
 def result_says(e: Evidence) -> str:
     """Return where the answer stands."""
     if e.block != "T_DIAG":
@@ -45,14 +39,6 @@ def result_says(e: Evidence) -> str:
         f"RESULT ({e.data}): byte 6 is State (1 lost, 2 the active end calls, 3 the passive end waits, "
         "4 established), byte 8 on the bytes sent, byte 12 on those received"
     )
-
-
-def message_too_long(e: Evidence) -> str:
-    """A datagram that DATA has no room for is gone, and the next one is clean."""
-    have, need = e.cause.have, e.cause.need
-    if not have or not need:
-        return ""
-    return f"the datagram had {count(have, 'byte')}, {have - need} too many; DATA of at least {have} takes it"
 
 
 _RECEIVING: Final[tuple[Rule, ...]] = (
@@ -69,12 +55,12 @@ _DATAGRAMS: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.RUNNING: _RECEIVING,
     Condition.RECEIVED: (udp.short_datagrams,),
     Condition.SENT: (udp.nobody_is_told,),
-    Condition.MESSAGE_TOO_LONG: (message_too_long,),
+    Condition.MESSAGE_TOO_LONG: (udp.message_too_long,),
     Condition.RECEIVE_FAILED: (link.injected,),
     Condition.SEND_FAILED: (link.injected,),
     Condition.NOT_CONNECTED: (socket_is_closed,),
-    Condition.REMOTE_WRONG: (addr_is_empty,),
-    Condition.NEEDS_ADDR: (addr_is_empty,),
+    Condition.REMOTE_WRONG: (udp.addr_is_empty,),
+    Condition.NEEDS_ADDR: (udp.addr_is_empty,),
     Condition.CONNECT_IN_USE: job.IN_USE,
     Condition.LENGTH_WRONG: job.LENGTH,
     Condition.DATA_EMPTY: job.EMPTY,

@@ -150,9 +150,29 @@ def nobody_is_told(e: Evidence) -> str:
     return f"it went to {target}, {near.name} receives at {near.local}: address or port in ADDR is wrong"
 
 
+def took_it(e: Evidence) -> str:
+    """Return the same of a block whose edge does not name the receiver."""
+    return nobody_is_told(e) or (
+        "DONE tells that the local stack took the datagram; UDP does not tell whether it came"
+    )
+
+
 def no_edge(e: Evidence) -> str:
     """The socket is open and REQ stays 1: that is no edge."""
     return "REQ stays 1: a job starts with a rising edge only, set it to 0 first" if e.pin("REQ") == 1 else ""
+
+
+def addr_is_empty(e: Evidence) -> str:
+    """The receiver of a datagram stands in ADDR."""
+    return "ADDR is the receiver: write both address and port into it before the edge of REQ"
+
+
+def message_too_long(e: Evidence) -> str:
+    """A datagram that DATA has no room for is gone, and the next one is clean."""
+    have, need = e.cause.have, e.cause.need
+    if not have or not need:
+        return ""
+    return f"the datagram had {count(have, 'byte')}, {have - need} too many; DATA of at least {have} takes it"
 
 
 Rule = Callable[[Evidence], str]
@@ -169,4 +189,14 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.LENGTH_WRONG: job.LENGTH,
     Condition.DATA_EMPTY: job.EMPTY,
     Condition.NO_JOB: (job.cont_is_missing,),
+}
+# The same of blocks whose CONNECT says UDP: to these the socket is their connection.
+NOW_BY_CONNECT: Final[dict[Condition, Rule]] = {**NOW, Condition.ESTABLISHING: link.who_is_waited_for}
+BY_CONNECT: Final[dict[Condition, tuple[Rule, ...]]] = {
+    **{condition: rules for condition, rules in NEXT.items() if condition is not Condition.CREATED},
+    Condition.CONNECTED: (nobody_reads_here, no_edge),
+    **dict.fromkeys((Condition.SENDING, Condition.SENT), (took_it,)),
+    Condition.MESSAGE_TOO_LONG: (message_too_long,),
+    Condition.REMOTE_WRONG: (addr_is_empty,),
+    Condition.SEND_BUFFER_FULL: (link.injected, nobody_is_told),
 }

@@ -22,6 +22,7 @@ from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.project import InstanceDecl, MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.plc.runtime import Runtime
+from trcvtui.plc.tls_words import CertificateDecl
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.bench_instances import after
 from trcvtui.rig.bench_routine import read_replies, read_routines
@@ -216,6 +217,8 @@ class Bench:
                 wrong = self._add_peer(decl)
             case MessageDecl() | SequenceDecl() as decl:
                 self.note(decl.name, "in the library")
+            case CertificateDecl() as decl:
+                self.note(f"certificate {decl.name}", "added")
             case decl:
                 self._let_sessions_in(decl)
                 self._submit(commands.Declare(decl))

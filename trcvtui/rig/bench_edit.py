@@ -13,7 +13,7 @@ from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import DataDecl, MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.plc.project_edit import FIELDS, given, read_entry, with_entry
 from trcvtui.plc.project_keys import KIND_OF, KeyValue, keys_of
-from trcvtui.plc.tables import shown
+from trcvtui.plc.tables import Given, shown
 from trcvtui.rig.bench_library import check_message, check_sequence
 from trcvtui.rig.bench_routine import check_routine
 from trcvtui.rig.bench_send import read_send
@@ -23,6 +23,7 @@ from trcvtui.rig.member_values import quoted, unquoted
 from trcvtui.rig.wording import count
 
 KINDS: Final = tuple(FIELDS)
+CERTIFICATE: Final = "certificate"
 LISTS: Final = ("says", "replies")  # given once for each
 PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 
@@ -34,7 +35,11 @@ def read_add(words: Words, project: Project) -> Add | AddData:
         raise words.wrong(shown(kind), expected_name(kind, KINDS, "kind"))
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
-    content = {"name": name, **_CONTENT.get(kind, _pairs)(words)}
+    if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
+        called: dict[str, Any] = {"number": Given("number", name.removeprefix("number="))}
+    else:
+        called = {"name": name}
+    content = {**called, **_CONTENT.get(kind, _pairs)(words)}
     decl = read_entry(kind, content, project, where)
     match decl:
         case DataDecl():
@@ -116,6 +121,8 @@ def _pair(key: str, value: KeyValue) -> str:
             return f"{key}={str(value).lower()}"
         case list():
             return " ".join(f"{key}={quoted(text)}" for text in value)
+        case str() if " " in value or not value:
+            return f"{key}={quoted(value)}"
         case _:
             return f"{key}={value}"
 

@@ -19,7 +19,7 @@ from trcvtui.blocks.parameters import (
     Direction,
 )
 from trcvtui.errors import UserError
-from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier
+from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, with_article
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
 from trcvtui.plc.project_edit import with_entry
 from trcvtui.plc.project_names import WORDS
@@ -84,7 +84,7 @@ def _link(given: dict[str, str], block: str, words: Words, project: Project) -> 
 def _must(given: dict[str, str], key: str, names: list[str], what: str, words: Words) -> str:
     name = _reference(given, key, names, what, words)
     if name is None:
-        raise words.wrong(f"no {key}=", f"{key}= and the name of a {what}")
+        raise words.wrong(f"no {key}=", f"{key}= and the name of {with_article(what)}")
     return name
 
 

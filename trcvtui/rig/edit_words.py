@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.project import ComBufferDecl, DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl
+from trcvtui.plc.tls_words import CertificateDecl
 
 AddedDecl = (
     ConnectConfig
@@ -17,6 +18,7 @@ AddedDecl = (
     | PeerDecl
     | MessageDecl
     | SequenceDecl
+    | CertificateDecl
 )
 
 

@@ -46,6 +46,8 @@ class Evidence:
     peers: tuple[PeerSnapshot, ...] = ()
     callers: tuple[str, ...] = ()  # the active peers of this bench that are meant for this CONNECT
     budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
+    has_adhoc: bool = True  # an ADHOC pin; without one a LEN of 0 is ad hoc
+    is_stopped: bool = False  # the PLC is in STOP
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of a pin, None where it is not known."""
@@ -54,6 +56,18 @@ class Evidence:
     def age_of(self, moment: Moment) -> int:
         """Return how long ago that was, in ns."""
         return max(0, self.at.t_ns - moment.t_ns)
+
+    @property
+    def is_datagram(self) -> bool:
+        """Return whether datagrams move: its CONNECT is one of UDP, or a UDP_CONFIG."""
+        if self.config is not None:
+            return self.config.is_datagram
+        return self.link is not None and self.link.udp
+
+    @property
+    def is_message(self) -> bool:
+        """Return whether a partner's message over a connection arrives whole, one a job (ISO-on-TCP)."""
+        return self.config is not None and self.config.is_message_oriented and not self.is_datagram
 
     @property
     def quiet_ns(self) -> int | None:
@@ -91,7 +105,13 @@ def evidence_now(picture: Picture, project: Project, name: str) -> Evidence | No
         peers=picture.peers,
         callers=_callers(project, instance.connect),
         budget=(snapshot.connections_used, snapshot.connections_limit),
+        has_adhoc=_has_adhoc(project, instance.block),
+        is_stopped=not snapshot.running,
     )
+
+
+def _has_adhoc(project: Project, block: str) -> bool:
+    return any(pin.name == "ADHOC" for pin in project.pins(block))
 
 
 def _callers(project: Project, connect: str) -> tuple[str, ...]:
@@ -123,7 +143,8 @@ def evidence_then(
         data_size=data.size if data else 0,
         have=have,
         need=need,
-        adhoc=bool(dict(decl.inputs).get("ADHOC")) if decl else False,
+        adhoc=facts.job_adhoc or (bool(dict(decl.inputs).get("ADHOC")) if decl else False),
         config=project.connect(decl.connect) if decl else None,
         facts=facts,
+        has_adhoc=_has_adhoc(project, edge.block),
     )

@@ -11,16 +11,35 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, Final
 
+from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.net.iso_on_tcp import NO_SUCH_TSAP
 from trcvtui.net.notes import BytesReceived, ConnectionNote, What
-from trcvtui.plc.ledger import Event, Line, PeerSent, StatusEdge
-from trcvtui.rig.facts import PAUSE_SCANS, Drop, Facts, Failures, Loss, Message, Moment, Sizes, TurnedAway
+from trcvtui.net.shared_listener import DROPPED
+from trcvtui.net.shared_listener import ENDED as SESSION_ENDED
+from trcvtui.plc.ledger import BenchNote, Event, Line, PeerSent, StatusEdge
+from trcvtui.rig.facts import (
+    NOT_BUILT,
+    PAUSE_SCANS,
+    Attempt,
+    Drop,
+    Dropped,
+    Facts,
+    Failures,
+    Loss,
+    Message,
+    Moment,
+    Sizes,
+    TurnedAway,
+)
 
 KEPT_SIZES: Final = 40
 KEPT_MESSAGES: Final = 512
 KEPT_ENDS: Final = 256  # pairs of ends whose messages are known
 KEPT_ERRORS: Final = 8
 KEPT_GAPS: Final = 8
+IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
 
 ENDINGS: Final = frozenset(
     {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET, What.STOPPED, What.REPLACED}
@@ -81,11 +100,27 @@ class _Link:
         self.up_since: Moment | None = None
         self.down_since: Moment | None = None
         self.failures: dict[str, Failures] = {}
+        self.listening = ""  # where it listens, shared or not
+        self.attempt: Attempt | None = None
+        self.dropped: Dropped | None = None
+        self.said: Dropped | None = None  # of the handshake that ends next
         self.turned: dict[str, TurnedAway] = {}
         self.loss: Loss | None = None
         self.losses = 0
         self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
         self.begin_stream()
+
+    def forget_failures(self) -> None:
+        """Forget what failed: it stands, or waits for whoever comes."""
+        self.failures.clear()
+        self.attempt = self.dropped = self.said = None
+
+    def is_built(self) -> None:
+        """Forget what kept it from having a socket."""
+        for error in [error for error in self.failures if error.partition(" ")[0] in NOT_BUILT]:
+            del self.failures[error]
+        if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
+            self.attempt = None
 
     def begin_stream(self) -> None:
         """Begin with a new connection: offsets count from 0 again."""
@@ -116,12 +151,17 @@ class FactBook:
         self._links: dict[str, _Link] = {}
         self._jobs: dict[str, tuple[int, int, JobStarted]] = {}
         self._sent: dict[tuple[str, str], _Sent] = {}
+        self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
+        self._idle: set[str] = set()
+        self._asked: dict[str, Moment] = {}  # since when each instance has not been idle
         self._takers: dict[type, Callable[[int, int, Any], None]] = {
             PeerSent: self._message,
             BytesReceived: self._bytes,
             JobStarted: self._job_started,
             JobEnded: self._job_ended,
             ConnectionNote: self._connection,
+            StatusEdge: self._status,
+            BenchNote: self._note,
         }
 
     def take(self, stamped: Iterable[Stamped]) -> None:
@@ -177,7 +217,7 @@ class FactBook:
         if event.what is What.CONNECTED:
             link.incarnation, link.ends = event.incarnation, (event.peer, event.local)
             link.up_since, link.down_since = at, None
-            link.failures.clear()
+            link.forget_failures()
             link.turned.clear()
             link.begin_stream()
         elif event.what in ENDINGS:
@@ -188,12 +228,18 @@ class FactBook:
             before = link.turned.get(TURNED_AWAY[event.what])
             count = before.count + 1 if before else 1
             link.turned[TURNED_AWAY[event.what]] = TurnedAway(count, event.peer, at)
-        elif event.what is What.LISTENING and event.detail == "UDP":
-            link.datagrams = _Datagrams(at)
-        elif event.what in (What.LISTENING, What.CONNECTING):
+        elif event.what is What.LISTENING:  # a new endpoint: one that lost its partner has its listener
+            link.forget_failures()
+            link.listening, link.down_since = event.local, at
+            if event.detail == "UDP":
+                link.datagrams, link.down_since = _Datagrams(at), None
+        elif event.what is What.CONNECTING:
             link.down_since = link.down_since or at
+            link.is_built()
 
     def _ended(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
+        if event.what in (What.DISCONNECTED, What.STOPPED):
+            link.down_since, link.listening = None, ""
         if link.up_since is None:
             return  # an attempt was given up
         fault = event.fault
@@ -214,6 +260,36 @@ class FactBook:
         count = before.count + 1 if before else 1
         injected = fault.injected if fault else False
         link.failures[error] = Failures(error, count, at, injected, event.peer)
+        said, link.said = link.said, None
+        if fault is None or fault.call != "session":
+            said = None
+        peer = event.peer or (said.peer if said else "")
+        cause = cause_of(fault, peer) if fault else Cause(Why.WAITING, str(event.what), peer=peer)
+        link.attempt = Attempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
+        link.dropped = None
+
+    def _note(self, scan: int, t_ns: int, event: BenchNote) -> None:
+        """Keep what became of a handshake; who names a TSAP that nobody has, asked all who listen there."""
+        link = self._links.get(event.subject)
+        if link is None or event.what not in (DROPPED, SESSION_ENDED):
+            return
+        peer, _, why = event.detail.partition(": ")
+        said = Dropped(Moment(scan, t_ns), peer, why)
+        if event.what == SESSION_ENDED:
+            link.said = said
+            return
+        for one in self._links.values() if why.startswith(NO_SUCH_TSAP) else (link,):
+            if one is link or (one.listening and one.listening == link.listening):
+                one.said = one.dropped = said
+
+    def _status(self, scan: int, t_ns: int, event: StatusEdge) -> None:
+        if event.error:
+            self._refusals[event.instance] = event
+        if event.condition in IDLE:
+            self._idle.add(event.instance)
+        elif event.instance not in self._asked or event.instance in self._idle:
+            self._idle.discard(event.instance)
+            self._asked[event.instance] = Moment(scan, t_ns)
 
     def _link(self, connect: str) -> _Link:
         link = self._links.get(connect)
@@ -238,7 +314,9 @@ class FactBook:
             drop=link.drop,
             drops=link.drops,
             up_since=link.up_since,
-            down_since=link.down_since,
+            down_since=_later(link.down_since, self._asked.get(instance)),
+            attempt=self._attempt(link, instance),
+            dropped=link.dropped,
             failures=tuple(link.failures.values()),
             wrong_partner=link.turned.get("wrong_partner"),
             second_client=link.turned.get("second_client"),
@@ -247,11 +325,24 @@ class FactBook:
         )
         return self._with_messages(self._with_job(known, link, instance), link)
 
+    def _attempt(self, link: _Link, instance: str) -> Attempt | None:
+        """Return the last attempt that failed, with the code that the instance showed for it."""
+        attempt, shown = link.attempt, self._refusals.get(instance)
+        if attempt is None or link.up_since is not None:
+            return None
+        if shown is None or (shown.cause.call, shown.cause.error) != (
+            attempt.cause.call,
+            attempt.cause.error,
+        ):
+            return attempt
+        cause = replace(attempt.cause, peer=attempt.cause.peer or shown.cause.peer)
+        return replace(attempt, cause=cause, status=shown.status, condition=shown.condition)
+
     def _with_job(self, known: Facts, link: _Link, instance: str) -> Facts:
         scan, t_ns, job = self._jobs.get(instance, _NO_JOB)
         if job.incarnation != link.incarnation:
             return known
-        return replace(known, job_offset=job.offset, job_began=Moment(scan, t_ns))
+        return replace(known, job_offset=job.offset, job_began=Moment(scan, t_ns), job_adhoc=job.adhoc)
 
     def _with_messages(self, known: Facts, link: _Link) -> Facts:
         sent = self._sent.get(link.ends)
@@ -276,6 +367,11 @@ def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: st
     book.take((known.scan, known.t_ns, known.event) for known in shown)
     last = shown[-1] if shown and shown[-1].seq > line.seq else line
     return book.facts(edge.instance, connect), Moment(last.scan, last.t_ns)
+
+
+def _later(one: Moment | None, other: Moment | None) -> Moment | None:
+    """Return the later of the two; a connection that does not wait has no moment since when."""
+    return other if one is not None and other is not None and other.scan > one.scan else one
 
 
 def _is_next(line: Line, edge: StatusEdge) -> bool:

@@ -8,6 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from trcvtui.blocks.cause import Cause
+
+NOT_BUILT: Final = frozenset({"description", "identity"})  # these attempts end before there is a socket
 PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
 
 
@@ -65,6 +68,30 @@ class Failures:
 
 
 @dataclass(frozen=True, slots=True)
+class Attempt:
+    """The last attempt that failed since the connection was last up, or since it began to listen.
+
+    `status` and `condition`: what the instance showed of it, 0 and "" where it showed none of its own.
+    `said`: what the partner or the session said, in words.
+    """
+
+    at: Moment
+    cause: Cause
+    status: int = 0
+    condition: str = ""
+    said: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A client that was let go before it was a partner: its handshake was wrong, or named another TSAP."""
+
+    at: Moment
+    peer: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
 class TurnedAway:
     """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
 
@@ -101,6 +128,7 @@ class Facts:
     received: int = 0  # bytes of the stream so far
     job_offset: int | None = None
     job_began: Moment | None = None
+    job_adhoc: bool = False
     drop: Drop | None = None
     drops: int = 0
     drop_cuts: bool | None = None  # whether a message goes on behind the last drop
@@ -108,6 +136,8 @@ class Facts:
     up_since: Moment | None = None
     down_since: Moment | None = None
     failures: tuple[Failures, ...] = ()
+    attempt: Attempt | None = None
+    dropped: Dropped | None = None
     wrong_partner: TurnedAway | None = None
     second_client: TurnedAway | None = None
     loss: Loss | None = None

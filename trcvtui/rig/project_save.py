@@ -14,7 +14,7 @@ from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.plc.project import ComBufferDecl, DataDecl, Project
-from trcvtui.plc.project_edit import FIELDS
+from trcvtui.plc.project_edit import entries_of
 from trcvtui.plc.project_file import read_project
 from trcvtui.plc.project_keys import KIND_OF, Declaration, keys_of
 from trcvtui.plc.project_text import with_constants, with_entries, with_files_from
@@ -80,7 +80,7 @@ def _loaded(text: str, path: Path, added: Sequence[Declaration]) -> Project:
     check_bench(loaded)
     for decl in added:
         kind = KIND_OF[type(decl)]
-        if not any(_same(decl, entry) for entry in getattr(loaded, FIELDS[kind])):
+        if not any(_same(decl, entry) for entry in entries_of(kind, loaded)):
             raise mistake(str(path), f"another {kind} {decl.name}", "the one that was added")
     return loaded
 

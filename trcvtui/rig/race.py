@@ -33,6 +33,7 @@ from trcvtui.rig.bench import parse_line, parse_script
 from trcvtui.rig.bench_instances import after
 from trcvtui.rig.race_result import InstanceRace, Note, Race, Row, Shown
 from trcvtui.rig.scenario import Scenario, load_scenario, start_steps
+from trcvtui.rig.session_file import partners_left_out
 from trcvtui.rig.stage import Stage
 
 PATIENCE_SCANS: Final = 20
@@ -259,7 +260,8 @@ def race(scenario: Scenario, dialects: Sequence[Dialect], base: Path | None = No
     Raises UserError where a CONNECT cannot be described in one of them.
     """
     steps = (*scenario.start, *scenario.steps)
-    notes: list[Note] = []
+    left_out = partners_left_out(scenario.about)
+    notes = [Note(scenario.project.dialect.name, 0, left_out)] if left_out else []
     lanes: list[_Lane] = []
     try:
         for dialect in dialects:

@@ -48,14 +48,21 @@ class RaceRow:
 
 def race_rows(raced: InstanceRace, only_differing: bool = False) -> tuple[RaceRow, ...]:
     """Return the table of one instance."""
-    return tuple(_race_row(row) for row in raced.rows if row.differs or not only_differing)
+    pairs = zip([None, *raced.rows], raced.rows, strict=False)
+    return tuple(_race_row(row, before) for before, row in pairs if row.differs or not only_differing)
 
 
-def _race_row(row: Row) -> RaceRow:
+def _race_row(row: Row, before: Row | None) -> RaceRow:
+    """Return a row; where nothing but DATA is another than before, its hash says so."""
     last = row.scan + row.scans - 1
     differs = row.differs
-    cells = tuple(_cell(shown, "DATA" in differs) for shown in row.shown)
+    looks_alike = before is not None and _without_data(before) == _without_data(row)
+    cells = tuple(_cell(shown, "DATA" in differs or looks_alike) for shown in row.shown)
     return RaceRow(str(row.scan) if last == row.scan else f"{row.scan}-{last}", cells, differs)
+
+
+def _without_data(row: Row) -> tuple[Cell, ...]:
+    return tuple(_cell(shown, with_data=False) for shown in row.shown)
 
 
 def _cell(shown: Shown | None, with_data: bool) -> Cell:

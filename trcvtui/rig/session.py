@@ -38,6 +38,7 @@ OF_THE_WIRE: Final = (
 ANYTHING: Final = str(ANY)
 SIMULATED: Final = "sim"
 MOST_NAMED: Final = 3
+OUTSIDE: Final = " A partner outside the bench took part ("
 # What a TRCV_C shows by turns while frames come.
 BY_TURNS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
 
@@ -111,7 +112,7 @@ class Outsiders:
         if not self.partners:
             return ""
         who, where = ", ".join(self.partners[:MOST_NAMED]), ", ".join(sorted(self.connects))
-        return f" A partner outside the bench took part ({who}): nothing is expected on {where}."
+        return f"{OUTSIDE}{who}): nothing is expected on {where}."
 
     @property
     def told(self) -> str:

@@ -12,7 +12,7 @@ from trcvtui.errors import mistake
 from trcvtui.plc.toml_file import parse_toml, read_text
 from trcvtui.rig import demo_path
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.session import Session
+from trcvtui.rig.session import OUTSIDE, Session
 
 SUFFIX: Final = ".toml"
 MARKED: Final = " since scan "
@@ -40,6 +40,16 @@ def marked_scan(about: str) -> int:
     _, mark, behind = about.partition(MARKED)
     number = behind.partition(".")[0]
     return int(number) if mark and number.isdecimal() else 0
+
+
+def partners_left_out(about: str) -> str:
+    """Return who took part in a session and can not be replayed, as its text says; "": nobody."""
+    _, mark, behind = about.partition(OUTSIDE)
+    who, _, where = behind.partition("): nothing is expected on ")
+    if not mark:
+        return ""
+    told = f"{who} was a partner outside the bench and is not replayed"
+    return f"{told}: nobody calls or sends in its place on {where.partition('.')[0]}"
 
 
 def _project(own: Path, folder: Path, before: str | None) -> str:

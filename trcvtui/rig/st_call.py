@@ -9,11 +9,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN, DATA_PIN, HAS_DATA, POINTERS, TIMES, Direction, Pin
+from trcvtui.blocks.parameters import (
+    BUFFER_PIN,
+    DATA_PIN,
+    HAS_DATA,
+    ID_ALONE,
+    POINTERS,
+    TIMES,
+    Direction,
+    Pin,
+)
 from trcvtui.errors import mistake
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam
-from trcvtui.plc.connect_view import initial_values
+from trcvtui.plc.initial_values import REMARK, Initial, declaration, declaration_of_addr, record
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.udt.literals import format_time
@@ -68,10 +77,13 @@ def _instance(project: Project, name: str) -> InstanceDecl:
 def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str]:
     """Return each pin with what it is bound to, in the manual's order: inputs, in-outs, outputs."""
     pins = project.pins(decl.block)
-    for pin in _of(pins, Direction.IN):
-        if pin.name != "EN":  # a text calls a block, or does not
-            yield f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}"
-    yield f"{_link_pin(decl)}:={decl.connect}"
+    # EN is left out: a text calls a block, or does not.
+    free = [pin for pin in _of(pins, Direction.IN) if pin.name != "EN"]
+    inputs = [f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}" for pin in free]
+    identity = _identity(project, decl)
+    yield from [*inputs[:1], f"ID:={identity}", *inputs[1:]] if identity else inputs
+    if not identity or decl.block not in ID_ALONE:
+        yield f"{_link_pin(decl)}:={decl.connect}"
     for name, variable in _variables(decl):
         yield f"{name}:={f'ADR({variable})' if name in ADDRESSES else variable}"
     if decl.addr is not None:
@@ -93,6 +105,19 @@ def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
     for name, variable in zip(POINTERS.get(decl.block, ()), decl.pointers, strict=False):
         if variable:
             yield name, variable
+
+
+def _identity(project: Project, decl: InstanceDecl) -> str:
+    """Return what stands at ID, "" where the block has no such pin."""
+    if project.dialect.describes_connects and decl.on_config:
+        return _configured(decl.connect)
+    found = project.identity(decl.block, decl.connect)
+    return "" if found is None else str(found)
+
+
+def _configured(name: str) -> str:
+    """Return the constant for a connection that TIA Portal configures: only there it has an ID."""
+    return f"{name}_ID"
 
 
 def _of(pins: Iterable[Pin], direction: Direction) -> list[Pin]:
@@ -119,9 +144,7 @@ def _literal(pin: Pin, value: PinValue) -> str:
 
 def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
     yield f"{decl.name} : {decl.block};"
-    for name, record, written in _records(project, decl):
-        fields = ",\n".join(f"{INDENT * 2}{field}" for field in written)
-        yield f"{name} : {record} := (\n{fields}\n{INDENT});"
+    yield from _records(project, decl)
     if decl.block in BUFFER_PIN:
         yield f"{decl.connect} : ComBuffer;"
     for _, variable in _variables(decl):
@@ -133,19 +156,29 @@ def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
             yield f"{_variable(decl, pin)} : {pin.iec_type};"
 
 
-def _records(project: Project, decl: InstanceDecl) -> Iterator[tuple[str, str, Iterator[str]]]:
-    """Return name, type and fields of each record that the call is given."""
+def _records(project: Project, decl: InstanceDecl) -> Iterator[str]:
+    """Return the declarations of the records that the call is given."""
     config, port = project.connect(decl.connect), project.udp_config(decl.connect)
+    describes = project.dialect.describes_connects
     if config is not None and config.description is not None:
-        yield config.name, config.description.structure.name, iter(initial_values(config))
+        yield declaration(config, INDENT)
     elif config is not None:
-        yield config.name, "TCP_CONNECTCONFIG", _fields(config)
-    if port is not None:
+        yield _record(config.name, "TCP_CONNECTCONFIG", _fields(config))
+    if port is not None and describes:
+        where = f"UDP, local port {port.local.port or 'of your choice'}, set up in TIA Portal"
+        yield f"{_configured(port.name)} : CONN_OUC;{REMARK}ID of the configured connection: {where}"
+    elif port is not None:
         fields = (f"LocalAddress := {_array(port.local.address)}", f"LocalPort := {port.local.port}")
-        yield port.name, "UDP_CONFIG", iter(fields)
+        yield _record(port.name, "UDP_CONFIG", fields)
     for addr in project.addrs:
-        if addr.name == decl.addr:
-            yield addr.name, "ADDR_PARAM", _addr_fields(addr)
+        if addr.name == decl.addr and describes:
+            yield declaration_of_addr(addr, INDENT)
+        elif addr.name == decl.addr:
+            yield _record(addr.name, "ADDR_PARAM", _addr_fields(addr))
+
+
+def _record(name: str, type_name: str, fields: Iterable[str]) -> str:
+    return record(name, type_name, [Initial(field) for field in fields], INDENT)
 
 
 def _addr_fields(addr: AddrParam) -> Iterator[str]:

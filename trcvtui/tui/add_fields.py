@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_edit import SHARED_NAMES, names_of
+from trcvtui.tui.add_described import BOOLS, AddField, connect_fields
 
 TITLES: Final = {
     "instance": "an instance",
@@ -18,22 +18,12 @@ TITLES: Final = {
     "sequence": "a sequence of messages",
     "udp_config": "a UDP_CONFIG",
     "addr": "an ADDR of UDP",
+    "certificate": "a certificate of TLS",
 }
 KINDS: Final = tuple(TITLES)
 NAMES: Final = {"connect": "C", "udp_config": "U", "addr": "A", "data": "rx", "peer": "P"}
 BARE: Final = frozenset({"inputs", "type", "text", "steps"})  # they stand without a key
-QUOTED: Final = frozenset({"says"})
-BOOLS: Final = ("false", "true")
-
-
-@dataclass(frozen=True, slots=True)
-class AddField:
-    """One field: its key, what may stand there, what stands there first."""
-
-    key: str
-    hint: str
-    choices: tuple[str, ...] = ()
-    first: str = ""
+QUOTED: Final = frozenset({"says", "bytes", "local_tsap", "remote_tsap", "LocalTSelector", "RemoteTSelector"})
 
 
 def fields_of(kind: str, project: Project) -> tuple[AddField, ...]:
@@ -43,6 +33,8 @@ def fields_of(kind: str, project: Project) -> tuple[AddField, ...]:
 
 def first_name(kind: str, project: Project) -> str:
     """Return a name that is free."""
+    if kind == "certificate":
+        return str(max(project.certificates, default=0) + 1)
     sharing = next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
     taken = {name for each in sharing for name in names_of(each, project)}
     start = f"{project.dialect.blocks[0]}_" if kind == "instance" else NAMES.get(kind, kind)
@@ -81,6 +73,8 @@ def _instance(project: Project) -> Sequence[AddField]:
 
 
 def _connect(project: Project) -> Sequence[AddField]:
+    if project.dialect.describes_connects:
+        return connect_fields(project)
     ends = tuple(f"@{name}" for kind in ("peer", "connect") for name in names_of(kind, project))
     return [
         AddField("ActiveEstablished", "true: the PLC connects", BOOLS, "false"),
@@ -93,6 +87,20 @@ def _connect(project: Project) -> Sequence[AddField]:
     ]
 
 
+def _sessions(project: Project) -> Sequence[AddField]:
+    """Return what a peer may speak on its connection, where the PLC speaks more than plain TCP."""
+    if not project.dialect.describes_connects:
+        return ()
+    return (
+        AddField("iso", "true: it speaks ISO-on-TCP", BOOLS),
+        AddField("local_tsap", "its own, such as E0 01 or TCP-1"),
+        AddField("remote_tsap", "that of the PLC"),
+        AddField("tls", "true: it speaks TLS", BOOLS),
+        AddField("certificate", "the number of its own, with a key", _numbers(project, with_key=True)),
+        AddField("authority", "the number of whom it trusts", _numbers(project)),
+    )
+
+
 def _peer(project: Project) -> Sequence[AddField]:
     links = tuple(f"@{name}" for kind in ("connect", "udp_config") for name in names_of(kind, project))
     return [
@@ -103,7 +111,13 @@ def _peer(project: Project) -> Sequence[AddField]:
         AddField("reconnect", "after so long, such as T#1s"),
         AddField("says", "a message, such as hex 01 02"),
         AddField("every", "T#1s"),
+        *_sessions(project),
     ]
+
+
+def _numbers(project: Project, with_key: bool = False) -> tuple[str, ...]:
+    known = project.certificates.values()
+    return tuple(str(each.number) for each in known if each.key or not with_key)
 
 
 def _message(project: Project) -> Sequence[AddField]:
@@ -126,6 +140,17 @@ _LOCAL: Final = (
     AddField("LocalPort", "0", first="0"),
 )
 _REMOTE: Final = (AddField("RemoteAddress", "0.0.0.0", first="127.0.0.1"), AddField("RemotePort", "or @NAME"))
+
+
+def _addr(project: Project) -> Sequence[AddField]:
+    if not project.dialect.describes_connects:
+        return _REMOTE
+    return (
+        AddField("rem_ip_addr", "0.0.0.0: a receiver writes it", first="127.0.0.1"),
+        AddField("rem_port_nr", "a port, or @NAME", tuple(f"@{name}" for name in names_of("peer", project))),
+    )
+
+
 _FIELDS: Final[dict[str, Callable[[Project], Sequence[AddField]]]] = {
     "instance": _instance,
     "connect": _connect,
@@ -134,5 +159,6 @@ _FIELDS: Final[dict[str, Callable[[Project], Sequence[AddField]]]] = {
     "message": _message,
     "sequence": _fixed(AddField("steps", "message names and pauses: hello T#100ms bye")),
     "udp_config": _fixed(*_LOCAL),
-    "addr": _fixed(*_REMOTE),
+    "addr": _addr,
+    "certificate": _fixed(AddField("file", "a PEM file"), AddField("key", "of one's own: its PEM file")),
 }

@@ -161,6 +161,8 @@ class BenchApp(App[None]):
         """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""
         if not os.isatty(sys.__stdin__.fileno() if sys.__stdin__ else -1):
             self._engine.close()
+            if self.race is not None:
+                self.race.forget()
             os._exit(HANG_UP)  # there is nothing left to restore, and nobody to tell
 
     def submit(self, line: str) -> None:
@@ -262,7 +264,7 @@ class BenchApp(App[None]):
         configs = [each for each in self.scene.project.connects if each.description is not None]
         instance = self.scene.instance
         if configs and instance is not None:
-            self.push_screen(DescriptionScreen(configs, instance.connect))
+            self.push_screen(DescriptionScreen(configs, instance.connect, self.scene.listening()))
         else:
             self.main.prompt.complain("no CONNECT of this project has a connection description")
 

@@ -11,16 +11,12 @@ from trcvtui.tui.afterglow import DONE, ERROR, Afterglow
 from trcvtui.tui.formatting import lamp, status_word
 from trcvtui.tui.keys import letters_of
 
-UNNAMED: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
-LAMP_STYLES: Final = {
-    "ERROR": "error", "DONE": "done", "BUSY": "busy", "DataReceived": "done", "StringReceived": "done",
-    "ByteReceived": "done", "busy": "busy", "Busy": "busy", "RxTimeout": "warn",
-}  # fmt: skip
-DONE_PINS: Final = ("DONE", "DataReceived", "StringReceived", "ByteReceived")
-
 
 class DrawnPin(NamedTuple):
-    """A pin as the drawing needs it; `letter` toggles it, "" on an output. `label` is drawn as its name."""
+    """A pin as the drawing needs it; `letter` toggles it, "" on an output. `label` is drawn as its name.
+
+    `is_fixed`: the project file says what stands there, as it does at CONNECT.
+    """
 
     name: str
     text: str
@@ -29,6 +25,18 @@ class DrawnPin(NamedTuple):
     letter: str
     label: str
     is_wired: bool = False  # by the project file: no scan writes it
+    is_fixed: bool = False
+
+
+UNNAMED: Final = ("CONNECT", "DATA")  # drawn below the box: the project file names them
+ID: Final = DrawnPin(
+    "ID", "the ID of the connection, as its description has it", False, False, "", "ID", is_fixed=True
+)
+LAMP_STYLES: Final = {
+    "ERROR": "error", "DONE": "done", "BUSY": "busy", "DataReceived": "done", "StringReceived": "done",
+    "ByteReceived": "done", "busy": "busy", "Busy": "busy", "RxTimeout": "warn",
+}  # fmt: skip
+DONE_PINS: Final = ("DONE", "DataReceived", "StringReceived", "ByteReceived")
 
 
 class Drawing(NamedTuple):
@@ -86,8 +94,8 @@ def placed(pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, 
     return (*rest.values(), *found, *buffer)
 
 
-def drawing_of(project: Project, block: str) -> Drawing:
-    """Return the drawing of a block."""
+def drawing_of(project: Project, block: str, connect: str) -> Drawing:
+    """Return the drawing of a block that works on a CONNECT; its ID stands behind the first pin."""
     pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
     wired = wired_pins(block)
     letters = letters_of(
@@ -108,6 +116,8 @@ def drawing_of(project: Project, block: str) -> Drawing:
         for pin in pins
     ]
     inputs = placed([pin for direction, pin in drawn if direction != "out"], wired)
+    if project.identity(block, connect) is not None:
+        inputs = (*inputs[:1], ID, *inputs[1:])
     return Drawing(inputs, tuple(pin for direction, pin in drawn if direction == "out"))
 
 

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import Final
 
 from trcvtui.plc.connect_view import DescriptionView, Row
-from trcvtui.tui.formatting import clip, pad, plain, wrapped
-from trcvtui.tui.widgets.line_view import EMPTY, Part, row
+from trcvtui.tui.formatting import pad, plain, wrapped
+from trcvtui.tui.widgets.line_view import EMPTY, row
 from trcvtui.tui.widgets.line_view import Row as Line
 
 OFFSET, FIELD, BYTES = 7, 24, 8  # columns, columns, bytes a line
+BYTES_WIDTH: Final = 3 * BYTES + 1
 INDENT: Final = " " * (OFFSET + 2)
 REPEATED: Final = 2  # lines of zeros from which on they are told in one
 
 
 def description_rows(view: DescriptionView, width: int) -> list[Line]:
     """Return the whole view; the field with the flaw is marked by a sign and by its style."""
-    rows = [row((clip(plain(f"{view.structure} · {view.says}"), width), "strong"))]
+    rows = [row((line, "strong")) for line in wrapped(f"{view.structure} · {view.says}", width)]
+    if view.warning:
+        rows += [row((line, "error strong")) for line in wrapped(f"! {view.warning}", width)]
     if view.flaw:
         rows += [row((line, "error")) for line in wrapped(f"✗ {plain(view.flaw)}", width)]
     rows.append(EMPTY)
@@ -31,19 +35,18 @@ def _of(each: Row, width: int) -> Iterator[Line]:
     is_flaw = each.remark.startswith("! ")
     field = plain(each.field) or ("(no field)" if each.data else "")
     style = "error strong" if is_flaw else "faint" if not each.field else ""
-    lines = list(_bytes(each.data))
-    for number, (offset, text) in enumerate(lines or [(0, "")]):
-        parts: list[Part] = [
+    lines = list(_bytes(each.data)) or [(0, "")]
+    values = wrapped(each.value, width - 2 - OFFSET - FIELD - BYTES_WIDTH)
+    for number, (part, value) in enumerate(zip_longest(lines, values)):
+        offset, text = part or (None, "")
+        where = "" if offset is None else f"{each.offset + offset:>{OFFSET - 3}}"
+        yield row(
             ("✗ " if is_flaw and not number else "  ", "error strong"),
-            (pad(f"{each.offset + offset:>{OFFSET - 3}}", OFFSET), "dim"),
+            (pad(where, OFFSET), "dim"),
             (pad("" if number else field, FIELD), style),
-            (pad(text, 3 * BYTES + 1), "printable"),
-        ]
-        if not number:
-            parts.append(
-                (clip(plain(each.value), max(8, width - 2 - OFFSET - FIELD - 3 * BYTES - 1)), "strong")
-            )
-        yield row(*parts)
+            (pad(text, BYTES_WIDTH), "printable"),
+            (value or "", "strong"),
+        )
     if each.remark:
         text = f"✗ {each.remark[2:]}" if is_flaw else each.remark
         for line in wrapped(plain(text), width - len(INDENT)):

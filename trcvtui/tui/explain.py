@@ -34,7 +34,8 @@ class Explainer:
         told = advice_on(evidence)
         checks = told.checks or tuple(notes_of(instance, scene.provenance))
         swapped = self._swapped(evidence)
-        return Advice(told.why + self._missing(evidence), (swapped, *checks) if swapped else checks)
+        shown = (swapped, *checks) if swapped else checks
+        return Advice(told.why + self._missing(evidence), shown, told.code)
 
     def _missing(self, e: Evidence) -> str:
         """Return which member a stuck frame's bytes end at; of a shifted one nobody knows."""

@@ -251,6 +251,11 @@ class Scene:
         """Return the CONNECT of an instance."""
         return self._index().connections.get(instance.connect)
 
+    def listening(self) -> dict[str, str]:
+        """Return where passive CONNECTs are now, by name: the port that a free one has become."""
+        known = self._index().connections.values()
+        return {each.name: each.local for each in known if not each.active and each.state != "closed"}
+
     def _index(self) -> Index:
         """Return what is in the newest snapshot by name; made once a picture."""
         if self._indexed.snapshot is not self.snapshot:

@@ -91,7 +91,7 @@ def _history(of: Subject) -> str:
     rows = [("scan", "t in s", "STATUS", "lamp", "why")]
     for line in of.edges:
         if isinstance(line.event, StatusEdge):
-            word = f"{status_word(line.event.status)} {line.event.condition}"
+            word = f"{status_word(line.event.status)} {of.project.dialect.label(line.event.condition)}"
             reason = plain(why(line.event))
             rows.append((str(line.scan), moment(line.t_ns), word, _lamp(line.event), reason))
     return "\n".join(_columns(rows)) if len(rows) > 1 else ""

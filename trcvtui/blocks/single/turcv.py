@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.blocks.addressed import wrong_structure
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
@@ -23,6 +24,7 @@ class Turcv:
         self.job = DatagramIn(bound)
         self._env = bound.env
         self._port = bound.port
+        self._unfit = wrong_structure(bound.address)
         self._keeps = bound.env.rules.course.en_r_keeps_job
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -35,7 +37,7 @@ class Turcv:
         if not self._port.is_open:
             return _NO_SOCKET
         was_running = self.job.running
-        got = self.job.call(inputs.len)
+        got = self._unfit or self.job.call(inputs.len)
         if got.condition is not Condition.RECEIVING:
             return got
         return shown_as(Condition.RUNNING if was_running else Condition.STARTED, got)

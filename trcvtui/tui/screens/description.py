@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
 from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
-from trcvtui.plc.connect_view import ConnectConfig, description_view, initial_values
+from trcvtui.plc.connect_view import ConnectConfig, description_view
+from trcvtui.plc.initial_values import declaration
 from trcvtui.tui.description_lines import description_rows
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.styles import COMPONENT_CLASSES
@@ -23,11 +24,12 @@ class DescriptionText(LineView):
     def __init__(self) -> None:
         super().__init__(id="description")
         self.config: ConnectConfig | None = None
+        self._listens = ""
         self._rows: list[Row] = []
 
-    def draw(self, config: ConnectConfig) -> None:
-        """Show another one from its beginning."""
-        self.config = config
+    def draw(self, config: ConnectConfig, listens: str) -> None:
+        """Show another one from its beginning; `listens`: the end where it listens now."""
+        self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
         self._break()
 
@@ -36,7 +38,7 @@ class DescriptionText(LineView):
         self._break()
 
     def _break(self) -> None:
-        view = description_view(self.config) if self.config is not None else None
+        view = description_view(self.config, self._listens) if self.config is not None else None
         self._rows = description_rows(view, max(40, self.line_width - 1)) if view is not None else []
         self.resize_rows()  # also while it has no height yet
         self.refresh()
@@ -70,9 +72,10 @@ class DescriptionScreen(ModalScreen[None]):
     }
     """
 
-    def __init__(self, configs: Sequence[ConnectConfig], name: str) -> None:
+    def __init__(self, configs: Sequence[ConnectConfig], name: str, listens: Mapping[str, str]) -> None:
         super().__init__()
         self._configs = configs
+        self._listens = listens  # by name: where they listen now
         self._place = next((n for n, each in enumerate(configs) if each.name == name), 0)
         self._text = DescriptionText()
 
@@ -93,7 +96,7 @@ class DescriptionScreen(ModalScreen[None]):
         size = len(config.description.data) if config.description is not None else 0
         which = f" {self._place + 1}/{len(self._configs)}" if many else ""
         self._text.set_title(None, plain(config.name), f"{size} bytes{which}")
-        self._text.draw(config)
+        self._text.draw(config, self._listens.get(config.name, ""))
         self._tell("y hex  s SCL  " + ("← → other CONNECT  " if many else "") + "esc")
 
     def _tell(self, words: str) -> None:
@@ -112,11 +115,8 @@ class DescriptionScreen(ModalScreen[None]):
 
     def action_source(self) -> None:
         """Take the fields as the initial values of a DB."""
-        lines = ",\n".join(f"    {field}" for field in initial_values(self._config))
-        description = self._config.description
-        if description is not None:
-            text = f"{self._config.name} : {description.structure.name} := (\n{lines}\n);\n"
-            self._take("the description in SCL", text, ".scl")
+        if self._config.description is not None:
+            self._take("the description in SCL", declaration(self._config) + "\n", ".scl")
 
     def _take(self, name: str, text: str, suffix: str) -> None:
         from trcvtui.tui.taking import take  # read when first asked for

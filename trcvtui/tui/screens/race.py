@@ -9,7 +9,6 @@ from asyncio import sleep
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import ClassVar, Final
 
 from textual.app import SystemCommand
@@ -21,6 +20,7 @@ from textual.widget import Widget
 from trcvtui.rig.race_result import InstanceRace
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import plain
+from trcvtui.tui.race_folder import RaceFolder
 from trcvtui.tui.race_run import RaceRun, since
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
@@ -39,7 +39,6 @@ from trcvtui.tui.widgets.race_table import (
 )
 
 LOOK_S: Final = 1 / 30
-SESSION_FILE: Final = "session.toml"
 KEYS: Final = (
     ("n N", "difference"), ("1-4", "dialects"), ("← →", "instance"), ("o", "only differing"),
     ("r", "again"), ("y", "yank"), ("?", "help"), ("esc", "leave"),
@@ -74,7 +73,7 @@ class RaceScreen(Screen[None]):
         self._scene = scene
         self._say = say
         self._path = path
-        self._folder: TemporaryDirectory[str] | None = None  # of a session's file
+        self._folder: RaceFolder | None = None  # of a session's file
         self._asked: int | None = None
         self.run: RaceRun | None = None
         self._chosen: tuple[str, ...] = ()  # the dialects, as far as they are known
@@ -107,15 +106,19 @@ class RaceScreen(Screen[None]):
         if self._path is not None:
             self._begin()
         else:
-            self._folder = TemporaryDirectory(prefix="trcvtui-race-")
-            self._path = Path(self._folder.name) / SESSION_FILE
+            self._folder = RaceFolder()
+            self._path = self._folder.file
             self._write_session()
         self.show()
 
     def on_unmount(self) -> None:
         """Leave no file behind."""
+        self.forget()
+
+    def forget(self) -> None:
+        """Remove the session's file: the screen, or the whole program, ends."""
         if self._folder is not None:
-            self._folder.cleanup()
+            self._folder.close()
 
     def _write_session(self) -> None:
         self._asked = self._say(f"save scenario {self._path}")

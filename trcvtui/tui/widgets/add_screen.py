@@ -12,7 +12,8 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.plc.project import Project
-from trcvtui.tui.add_fields import KINDS, TITLES, AddField, fields_of, first_name, line_of
+from trcvtui.tui.add_described import AddField
+from trcvtui.tui.add_fields import KINDS, TITLES, fields_of, first_name, line_of
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.validity import fault_of
 

@@ -6,10 +6,12 @@ from typing import ClassVar, Final
 
 from textual import events
 
+from trcvtui.plc.secure_view import security_of
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.plc.wired_pins import is_time
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.formatting import clip, count, lamp, plain
+from trcvtui.tui.keys import PIN_LETTERS
 from trcvtui.tui.messages import DescriptionWanted
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.serial_pins import line_for, why_not, wired_value
@@ -38,7 +40,7 @@ class FunctionBlock(LineView):
         super().__init__(id="block")
         self._scene = scene
         self._voice = voice
-        self._drawings: dict[str, Drawing] = {}
+        self._drawings: dict[tuple[str, str], Drawing] = {}
         self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
         self._cursor = 0
         self._told: list[Row] = []  # below the box of a block on a ComBuffer
@@ -64,9 +66,10 @@ class FunctionBlock(LineView):
         instance = self._scene.instance or self._scene.project.instance(self._scene.selected)
         if instance is None:
             return Drawing()
-        if instance.block not in self._drawings:
-            self._drawings[instance.block] = drawing_of(self._scene.project, instance.block)
-        return self._drawings[instance.block]
+        drawn = instance.block, instance.connect
+        if drawn not in self._drawings:
+            self._drawings[drawn] = drawing_of(self._scene.project, *drawn)
+        return self._drawings[drawn]
 
     def show(self) -> None:
         """Repaint what changed."""
@@ -206,7 +209,8 @@ class FunctionBlock(LineView):
             return self._told[y] if y < len(self._told) else EMPTY
         if y == 0:
             link = " CONFIG  " if instance.on_config else " CONNECT "
-            return row((link, "dim"), (plain(instance.connect), "strong"), (self._connection(), "dim"))
+            end = (plain(instance.connect), "strong")
+            return row((link, "dim"), end, *self._secured(instance), (self._connection(), "dim"))
         if y == 1:
             return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
         if y == 2:
@@ -244,6 +248,10 @@ class FunctionBlock(LineView):
             return self._address() or f"  UDP, {connection.state}"
         return f"  {'active' if connection.active else 'passive'}, {connection.state}"
 
+    def _secured(self, instance: InstanceSnapshot) -> list[Part]:
+        found = security_of(self._scene.project.connect(instance.connect))
+        return [(f"  {found.text}", "error strong" if found.is_unsafe else "dim")] if found else []
+
     def _address(self) -> str:
         """Return ADDR and what stands in it: `SOURCE 127.0.0.1:51322`."""
         instance, picture = self._scene.instance, self._scene.picture
@@ -266,6 +274,8 @@ class FunctionBlock(LineView):
         instance = self._scene.instance
         if instance is None:
             return 0, False
+        if pin.is_fixed:
+            return self._scene.project.identity(instance.block, instance.connect) or 0, False
         waiting = self._pending.get((instance.name, pin.name))
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 
@@ -274,6 +284,9 @@ class FunctionBlock(LineView):
         pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
         if pin is not None:
             self.toggle(pin)
+        elif self._scene.instance is not None:
+            missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
+            self._voice.complain(f"{self._scene.instance.block} has no {missing}")
         return pin is not None
 
     def toggle(self, pin: DrawnPin) -> None:
@@ -285,6 +298,8 @@ class FunctionBlock(LineView):
         if pin.is_wired:
             line = line_for(pin.name, instance, self._scene)
             self._voice.open_prompt(line) if line else self._voice.complain(why_not(pin.name, instance))
+        elif pin.is_fixed:
+            self._voice.complain(f"{pin.name} is {value}: the description of {instance.connect} says so (C)")
         elif not pin.is_bool:
             self._voice.open_prompt(f"set {instance.name} {pin.name}=")
         elif pin.edge:

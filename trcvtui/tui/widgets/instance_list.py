@@ -6,6 +6,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
+from trcvtui.plc.secure_view import TLS, security_of
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.tui.afterglow import DONE, ERROR, Pulse
 from trcvtui.tui.formatting import age, bar, clip, lamp, plain, squeeze, status_word
@@ -77,7 +78,10 @@ class InstanceList(LineView):
 
     def _partner_width(self, both: bool) -> int:
         links = {instance.connect: instance for instance in self._scene.instances}  # one of each will do
-        partners = (_partner(self._scene.connection_of(instance), both) for instance in links.values())
+        partners = (
+            _partner(self._scene.connection_of(instance), both) + self._mark(name)[0]
+            for name, instance in links.items()
+        )
         return max(map(len, partners), default=20)
 
     def _row(self, instance: InstanceSnapshot, columns: Columns) -> Row:
@@ -87,12 +91,28 @@ class InstanceList(LineView):
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
             (squeeze(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
-            (_partner_text(connection, columns), "dim"),
-            *_status(instance, columns),
+            *self._partner(connection, columns),
+            *_status(instance, self._scene.project.dialect.label(instance.condition), columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
         ]
         return row(*parts, style=style)
+
+    def _mark(self, connect: str) -> Part:
+        """Return what stands behind the partner of a secure connection: ` TLS`, ` TLS!` unchecked."""
+        found = security_of(self._scene.project.connect(connect))
+        if found is None:
+            return "", ""
+        return (f" {TLS}!", "error strong") if found.is_unsafe else (f" {TLS}", "dim")
+
+    def _partner(self, connection: ConnectionSnapshot | None, columns: Columns) -> list[Part]:
+        width, text = columns.partner, _partner(connection, columns.both)
+        mark, style = self._mark(connection.name) if connection and width else ("", "")
+        if connection is not None and mark and len(text) + len(mark) > width:  # the port says more
+            text = text.replace(connection.local.partition(":")[0] + ":", ":")
+        text = clip(text, width - len(mark))
+        gap = " " * (width - len(text) - len(mark) + 2 * bool(width))
+        return [(text, "dim"), (mark, style), (gap, "")]
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
         glow, now = self._scene.afterglow.glow, self._scene.t_ns
@@ -162,22 +182,16 @@ def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
     return f"{letter}{lamp(on, glowing)} ", style if on else "glow" if glowing else "faint"
 
 
-def _status(instance: InstanceSnapshot, columns: Columns) -> list[Part]:
+def _status(instance: InstanceSnapshot, condition: str, columns: Columns) -> list[Part]:
     style = "error" if instance.error else "done" if instance.done else "busy" if instance.busy else ""
     word = status_word(instance.status)[-columns.word :]
     return [
         (word + " ", style),
         (
-            clip(instance.condition, columns.condition).ljust(columns.condition + 1)
-            * bool(columns.condition),
+            clip(condition, columns.condition).ljust(columns.condition + 1) * bool(columns.condition),
             style,
         ),
     ]
-
-
-def _partner_text(connection: ConnectionSnapshot | None, columns: Columns) -> str:
-    width = columns.partner
-    return clip(_partner(connection, columns.both), width).ljust(width) + "  " if width else ""
 
 
 def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:

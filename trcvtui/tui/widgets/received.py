@@ -380,6 +380,8 @@ class Received(Vertical):
         if instance is None:
             detail = ""
         name = "Sent" if instance is not None and instance.sends else "Received"
+        if instance is not None and instance.data_pin == "RESULT":
+            name = "RESULT"
         if self.is_past and instance is not None:
             kept = self.stream.window
             size = f"{kept.end - kept.begin} B kept"

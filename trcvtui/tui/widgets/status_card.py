@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.secure_view import WARNING, security_of
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.afterglow import DONE, ERROR
 from trcvtui.tui.explain import Explainer
@@ -102,12 +103,24 @@ class StatusCard(LineView):
         elif lamps:
             rows.append(row(*lamps))
         rows += self._paragraph("warn", warnings, "warn")
+        rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
+        label = "else" if told.checks else "next"
+        if told.code is not None:  # the last attempt's row says more than "connecting"
+            found = self._scene.project.dialect.row(told.code, shown.block) or found
+            label = f"{told.code:04X}"
         if found is not None:
-            rows += self._paragraph("else" if told.checks else "next", found.checks_of(shown.block), "dim")
+            rows += self._paragraph(label, found.checks_of(shown.block), "dim")
             rows += self._paragraph("means", found.causes_of(shown.block), "dim")
         return rows
+
+    def _unsafe(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
+        project = self._scene.project
+        name = shown.name if isinstance(shown, InstanceSnapshot) else shown.instance
+        decl = project.instance(name)
+        found = security_of(project.connect(decl.connect)) if decl is not None else None
+        return [WARNING] if found is not None and found.is_unsafe else []
 
     def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
         rows: list[Row] = []

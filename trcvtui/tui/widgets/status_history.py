@@ -57,13 +57,17 @@ class StatusHistory(LineView):
             if line.seq <= known:
                 break
             if isinstance(line.event, StatusEdge):
-                self._word = max(self._word, len(_word(line.event)))
+                self._word = max(self._word, len(self._label(line.event)))
                 self._lamp = max(self._lamp, len(_lamp(line.event)))
 
     def _detail(self) -> str:
         if not self._scene.history.skipped:
             return ""
         return f"{self._scene.history.skipped} lines came too fast for this list"
+
+    def _label(self, edge: StatusEdge) -> str:
+        condition = self._scene.project.dialect.label(edge.condition)
+        return f"{status_word(edge.status)} {clip(condition, 18)}"
 
     def row_count(self) -> int:
         """Return the number of edges and the head."""
@@ -104,7 +108,7 @@ class StatusHistory(LineView):
         return [
             (CURSOR if line.seq == self._chosen else " ", "key"),
             (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
-            (_word(edge).ljust(self._word + 2), style),
+            (self._label(edge).ljust(self._word + 2), style),
             (_lamp(edge).ljust(self._lamp + 2), style),
             (reason, "warn" if edge.cause.injected else "dim"),
         ]
@@ -164,10 +168,6 @@ class StatusHistory(LineView):
     def chosen(self) -> Line | None:
         """Return the chosen edge."""
         return next((line for line in self._edges if line.seq == self._chosen), None)
-
-
-def _word(edge: StatusEdge) -> str:
-    return f"{status_word(edge.status)} {clip(edge.condition, 18)}"
 
 
 def _lamp(edge: StatusEdge) -> str:

@@ -56,6 +56,7 @@ READERS: dict[str, Reader] = {
     ".export": refuse_export,
     ".h": read_c,
 }
+LIBRARY = "the library"
 LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
 
@@ -66,10 +67,19 @@ def read_file(path: Path, constants: Mapping[str, int] | None = None) -> TypeSet
 
 
 def read_files(
-    paths: Iterable[Path], constants: Mapping[str, int] | None = None, last_wins: Collection[str] = ()
+    paths: Iterable[Path],
+    constants: Mapping[str, int] | None = None,
+    last_wins: Collection[str] = (),
+    library: str = "",
 ) -> TypeSet:
-    """Return the types of several files, which may use each other's; raise UserError as read_file does."""
+    """Return the types of several files, which may use each other's; raise UserError as read_file does.
+
+    `library`: types in ST that are there without any file; one of the same name in a file comes first.
+    """
     files: list[Declarations] = []
+    if library:
+        files.append(read_st(library, LIBRARY))
+        last_wins = {*last_wins, *(declared.name for declared in files[0].types)}
     problems: list[Problem] = []
     paths = list(paths)
     for path in paths:

@@ -176,30 +176,23 @@ def _format_names() -> str:
 
 def _status(args: argparse.Namespace) -> int:
     from trcvtui.dialects import DIALECTS
-    from trcvtui.dialects.status_report import (
-        as_json,
-        as_table,
-        as_text,
-        chosen_dialects,
-        explain,
-        parse_code,
-        with_scenarios,
-        with_telling,
-    )
+    from trcvtui.dialects import status_report as report
 
-    code = None if args.code is None else parse_code(args.code)
-    dialects = chosen_dialects(tuple(DIALECTS.values()), args.dialect)
-    found = explain(dialects, code, args.block)
+    code = None if args.code is None else report.parse_code(args.code)
+    dialects = report.chosen_dialects(tuple(DIALECTS.values()), args.dialect)
+    found = report.explain(dialects, code, args.block, report.parse_number(args.code or ""))
     if code is None and args.format == "text":
-        return _print(as_table(found))
+        return _print(report.as_table(found))
     from trcvtui.rig.scenario_shelf import scenarios_of
 
     shelf_of = {dialect.name: dialect.shelf for dialect in dialects}
     if args.format == "text":
-        telling = with_telling(found, lambda name, wanted: scenarios_of(shelf_of[name], code, wanted))
-        return _print(as_text(telling))
-    shelves = {dialect.name: scenarios_of(dialect.shelf, code) for dialect in dialects}
-    return _print(as_json(with_scenarios(found, shelves)))
+        told = {one.row.code for one in found}  # one, or two: `10` may be a WORD, or a number
+        telling = report.with_telling(found, lambda name, wanted: scenarios_of(shelf_of[name], told, wanted))
+        return _print(report.as_text(telling))
+    codes = None if code is None else {one.row.code for one in found}
+    shelves = {dialect.name: scenarios_of(dialect.shelf, codes) for dialect in dialects}
+    return _print(report.as_json(report.with_scenarios(found, shelves)))
 
 
 def _dialect_names() -> str:
@@ -360,7 +353,9 @@ def _add_race(parser: _Parser) -> None:
 def _add_status(parser: _Parser) -> None:
     parser.set_defaults(command=_status)
     parser.last_words = _dialect_names
-    parser.add_argument("code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5")
+    parser.add_argument(
+        "code", metavar="CODE", nargs="?", help="80C5, 16#80C5, W#16#80C5 or 0x80c5; 23 as Error shows it"
+    )
     parser.add_argument("--dialect", metavar="NAME", help="default: all")
     parser.add_argument("--block", metavar="BLOCK", help="such as TRCV_C; default: all")
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")

@@ -16,8 +16,10 @@ from trcvtui.dialects.status_report import (
     chosen_dialects,
     explain,
     parse_code,
+    parse_number,
     with_scenarios,
 )
+from trcvtui.dialects.twincat import TWINCAT
 from trcvtui.errors import UserError
 
 BLOCKS = "TCON, TDISCON, TRCV, TRCV_C, TSEND, TSEND_C, T_RESET"
@@ -123,3 +125,36 @@ def test_an_unknown_dialect_is_answered_with_the_names_that_exist() -> None:
     with pytest.raises(UserError) as raised:
         chosen_dialects([TCP], "siemnes")
     assert raised.value.lines() == ["--dialect: found 'siemnes', expected one of baosky"]
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        ("23", [23]),
+        ("10", [10]),
+        ("257", [257]),
+        ("16#17", [23]),
+        ("16#0101", [257]),
+        ("7006", [0x7006]),  # of the TRCV_C that stands there, in hex as ever
+        ("80C5", [0x80C5]),
+    ],
+)
+def test_a_decimal_is_the_number_that_the_pin_error_shows_and_a_word_of_trcv_c_stays_hex(
+    text: str, codes: list[int]
+) -> None:
+    found = explain([TWINCAT], parse_code(text), None, parse_number(text))
+    assert [one.row.code for one in found] == codes
+
+
+def test_a_number_that_no_block_shows_is_named_in_both_readings() -> None:
+    with pytest.raises(UserError) as raised:
+        explain([TWINCAT], parse_code("16"), None, parse_number("16"))
+    assert raised.value.lines() == [
+        "CODE: found 16#0016, or the number 16, expected a code in the table of twincat, see `trcvtui status`"
+    ]
+
+
+@pytest.mark.parametrize("name", ["ReceiveData", "receivedata", "RECEIVEDATA"])
+def test_a_block_is_found_however_its_name_is_written(name: str) -> None:
+    assert 23 in [one.row.code for one in explain([TWINCAT], None, name)]
+    assert 10 not in [one.row.code for one in explain([TWINCAT], None, name)]

@@ -104,7 +104,7 @@ def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
     whole = scenarios_of("baosky")
     for code in (0x7006, 0x80A7, 0x80C5):
         of_code = {shown: files for shown, files in whole.items() if shown[0] == code}
-        found = scenarios_of("baosky", code)
+        found = scenarios_of("baosky", [code])
         assert of_code
         assert {shown: files for shown, files in found.items() if shown[0] == code} == of_code
 
@@ -114,4 +114,4 @@ def test_a_card_names_the_same_scenarios_when_only_those_that_it_may_name_are_re
     found = explain(tuple(DIALECTS.values()), code, None)
     card = as_text(with_scenarios(found, {name: scenarios_of(name) for name in DIALECTS}))
     assert "to see it" in card
-    assert as_text(with_telling(found, lambda name, wanted: scenarios_of(name, code, wanted))) == card
+    assert as_text(with_telling(found, lambda name, wanted: scenarios_of(name, [code], wanted))) == card

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import mistake
@@ -66,6 +67,12 @@ def parse_code(text: str) -> int:
     return int(found.group(1), 16)
 
 
+def parse_number(text: str) -> int | None:
+    """Return the number of `23`, as a UINT such as Error of ReceiveData shows it; None: it is no decimal."""
+    digits = text.strip()
+    return int(digits) if digits.isdecimal() and digits.isascii() and len(digits) <= 5 else None
+
+
 def chosen_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dialect, ...]:
     """Return the dialect of that name, or all of them; raise UserError for an unknown name."""
     chosen = tuple(d for d in dialects if name is None or d.name == name.casefold())
@@ -74,20 +81,34 @@ def chosen_dialects(dialects: Sequence[Dialect], name: str | None) -> tuple[Dial
     return chosen
 
 
-def explain(dialects: Sequence[Dialect], code: int | None, block: str | None) -> list[Explained]:
-    """Return the rows of a code (None: all) that a block (None: any) lists; at least one, or UserError."""
+def explain(
+    dialects: Sequence[Dialect], code: int | None, block: str | None, number: int | None = None
+) -> list[Explained]:
+    """Return the rows of a code (None: all) that a block (None: any) lists; at least one, or UserError.
+
+    `number` is the code as a decimal, if it may be one: so the blocks read it whose Error is a UINT.
+    """
     wanted = None if block is None else _known_block(dialects, block)
+    decimal = code if number is None else number
     found = [
         Explained(dialect.name, row)
         for dialect in dialects
         for row in dialect.status
-        if code in (None, row.code) and (wanted is None or wanted in row.blocks)
+        if (decimal if _is_number(row) else code) in (None, row.code)
+        and (wanted is None or wanted in row.blocks)
     ]
     if not found:
         names = ", ".join(dialect.name for dialect in dialects)
         table = f"the table of {names}" if wanted is None else f"the table of {wanted} ({names})"
-        raise mistake("CODE", f"16#{code:04X}", f"a code in {table}, see `trcvtui status`")
+        reads_decimals = all(any(map(_is_number, dialect.status)) for dialect in dialects)
+        shown = f"16#{code:04X}" + (f", or the number {number}" if number and reads_decimals else "")
+        raise mistake("CODE", shown, f"a code in {table}, see `trcvtui status`")
     return found
+
+
+def _is_number(row: StatusRow) -> bool:
+    """Return whether its blocks show the code as a number, Error, and not as a WORD."""
+    return all(block in BUFFER_PIN for block in row.blocks)
 
 
 def with_scenarios(found: Iterable[Explained], shelves: Mapping[str, Shelf]) -> list[Explained]:
@@ -118,9 +139,10 @@ def _showing(row: StatusRow, shelf: Shelf) -> tuple[str, ...]:
 
 def _known_block(dialects: Sequence[Dialect], block: str) -> str:
     known = sorted({name for dialect in dialects for row in dialect.status for name in row.blocks})
-    if block.upper() not in known:
+    found = next((name for name in known if name.upper() == block.upper()), None)
+    if found is None:
         raise mistake("--block", f"'{block}'", "one of " + ", ".join(known))
-    return block.upper()
+    return found
 
 
 def as_json(found: Iterable[Explained]) -> str:

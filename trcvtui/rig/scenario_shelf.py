@@ -7,7 +7,7 @@ quarter of a second. An installed program has no configs/: then the shelf is emp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,27 +22,28 @@ Shown = tuple[int, str]  # a code, the block that shows it
 
 
 def scenarios_of(
-    shelf: str, code: int | None = None, wanted: Callable[[str], bool] | None = None
+    shelf: str, codes: Collection[int] | None = None, wanted: Callable[[str], bool] | None = None
 ) -> Mapping[Shown, tuple[str, ...]]:
     """Return the files of a folder that show a code at a block; paths start at the source's root.
 
-    With a code only the files that write its digits somewhere are read: all of them take 60 ms. `wanted`
-    chooses by the file's name.
+    With codes only the files that write the digits of one somewhere are read: all of them take 60 ms.
+    `wanted` chooses by the file's name.
     """
     showing: dict[Shown, list[str]] = {}
     for path in sorted((ROOT / "configs" / "scenarios" / shelf).glob("*.toml")):
         if wanted is not None and not wanted(path.name):
             continue
-        for shown in shown_by(path) if code is None or _mentions(path, code) else ():
+        for shown in shown_by(path) if codes is None or _mentions(path, codes) else ():
             showing.setdefault(shown, []).append(path.relative_to(ROOT).as_posix())
     return {shown: tuple(files) for shown, files in sorted(showing.items())}
 
 
-def _mentions(path: Path, code: int) -> bool:
+def _mentions(path: Path, codes: Collection[int]) -> bool:
     try:
-        return b"%X" % code in path.read_bytes().upper()
+        text = path.read_bytes().upper()
     except OSError:
         return False
+    return any(b"%X" % code in text for code in codes)
 
 
 def shown_by(path: Path) -> frozenset[Shown]:

@@ -321,6 +321,7 @@ class Runtime:
         del self._instance_snapshots[name]
         self._roster = self._new_roster()
         self.ledger.write(BenchNote(name, "deleted"))
+        self._lines.leave(name)
         instance.leave("instance deleted")
 
     def _download(self, name: str) -> None:

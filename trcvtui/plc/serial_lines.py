@@ -52,7 +52,8 @@ class SerialLines:
         self._now, self._write, self._new_port = now, write, ports
         self._decls: dict[str, ComBufferDecl] = {}
         self._buffers: dict[str, ComBuffer] = {}
-        self._streams: list[StreamEnd] = []
+        self._streams: dict[str, StreamEnd] = {}  # by instance, also one that is deleted
+        self._orphans: set[str] = set()  # the deleted ones
         self._ports: dict[str, PortFeed] = {}
         for decl in decls:
             self.declare(decl)
@@ -94,9 +95,26 @@ class SerialLines:
             if instance.name in (buffer.source, buffer.line) and instance.name not in self._decls:
                 assert connection is not None
                 stream = self._stream(buffer, instance, connection, rules)
-                self._streams.append(stream)
+                self._follow_on(instance.name, stream)
                 instance.join(stream)
                 return
+
+    def leave(self, name: str) -> None:
+        """An instance is deleted: what is in its ComBuffer is still of its connection."""
+        if name in self._streams:
+            self._streams[name].left()
+            self._orphans.add(name)
+
+    def _follow_on(self, name: str, stream: StreamEnd) -> None:
+        match self._streams.get(name), stream:
+            case (StreamFeed() as earlier, StreamFeed()):
+                stream.follow(earlier)
+            case (StreamDrain() as before, StreamDrain()):
+                stream.follow(before)
+            case (other, _) if other is not None:
+                other.leave()
+        self._streams[name] = stream
+        self._orphans.discard(name)
 
     def _stream(
         self, decl: ComBufferDecl, instance: Instance, connection: Connection, rules: Rules
@@ -131,6 +149,8 @@ class SerialLines:
         """Take what has come at the real ports."""
         for port in self._ports.values():
             port.receive(now)
+        for name in self._orphans:
+            self._streams[name].watch()
 
     def move(self, now: int) -> None:
         """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""
@@ -150,7 +170,7 @@ class SerialLines:
         self.close()
         for buffer in self._buffers.values():
             buffer.empty("PLC STOP")
-        for stream in self._streams:
+        for stream in self._streams.values():
             stream.stop()
 
     def close(self) -> None:

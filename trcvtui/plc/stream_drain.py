@@ -36,7 +36,7 @@ class StreamDrain:
     def before(self, job: Job) -> bool:
         """Put the next bytes into DATA where a call may send them; return whether the inputs change by it."""
         was_asked, self._size = bool(self._size), 0
-        self._follow()
+        self.watch()
         if self._ready and self._data is not None and self._incarnation is not None and not job.running:
             room = min(self._data.size, self._per_call or self._data.size)
             payload = self._buffer.take(room)
@@ -53,16 +53,31 @@ class StreamDrain:
         """See whether the next call may send; a REQ of somebody else must have fallen before."""
         self._ready = outcome.condition in READY and not asked
 
+    def follow(self, earlier: StreamDrain) -> None:
+        """Go on where a deleted TSEND_C of the same name has left the ComBuffer."""
+        if earlier._connection is self._connection:
+            self._incarnation = earlier._incarnation
+        else:
+            earlier.leave()
+
+    def left(self) -> None:
+        """The TSEND_C is deleted; what waits may still go over its connection."""
+
+    def leave(self) -> None:
+        """Turn to another connection: what waited for this one goes with it."""
+        if self._incarnation is not None:
+            self._buffer.empty("connection closed")
+            self._incarnation = None
+
     def stop(self) -> None:
         """PLC STOP: the connection is closed."""
         self._incarnation, self._size, self._ready = None, 0, False
 
-    def _follow(self) -> None:
+    def watch(self) -> None:
         """Empty the ComBuffer when the connection that its bytes were for is gone."""
         connection = self._connection
         is_up = connection.state is State.CONNECTED
-        if self._incarnation is not None and (not is_up or connection.incarnation != self._incarnation):
-            self._buffer.empty("connection closed")
-            self._incarnation = None
+        if not is_up or connection.incarnation != self._incarnation:
+            self.leave()
         if is_up:
             self._incarnation = connection.incarnation

@@ -1,5 +1,6 @@
 """From a TRCV_C into a ComBuffer: what the program does behind each call, chunk by chunk.
 
+Rule: what it knows of its connection outlives the TRCV_C: one that is created anew goes on with it.
 Rule: a ComBuffer that has no room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
 bytes stay with the network, which slows the sender (row 15). Never in a job that has bytes: they would drop.
 """
@@ -76,7 +77,29 @@ class StreamFeed:
                 self._buffer.empty("of an earlier connection")
             self._incarnation = connection.incarnation
             self._buffer.put(bytes(memoryview(self._data.content)[:size]))
-        if self._incarnation is not None and not self._is_same(connection):
+        self.watch()
+
+    def follow(self, earlier: StreamFeed) -> None:
+        """Go on where a deleted TRCV_C of the same name has left the ComBuffer."""
+        if earlier._connection is self._connection:
+            self._incarnation, self._was_asked = earlier._incarnation, earlier._was_asked
+        else:
+            earlier.leave()
+
+    def left(self) -> None:
+        """The TRCV_C is deleted: nobody holds the line any more."""
+        if self.is_held:
+            self.is_held = False
+            self._buffer.hold(False)
+
+    def watch(self) -> None:
+        """See whether the connection that the last bytes came over is still the same."""
+        if self._incarnation is not None and not self._is_same(self._connection):
+            self._close()
+
+    def leave(self) -> None:
+        """Turn to another connection: what came over this one has ended."""
+        if self._incarnation is not None:
             self._close()
 
     def stop(self) -> None:

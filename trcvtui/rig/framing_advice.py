@@ -26,12 +26,14 @@ from trcvtui.rig.framing_marks import (
     common_start,
     fields_of,
     marks_of,
+    places_of,
     sizes_of,
     splits_of,
     take_turns,
 )
+from trcvtui.rig.framing_noise import stands_twice, start_behind_noise, with_noise
 from trcvtui.rig.framing_proposal import FramingAdvice, Kind, Proposal, shown
-from trcvtui.rig.framing_trial import Cut, LengthField, cut, cut_by_length
+from trcvtui.rig.framing_trial import Cut, LengthField, Placed, cut, cut_by_length, joined
 from trcvtui.rig.framing_weight import KNOWN_ENDS, KNOWN_STARTS, TEXT, Scale, scale_of, weight
 from trcvtui.rig.wording import count
 
@@ -46,7 +48,9 @@ LEAST_SHARE_OF_FRAMES: Final = 0.8
 LEAST_EXPLAINED: Final = 0.5
 MOST_GUESSES: Final = 48
 MOST_PROPOSALS: Final = 6
-MOST_FRAMES: Final = 200  # of one trial
+MOST_FRAMES: Final = 200  # that are told
+MOST_TRIED: Final = 120  # of one trial
+MOST_SUFFIXES: Final = 8  # that are looked at for a prefix behind noise
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
 MARKED: Final = (Kind.PREFIX_SUFFIX, Kind.SUFFIX, Kind.PREFIX)
 
@@ -84,10 +88,12 @@ def advise(recording: Recording) -> FramingAdvice:
     if not best:
         said = f"nothing fits: in {count(total, 'byte')} no mark, length, size or pause parts frames"
         return FramingAdvice((), said)
-    proposals, ranks = [], _ranks(best)
+    proposals, ranks, clean = [], _ranks(best), None
+    plain = joined(recording)
     for rank, each in zip(ranks, best, strict=True):
-        whole = each.cut if window.size == recording.size else _cut(recording, each.guess, MOST_FRAMES)
-        proposals.append(_proposal(rank, each, whole, recording))
+        whole = _cut(recording, plain, each.guess, MOST_FRAMES)
+        clean = clean or (each.guess, whole)
+        proposals.append(_proposal(rank, each, whole, recording, clean))
     return FramingAdvice(tuple(proposals), _said(recording, total))
 
 
@@ -122,14 +128,18 @@ def _tried(recording: Recording) -> list[Tried]:
     scale = scale_of(stream, bursts.pauses, bursts.starts)
     found: dict[tuple[object, ...], Tried] = {}
     starts: list[Tried] = []
+    plain = joined(recording)
     for guess in islice(dict.fromkeys(_guesses(recording, stream, bursts)), MOST_GUESSES):
-        tried = _try(recording, guess, scale)
+        tried = _try(recording, plain, guess, scale)
         if tried is not None:
             starts.append(tried)
+    behind = _behind_noise(recording, plain, starts, stream, scale)
+    starts = [each for each in starts if each.bits >= LEAST_BITS]
     for guess in dict.fromkeys(_with_prefix(starts)):
-        tried = _try(recording, guess, scale)
-        if tried is not None:
+        tried = _try(recording, plain, guess, scale)
+        if tried is not None and tried.bits >= LEAST_BITS:
             starts.append(tried)
+    starts = [*behind, *[each for each in starts if each.guess not in {one.guess for one in behind}]]
     starts.sort(key=_preference)
     for tried in starts:
         found.setdefault((tried.guess.kind, tried.cut.places), tried)
@@ -156,9 +166,10 @@ def _guesses(recording: Recording, stream: bytes, bursts: Bursts) -> Iterator[Gu
         middle = min((bursts.within + bursts.between) // 2, bursts.between - recording.tick_ns)
         timeout = max(1, middle // MILLISECOND) * MILLISECOND
         yield Guess(Kind.GAP, Framing(size, timeout_ns=timeout))
+    places = {mark: places_of(mark, stream[: WINDOWS[0]]) for mark in marks}
     for start in marks:
         for end in marks:
-            if start != end and take_turns(start, end, stream[: WINDOWS[0]]):
+            if start != end and take_turns(places[start], places[end]):
                 yield Guess(Kind.PREFIX_SUFFIX, Framing(size, start, end))
 
 
@@ -179,19 +190,46 @@ def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
                 yield replace(guess, kind=kind, framing=replace(guess.framing, prefix=prefix))
 
 
+def _behind_noise(
+    recording: Recording, plain: Recording, tried: Sequence[Tried], stream: bytes, scale: Scale
+) -> list[Tried]:
+    """Return what cuts by a suffix again, with the prefix that leaves the noise out: it outweighs that."""
+    found: list[Tried] = []
+    ends = sorted([each for each in tried if each.guess.kind is Kind.SUFFIX], key=lambda each: -each.bits)
+    marks = marks_of(stream[: WINDOWS[0]])
+    for each in ends[:MOST_SUFFIXES]:
+        suffix = each.guess.framing.suffix
+        is_both = stands_twice(suffix, stream)
+        prefix = (
+            suffix if is_both else start_behind_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
+        )
+        guess = Guess(Kind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
+        made = _try(recording, plain, guess, scale, is_noise=True) if prefix else None
+        if made is None or any(len(frame.content) == 2 * len(suffix) for frame in made.cut.good if is_both):
+            continue
+        bits = max(made.bits, each.bits) + 1
+        if bits >= LEAST_BITS:
+            found.append(replace(made, bits=bits))
+    return found
+
+
 def _known(start: bytes) -> bytes:
     """Return the known mark with which bytes begin."""
     return next((known for known in KNOWN_STARTS if start.startswith(known)), b"")
 
 
-def _cut(recording: Recording, guess: Guess, most: int = 0) -> Cut:
+def _cut(recording: Recording, plain: Recording, guess: Guess, most: int = 0) -> Cut:
+    """Cut a recording; `plain` is the same without its times, for what does not depend on them."""
     if guess.field is not None:
-        return cut_by_length(recording, guess.field, LONGEST_FRAME, most)
-    return cut(recording, guess.framing, most)
+        return cut_by_length(plain, guess.field, LONGEST_FRAME, most)
+    return cut(recording if guess.framing.timeout_ns else plain, guess.framing, most)
 
 
-def _try(recording: Recording, guess: Guess, scale: Scale) -> Tried | None:
-    made = _cut(recording, guess, MOST_FRAMES)
+def _try(
+    recording: Recording, plain: Recording, guess: Guess, scale: Scale, *, is_noise: bool = False
+) -> Tried | None:
+    """Try a guess. `is_noise`: what is before a prefix is noise by other evidence, and no exception."""
+    made = _cut(recording, plain, guess, MOST_TRIED)
     good = made.good
     explained = sum([len(frame.content) for frame in good])
     if len(good) < LEAST_FRAMES or explained < LEAST_EXPLAINED * made.total:
@@ -199,12 +237,13 @@ def _try(recording: Recording, guess: Guess, scale: Scale) -> Tried | None:
     framing = guess.framing
     if framing.timeout_ns:
         scale = replace(scale, pauses=frozenset())  # they are what it cuts by: no evidence
-    bits = weight(made, scale, framing.prefix, framing.suffix, told_lengths=guess.field is not None)
+    weighed = replace(made, noise_runs=0, total=made.total - made.noise) if is_noise else made
+    bits = weight(weighed, scale, framing.prefix, framing.suffix, told_lengths=guess.field is not None)
     if framing.timeout_ns:
         each = GAP_BITS / 2 if recording.source == "tcp" else GAP_BITS
         are_alike = len({len(frame.content) for frame in good}) == 1
         bits = max(bits, 0.0) + each * min(len(good), 15) / (1.5 if are_alike else 1)
-    return Tried(guess, made, bits) if bits >= LEAST_BITS else None
+    return Tried(guess, made, bits)
 
 
 # -- ranks ---------------------------------------------------------------------------------------------------
@@ -253,14 +292,15 @@ def _preference(tried: Tried) -> tuple[int, int, int, int]:
     order = list(Kind).index(kind) + 3
     width = USUAL_WIDTHS.index(tried.guess.field.width) if tried.guess.field else 0
     if kind is Kind.PREFIX_SUFFIX:
-        is_mark = framing.prefix in KNOWN_STARTS or not set(framing.prefix) & TEXT
+        is_both = framing.prefix == framing.suffix
+        is_mark = is_both or framing.prefix in KNOWN_STARTS or not set(framing.prefix) & TEXT
         order = 0 if is_mark else 2
     elif kind is Kind.SUFFIX:
         order = 1
     return order, width, -len(framing.suffix), -len(framing.prefix)
 
 
-def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording) -> Proposal:
+def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording, best: tuple[Guess, Cut]) -> Proposal:
     guess, good = tried.guess, made.good
     longest = max(len(frame.content) for frame in good)
     framing = guess.framing
@@ -273,7 +313,7 @@ def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording) -> Propo
         framing=framing if guess.field is None else None,
         field=guess.field,
         evidence=evidence_of(guess.kind, framing, guess.field, made, recording),
-        doubt=doubt_of(guess.kind, framing, made, recording),
+        doubt=(*doubt_of(guess.kind, framing, made, recording), *_doubt_of_noise(good, *best)),
         instead=instead_of(guess.field),
         frames=len(good),
         of_frames=len(made.frames),
@@ -286,3 +326,12 @@ def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording) -> Propo
         bits=round(tried.bits, 1),
         preview=shown(made.frames),
     )
+
+
+def _doubt_of_noise(good: Sequence[Placed], best: Guess, clean: Cut) -> tuple[str, ...]:
+    """Return what speaks against frames that contain what the best leaves out as noise."""
+    number = with_noise(good, clean.good) if best.kind is Kind.PREFIX_SUFFIX and clean.noise else 0
+    if not number:
+        return ()
+    left_out = title_of(best.kind, best.framing, None)
+    return (f"{number} of {count(len(good), 'frame')} have noise in them, which {left_out} leaves out",)

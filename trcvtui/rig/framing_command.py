@@ -59,6 +59,9 @@ def chosen_lines(
 ) -> tuple[str, ...]:
     """Return the lines that apply a proposal; raise UserError where there is none of that number."""
     advice = advise(recording)
-    if number > len(advice.proposals):
-        raise mistake(where, f"proposal {number}", f"one of {len(advice.proposals)}: {advice.said}")
+    numbers = [str(each) for each in range(1, len(advice.proposals) + 1)]
+    if not numbers:
+        raise mistake(where, f"no proposal: {advice.said}", "a recording that some framing parts")
+    if number > len(numbers):
+        raise mistake(where, f"proposal {number}", f"one of {', '.join(numbers)}")
     return lines_for(advice.proposals[number - 1], project, name, where)

@@ -8,7 +8,7 @@ from trcvtui.blocks.framing.frame import Framing
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.rig.framing_proposal import Kind, named
 from trcvtui.rig.framing_trial import Cut, LengthField
-from trcvtui.rig.framing_weight import TEXT
+from trcvtui.rig.framing_weight import KNOWN_ENDS, KNOWN_STARTS, TEXT
 from trcvtui.rig.wording import count
 from trcvtui.udt.literals import format_time
 
@@ -49,13 +49,12 @@ def evidence_of(
     good, stream = made.good, b"".join([chunk.payload for chunk in recording.chunks])[: made.total]
     number, frames = len(good), count(len(made.frames), "frame")
     told = []
+    is_both = framing.prefix == framing.suffix
     if framing.suffix:
-        elsewhere = stream.count(framing.suffix) - number
+        elsewhere = stream.count(framing.suffix) - number * (2 if is_both else 1)
         told.append(f"{number} of {frames} end in {named(framing.suffix)}{_else(framing.suffix, elsewhere)}")
     if framing.prefix:
-        elsewhere = stream.count(framing.prefix) - number
-        if framing.prefix == framing.suffix:
-            elsewhere -= number
+        elsewhere = stream.count(framing.prefix) - number * (2 if is_both else 1)
         told.append(
             f"{number} of {frames} begin with {named(framing.prefix)}{_else(framing.prefix, elsewhere)}"
         )
@@ -92,8 +91,9 @@ def _borders(made: Cut, recording: Recording) -> tuple[int, int] | None:
     """Return how many chunks begin where a frame does; None where that says nothing."""
     starts, at = [], 0
     for chunk in recording.chunks:
-        if at < made.total:
-            starts.append(at)
+        if at >= made.total:
+            break
+        starts.append(at)
         at += len(chunk.payload)
     ends = {frame.end for frame in made.good} | {frame.start for frame in made.good}
     both = len(ends & set(starts))
@@ -127,15 +127,22 @@ def doubt_of(kind: Kind, framing: Framing, made: Cut, recording: Recording) -> t
         doubt.append("a gap over TCP is a guess: the network joins and parts what was sent")
     if len(made.good) < FEW:
         doubt.append(f"{count(len(made.good), 'frame')} are few: record more")
-    if framing.prefix and set(framing.prefix) <= TEXT:
+    if framing.prefix and (len(made.good) < FEW or not _is_delimiter(framing)):
         doubt.append(f"{named(framing.prefix)} may be data that has not changed yet")
-    if framing.suffix and set(framing.suffix) <= TEXT:
+    if framing.suffix and set(framing.suffix) <= TEXT and framing.suffix not in KNOWN_ENDS:
         doubt.append(f"{named(framing.suffix)} may be data")
     if kind is Kind.SIZE:
         doubt.append("nothing marks a start: one lost byte shifts all frames behind it until Reset")
     if kind is Kind.PREFIX and not framing.timeout_ns and made.noise == 0:
         doubt.append("that all frames are alike in size may change")
     return tuple(doubt)
+
+
+def _is_delimiter(framing: Framing) -> bool:
+    """Return whether the prefix is one that devices use; 01 by itself is as often an address."""
+    if framing.prefix == framing.suffix:
+        return True
+    return framing.prefix in KNOWN_STARTS and (framing.suffix != b"" or framing.prefix != b"\x01")
 
 
 def instead_of(field: LengthField | None) -> str:

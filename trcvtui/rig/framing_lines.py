@@ -1,7 +1,7 @@
 """A proposed framing to the bench lines that set an instance so.
 
-Rule: what is there is used: the variables of prefix and suffix are written where the instance has them and
-they are large enough; else new ones are added, and the instance is made anew with them.
+Rule: what is there is used: the variables of prefix and suffix are written where the instance has them for
+itself and they are large enough; else new ones are added, and the instance is made anew with them.
 """
 
 from __future__ import annotations
@@ -65,13 +65,20 @@ def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool
             continue
         content = mark + b"\0" if is_text else mark
         area = project.data_decl(pointers[place])
-        if area is None or area.size < len(content):
+        is_written = place == 1 and names[0] == pointers[1] and framing.prefix not in (b"", framing.suffix)
+        if area is None or area.size < len(content) or is_written or _is_shared(area.name, decl, project):
             names[place] = _new_name(f"{decl.name}_{('prefix', 'suffix')[place]}", project)
             yield f"add data {names[place]} ARRAY[0..{max(4, len(content)) - 1}] OF BYTE"
         yield f"write {names[place]} hex {content.hex(' ').upper()}"
     if names != pointers:
         yield f"delete {decl.name}"
         yield to_line(Create(replace(decl, pointers=tuple(names))))
+
+
+def _is_shared(name: str, decl: InstanceDecl, project: Project) -> bool:
+    """Return whether a variable is more than a mark of this instance: to write it would change others too."""
+    others = [each for each in project.instances if each.name != decl.name]
+    return name == decl.data or any(name in (each.data, *each.pointers) for each in others)
 
 
 def _new_name(wanted: str, project: Project) -> str:

@@ -126,9 +126,8 @@ def places_of(mark: bytes, stream: bytes) -> list[int]:
     return places
 
 
-def take_turns(start: bytes, end: bytes, stream: bytes) -> bool:
-    """Return whether there is one start to each end."""
-    starts, ends = places_of(start, stream), places_of(end, stream)
+def take_turns(starts: Sequence[int], ends: Sequence[int]) -> bool:
+    """Return whether there is one start to each end; these are their places."""
     if abs(len(starts) - len(ends)) > 1 + len(starts) // 10:
         return False
     turns = sorted([(place, 0) for place in starts] + [(place, 1) for place in ends])

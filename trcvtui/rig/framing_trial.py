@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.framing.frame import Ending, Frame, Framing
@@ -47,7 +48,7 @@ class LengthField:
         return (field[0] if self.width == 1 else int.from_bytes(field, self.order)) + self.more  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # no slots: what is asked for often is worked out once
 class Cut:
     """What the framer made of a recording; `gaps`: frames that a gap ended are as wanted.
 
@@ -63,13 +64,13 @@ class Cut:
     total: int
     gaps: bool = False
 
-    @property
+    @cached_property
     def good(self) -> list[Placed]:
         """Return the frames that ended as the framing says."""
         endings = GOOD | {Ending.GAP} if self.gaps else GOOD
         return [frame for frame in self.frames if frame.ending in endings]
 
-    @property
+    @cached_property
     def places(self) -> tuple[tuple[int, int], ...]:
         """Return where the good frames stand: two framings with the same places cut alike."""
         return tuple([(frame.start, frame.end) for frame in self.good])
@@ -148,6 +149,11 @@ class _Run:
             ending = Ending.SIZE if size == field.head else Ending.OVERRUN
         self._head, self._asked = b"", self._framing
         self._frames.append(Placed(self._at - len(content), content, ending))
+
+
+def joined(recording: Recording) -> Recording:
+    """Return it with the bytes of each connection in one chunk."""
+    return replace(recording, chunks=tuple(_joined(recording.chunks)))
 
 
 def _joined(chunks: Sequence[Chunk]) -> Iterator[Chunk]:

@@ -7,7 +7,7 @@ exception costs some. So noise, in which nothing is alike, saves none, whatever 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from math import lgamma, log, log2
 from typing import Final
@@ -84,25 +84,21 @@ def _columns(good: Sequence[Placed], scale: Scale) -> dict[int, float]:
 
 def _bits_saved(column: Sequence[int], costs: Sequence[float]) -> float:
     """Return how much cheaper a column is told by what it had before: a new byte costs its price besides."""
-    seen: Counter[int] = Counter()
-    saved = 0.0
-    for number, byte in enumerate(column):
-        if seen[byte]:
-            saved += costs[byte] - log2((number + 1) / seen[byte])
-        else:
-            saved -= log2(number + 1)
-        seen[byte] += 1
-    return saved
+    seen = Counter(column)
+    again = sum([costs[byte] * (number - 1) for byte, number in seen.items()])
+    return again - _bits_of_order(seen.values())
+
+
+def _bits_of_order(times: Collection[int]) -> float:
+    """Return what it costs to tell values one by one, each by how often it was seen before."""
+    return (lgamma(sum(times) + 1) - sum([lgamma(number) for number in times])) / log(2)
 
 
 def _bits_of_lengths(lengths: Sequence[int]) -> float:
     """Return what it costs to tell them: nothing each when they are alike."""
     each = log2(max(lengths) - min(lengths) + 1)
-    seen: Counter[int] = Counter()
-    learned = 0.0
-    for number, length in enumerate(lengths):
-        learned += log2((number + 1) / seen[length]) if seen[length] else log2(number + 1) + each
-        seen[length] += 1
+    seen = Counter(lengths)
+    learned = each * len(seen) + _bits_of_order(seen.values())
     return 2 * log2(max(lengths) + 1) + min(len(lengths) * each, learned)
 
 

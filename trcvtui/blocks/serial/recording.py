@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, NamedTuple
 
 MOST_BYTES: Final = 65_536
@@ -21,7 +22,7 @@ class Chunk(NamedTuple):
     begins: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # no slots: its size is asked for often, and worked out once
 class Recording:
     """The chunks of one line, oldest first, as they stand at `until_ns`.
 
@@ -35,7 +36,7 @@ class Recording:
     tick_ns: int = 0
     dropped: int = 0
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Return how many bytes are kept."""
         return sum([len(chunk.payload) for chunk in self.chunks])

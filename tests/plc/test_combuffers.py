@@ -29,6 +29,12 @@ name = "C1"
 STREAM = '[[instance]]\nname = "T"\nblock = "TRCV_C"\nconnect = "C1"\ndata = "rx"\n'
 READER = '[[instance]]\nname = "RD"\nblock = "ReceiveData"\nRxBuffer = "RX"\ndata = "rx"\n'
 RX = '[[combuffer]]\nname = "RX"\n'
+PORT = 'source = "serial"\nport = "/dev/ttyS0"'
+
+
+def tx(name: str, keys: str) -> str:
+    """Return one more ComBuffer."""
+    return f'[[combuffer]]\nname = "{name}"\n{keys}\n'
 
 
 def read(*parts: str) -> Project:
@@ -67,7 +73,10 @@ MISTAKES = [
     ((RX, 'source = "X"'), "b.toml: combuffer RX: source: found 'X', expected one of sim, serial, T"),
     ((RX, 'source = "RX"'), "b.toml: combuffer RX: source: found 'RX', expected one of sim, serial, T"),
     ((RX, "size = 0"), "b.toml: combuffer RX: size: found 0, expected a whole number from 1 to 65536"),
-    ((RX, 'source = "serial"'), "b.toml: combuffer RX: port: found nothing, expected a text in quotes"),
+    (
+        (RX, 'source = "serial"'),
+        "b.toml: combuffer RX: port: found nothing, expected the name of a port, such as /dev/ttyUSB0",
+    ),
     (
         (RX, "baud = 9600"),
         'b.toml: combuffer RX: baud: found a word of serial ports, expected source = "serial" beside it',
@@ -79,6 +88,34 @@ MISTAKES = [
     (
         (RX, 'source = "serial"\nport = "x"\nstop_bits = 3'),
         "b.toml: combuffer RX: stop_bits: found 3, expected 1, 1.5 or 2",
+    ),
+    (
+        (RX, 'source = "serial"\nport = ""'),
+        "b.toml: combuffer RX: port: found '', expected the name of a port, such as /dev/ttyUSB0",
+    ),
+    (
+        (RX, PORT, tx("TX", 'line = "RX"'), tx("TX2", 'line = "RX"')),
+        "b.toml: combuffer TX2: line: found 'RX', over which TX goes out, "
+        "expected a line of its own: one ComBuffer goes out over it",
+    ),
+    (
+        (RX, tx("RA", 'source = "RX"'), tx("RB", 'source = "RX"')),
+        "b.toml: combuffer RB: source: found 'RX', whose bytes go to RA, "
+        "expected a source of its own: each byte goes to one ComBuffer",
+    ),
+    (
+        (RX, 'source = "T"', tx("R2", 'source = "T"')),
+        "b.toml: combuffer R2: source: found 'T', whose bytes go to RX, "
+        "expected a source of its own: each byte goes to one ComBuffer",
+    ),
+    (
+        (RX, PORT, tx("R2", PORT)),
+        "b.toml: combuffer R2: port: found '/dev/ttyS0', the port of RX, expected a port of its own",
+    ),
+    (
+        (RX, PORT, tx("TX", 'line = "RX"'), tx("RA", 'source = "TX"')),
+        "b.toml: combuffer RA: source: found 'TX', which goes out over RX, "
+        "expected a ComBuffer without a line",
     ),
     (
         (RX, 'line = "RX"'),
@@ -149,9 +186,6 @@ def test_a_connect_that_is_added_has_no_name_of_a_combuffer() -> None:
     ]
 
 
-PORT = 'source = "serial"\nport = "/dev/ttyS0"'
-
-
 @pytest.mark.parametrize(
     "line",
     [
@@ -191,3 +225,24 @@ def test_a_combuffer_goes_out_over_a_tsend_c() -> None:
     sender = '[[instance]]\nname = "S"\nblock = "TSEND_C"\nconnect = "C1"\ndata = "rx"'
     (decl,) = read(RX, 'line = "S"', sender).combuffers
     assert decl.line == "S"
+
+
+@pytest.mark.parametrize(
+    ("line", "wrong"),
+    [
+        ("add combuffer TX2 line=RX", "w: combuffer TX2: line: found 'RX', over which TX goes out, "),
+        (
+            "add combuffer R2 source=serial port=/dev/ttyS0",
+            "w: combuffer R2: port: found '/dev/ttyS0', the port",
+        ),
+    ],
+)
+def test_a_combuffer_that_is_added_shares_no_end_either(line: str, wrong: str) -> None:
+    with pytest.raises(UserError) as caught:
+        parse_line(line, read(RX, PORT, tx("TX", 'line = "RX"')), "w")
+    assert caught.value.lines()[0].startswith(wrong)
+
+
+def test_two_connections_to_one_url_are_two_lines() -> None:
+    url = 'source = "serial"\nport = "socket://10.0.0.7:4001"'
+    assert len(read(RX, url, tx("R2", url)).combuffers) == 2

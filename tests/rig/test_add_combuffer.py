@@ -103,7 +103,10 @@ def test_what_was_added_is_saved_with_the_project(tmp_path: Path) -> None:
 MISTAKES = [
     ("add combuffer", "w: found nothing more, expected a name for the new combuffer"),
     ("add combuffer RX source=TT", "w: combuffer RX: source: found 'TT', expected one of sim, serial"),
-    ("add combuffer RX source=serial", "w: combuffer RX: port: found nothing, expected a text in quotes"),
+    (
+        "add combuffer RX source=serial",
+        "w: combuffer RX: port: found nothing, expected the name of a port, such as /dev/ttyUSB0",
+    ),
     (
         "add combuffer C9 size=0",
         "w: combuffer C9: name: found 'C9', the name of another connect, expected a name of its own",

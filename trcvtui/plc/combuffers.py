@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -10,7 +10,7 @@ from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.plc.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl
 from trcvtui.plc.project_parts import NAME
-from trcvtui.plc.tables import TEXT, Kind, Table, of_text, whole
+from trcvtui.plc.tables import TEXT, Kind, Table, of_text, shown, whole
 
 QUEUE_SIZE: Final = whole(1, 65_536)
 BAUD: Final = whole(50, 4_000_000)
@@ -29,6 +29,14 @@ def _stop_bits(value: Any) -> float | None:
 STOP_BITS: Final = Kind("1, 1.5 or 2", _stop_bits, lambda text: {"1": 1.0, "1.5": 1.5, "2": 2.0}.get(text))
 PARITY: Final = _one_of("none", "even", "odd", "mark", "space")
 HANDSHAKE: Final = _one_of("none", "rts/cts", "dsr/dtr", "xon/xoff")
+PORT_NAME: Final = of_text("the name of a port, such as /dev/ttyUSB0", lambda text: text.strip() or None)
+
+# What one ComBuffer alone may name: what the one has in it, and what the other has to name.
+ENDS: Final = (
+    ("source", "whose bytes go to {}", "a source of its own: each byte goes to one ComBuffer"),
+    ("line", "over which {} goes out", "a line of its own: one ComBuffer goes out over it"),
+    ("port", "the port of {}", "a port of its own"),
+)
 
 
 def read_combuffer(table: Table) -> ComBufferDecl | None:
@@ -51,7 +59,7 @@ def read_combuffer(table: Table) -> ComBufferDecl | None:
 
 def _read_serial(table: Table) -> SerialSettings | None:
     settings = SerialSettings(
-        table.must("port", TEXT) or "",
+        table.must("port", PORT_NAME) or "",
         table.get("baud", BAUD, 9600),
         table.get("data_bits", DATA_BITS, 8),
         table.get("parity", PARITY, "none"),
@@ -66,6 +74,28 @@ def _refuse_port_keys(table: Table) -> None:
         if table.has(key):
             table.know(key)
             table.wrong(key, "a word of serial ports", 'source = "serial" beside it')
+
+
+def find_shared_ends(tables: Sequence[Table]) -> None:
+    """Record every source, line and port that an earlier ComBuffer has, and a cable from one with a line.
+
+    Of a URL each opening is a connection of its own.
+    """
+    for key, has, expected in ENDS:
+        seen: dict[str, str] = {}
+        for table in tables:
+            end, name = table.text(key), table.text("name")
+            if not end or not name or end in (SIMULATED, SERIAL) or (key == "port" and "://" in end):
+                continue
+            if end in seen:
+                table.wrong(key, f"{shown(end)}, {has.format(seen[end])}", expected)
+            seen.setdefault(end, name)
+    lines = {table.text("name"): table.text("line") for table in tables}
+    for table in tables:
+        source = table.text("source")
+        if source and lines.get(source):
+            found = f"{shown(source)}, which goes out over {lines[source]}"
+            table.wrong("source", found, "a ComBuffer without a line")
 
 
 def joined_up(

@@ -13,9 +13,9 @@ from trcvtui.blocks.parameters import PINS
 from trcvtui.errors import Problem, UserError
 from trcvtui.net.description import CONNECTIONS
 from trcvtui.plc import project_parts as parts
-from trcvtui.plc.combuffers import joined_up, read_combuffer
+from trcvtui.plc.combuffers import find_shared_ends, joined_up, read_combuffer
 from trcvtui.plc.project import Project
-from trcvtui.plc.project_keys import KIND_OF, Declaration
+from trcvtui.plc.project_keys import KIND_OF, Declaration, entry_of
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
 from trcvtui.plc.project_reader import Head, Reader
 from trcvtui.plc.tables import Given, Table
@@ -60,6 +60,9 @@ def read_entry(kind: str, content: Mapping[str, Any], project: Project, where: s
             break
     if kind in CHECKS:
         CHECKS[kind](_names(project), table)
+    if kind == "combuffer":
+        known = [Table(dict(entry_of(b)), "", problems) for b in project.combuffers]
+        find_shared_ends([*known, table])
     decl = _read(kind, table, project)
     if problems or decl is None:
         raise UserError(dict.fromkeys(_placed(problem, where) for problem in problems))

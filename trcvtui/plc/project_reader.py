@@ -20,7 +20,7 @@ from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import project_parts as parts
 from trcvtui.plc.addr_words import read_described_addr
-from trcvtui.plc.combuffers import joined_up, read_combuffer
+from trcvtui.plc.combuffers import find_shared_ends, joined_up, read_combuffer
 from trcvtui.plc.connect_descriptions import read_described
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.overrides import ENTRIES
@@ -166,6 +166,7 @@ class Reader:
             names.check_instance(table)
         for table in tables["combuffer"]:
             names.check_combuffer(table)
+        find_shared_ends(tables["combuffer"])
         for table in tables["peer"]:
             names.check_peer(table)
         for table in tables["message"]:

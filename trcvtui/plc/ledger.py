@@ -33,6 +33,8 @@ class StatusEdge:
     rcvd_len: int | None
     condition: str
     cause: Cause
+    rx_timeout: bool | None = None  # these two: of blocks that have such an output
+    byte: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

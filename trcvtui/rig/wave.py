@@ -6,11 +6,12 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from trcvtui.blocks.parameters import SHOWS
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.rig.wave_lane import KEPT, Column, Lane, PolledLane, Window
 from trcvtui.rig.wave_news import Change, PinValues, WaveNews, pins_of
 
-WATCHED: Final = ("STATUS", "DONE")  # what the ghost rows show
+WATCHED: Final = ("status", "done")  # what the ghost rows show, whatever the block calls it
 MOST_GAPS: Final = 200
 
 
@@ -46,7 +47,7 @@ class Wave:
                 self._note(change, change.event)
         self.number = news.first + len(news.changes) - 1
         self.until_scan, self.until_ns = news.until_scan, news.until_ns
-        for pin in WATCHED:
+        for pin in self.watched:
             self.polled(pin).follow(self.until_ns, interval_ns)
 
     def _leave_a_gap(self, news: WaveNews) -> None:
@@ -82,6 +83,15 @@ class Wave:
         if pin not in self._polled:
             self._polled[pin] = PolledLane(self.lane(pin))
         return self._polled[pin]
+
+    def pin_that_shows(self, what: str) -> str | None:
+        """Return the output that shows it, such as Error or STATUS for `status`; None: it has none."""
+        return next((pin for pin in self.lanes if SHOWS.get(pin) == what), None)
+
+    @property
+    def watched(self) -> list[str]:
+        """Return the pins of the ghost rows."""
+        return [pin for what in WATCHED if (pin := self.pin_that_shows(what)) is not None]
 
     def columns(self, lane: Lane, window: Window) -> list[Column | None]:
         """Return the columns of a lane."""

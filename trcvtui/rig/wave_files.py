@@ -10,14 +10,15 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from trcvtui.blocks.parameters import SHOWS
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.wave import Wave
 from trcvtui.rig.wave_lane import Lane, Window
+from trcvtui.rig.wave_news import OUTPUTS, pins_of
 from trcvtui.rig.wave_text import CODES, WATCH, WORDS, drawn, lane_of, row_names, ruler, value_text
 
 MS: Final = 1_000_000
-BITS: Final = {"STATUS": 16, "RCVD_LEN": 32, "LEN": 32}  # as wide as the manual's WORD and UDINT
 LINE: Final = 100  # columns of a line of text
 MOST_COLUMNS: Final = 4000
 MOST_EDGES: Final = 2000  # in a text file
@@ -49,9 +50,9 @@ def vcd_text(waves: Sequence[Wave], span: Span) -> str:
     ) as writer:
         for wave in waves:
             for pin, lane in wave.lanes.items():
-                kind = "reg" if pin in BITS else "wire"
+                kind = "reg" if pin in WORDS else "wire"
                 scope = _vcd_name(wave.instance)
-                var = writer.register_var(scope, pin, kind, size=BITS.get(pin, 1), init=None)
+                var = writer.register_var(scope, pin, kind, size=WORDS.get(pin, 1), init=None)
                 told = enumerate(_vcd_changes(lane, wave, span))
                 changes += [(t_ns, number, var, value) for number, (t_ns, value) in told]
         for t_ns, _, var, value in sorted(changes, key=lambda change: change[:2]):
@@ -82,14 +83,16 @@ def plain_text(waves: Sequence[Wave], span: Span, zoom: int) -> str:
     """Return the rows of the pane, line after line, then every STATUS edge with its cause."""
     while (span.last - span.first) // zoom >= MOST_COLUMNS:
         zoom *= 2
+    names = {wave.instance: row_names(wave) for wave in waves}
+    label = max(LABEL, *(len(name) + 1 for rows in names.values() for name in rows))
     lines = [f"scans {span.first} to {span.last}, {zoom} scan{'s' * (zoom > 1)} a column", ""]
     for column in range((span.first - 1) // zoom, (span.last - 1) // zoom + 1, LINE):
         window = Window(column, min(LINE, (span.last - 1) // zoom + 1 - column), zoom)
-        lines.append(" " * LABEL + _joined(ruler(window, span.last, ())))
+        lines.append(" " * label + _joined(ruler(window, span.last, ())))
         for wave in waves:
             if len(waves) > 1:
                 lines.append(wave.instance)
-            lines += [f"{name:<{LABEL}}{_joined(drawn(wave, name, window))}" for name in row_names(wave)]
+            lines += [f"{name:<{label}}{_joined(drawn(wave, name, window))}" for name in names[wave.instance]]
         lines.append("")
     for wave in waves:
         lines += [wave.instance, *_edge_lines(wave, span), ""]
@@ -107,13 +110,11 @@ def _edge_lines(wave: Wave, span: Span) -> Iterator[str]:
     for line in lines[-MOST_EDGES:]:
         edge = line.event
         if isinstance(edge, StatusEdge):
-            lamps = " ".join(n for n, on in zip(("BUSY", "DONE", "ERROR"), _lamps(edge), strict=True) if on)
-            shown = f"16#{edge.status:04X} {edge.condition}"
-            yield f"  scan {line.scan:>8}  {line.t_ns / MS:>12.3f} ms  {shown:<28}{lamps:<8}{edge.cause.name}"
-
-
-def _lamps(edge: StatusEdge) -> tuple[bool, bool, bool]:
-    return edge.busy, edge.done, edge.error
+            lamps = " ".join(pin for pin, value in pins_of(edge) if value and pin not in WORDS)
+            status = f"{edge.status}" if edge.block in OUTPUTS else f"16#{edge.status:04X}"
+            shown = f"{status} {edge.condition}"
+            place = f"  scan {line.scan:>8}  {line.t_ns / MS:>12.3f} ms"
+            yield f"{place}  {shown:<27} {lamps:<7} {edge.cause.name}"
 
 
 # -- SVG --------------------------------------------------------------------------------------------------
@@ -175,7 +176,7 @@ def _boxes(wave: Wave, name: str, span: Span, at: At, top: int) -> Iterator[str]
         if value is None:
             continue
         left, width = at(first), max(0.5, at(behind) - at(first))
-        colour = _colour(wave, first) if name == "STATUS" else "#5a6570"
+        colour = _colour(wave, first) if SHOWS.get(name) == "status" else "#5a6570"
         yield (
             f'<rect x="{left:.2f}" y="{top + HIGH_Y - 1}" width="{width:.2f}" height="{LOW_Y - HIGH_Y + 2}" '
             f'stroke="{colour}"/>'

@@ -5,9 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
+from trcvtui.blocks.parameters import BUFFER_PIN, SHOWS, outputs_of
 from trcvtui.plc.ledger import InputEdge, StatusEdge
 
 LAMPS: Final = ("STATUS", "BUSY", "DONE", "ERROR")
+# The outputs of the blocks on a ComBuffer, each with what it shows of an edge.
+OUTPUTS: Final = {
+    block: tuple((pin.name, SHOWS[pin.name]) for pin in outputs_of(block)) for block in BUFFER_PIN
+}
 
 PinValues = tuple[tuple[str, int | None], ...]
 NO_PINS: Final[PinValues] = ()
@@ -62,6 +67,9 @@ def pins_of(event: StatusEdge | InputEdge | PinsAre) -> PinValues:
         return ((event.pin, int(event.value)),)
     if isinstance(event, PinsAre):
         return event.values
+    if event.block in OUTPUTS:
+        shown = ((pin, getattr(event, field)) for pin, field in OUTPUTS[event.block])
+        return tuple((pin, int(value)) for pin, value in shown if value is not None)
     lamps = event.busy, event.done, event.error
     told = (("STATUS", event.status), *zip(LAMPS[1:], map(int, lamps), strict=True))
     return told if event.rcvd_len is None else (*told, ("RCVD_LEN", event.rcvd_len))

@@ -9,19 +9,26 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 from typing import Final, NamedTuple
 
+from trcvtui.blocks.parameters import PINS, SHOWS
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.rig.wave import WATCHED, Wave
+from trcvtui.rig.wave import Wave
 from trcvtui.rig.wave_lane import Column, Lane, Window
 
 LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"
 CODES: Final = "codes"
 WATCH: Final = "watch "  # before the pin that a watch table shows
-WORDS: Final = ("STATUS", "RCVD_LEN", "LEN")  # pins that are numbers
+WIDTHS: Final = {"BYTE": 8, "WORD": 16, "UINT": 16, "DINT": 32, "UDINT": 32, "TIME": 32}  # bits
+WORDS: Final = {  # pins that are numbers, with their bits
+    pin.name: WIDTHS[pin.iec_type] for pins in PINS.values() for pin in pins if not pin.is_bool
+}
 TICK: Final = 20
 LABEL_WIDTH: Final = 5  # of a code with its edge
 ORDER: Final = (
     "STATUS", CODES, "EN_R", "REQ", "DONE", f"{WATCH}STATUS", f"{WATCH}DONE", "ERROR", "BUSY", "CONT",
     "RCVD_LEN", "LEN", "ADHOC", "COM_RST",
+    "DataReceived", "StringReceived", "ByteReceived", "ReceivedByte", "Error", "busy", "Busy", "RxTimeout",
+    "LenReceiveData", "watch DataReceived", "watch StringReceived", "watch ByteReceived", "watch Error",
+    "EN", "Length", "SendByte", "LenPrefix", "LenSuffix", "SizeReceiveData", "Timeout", "Reset",
 )  # fmt: skip
 
 Piece = tuple[str, str]  # characters, and what they are: high, pulse, gap, error, done, busy or ""
@@ -37,7 +44,7 @@ class Mark(NamedTuple):
 def row_names(wave: Wave) -> list[str]:
     """Return the rows of an instance, what matters most first."""
     pins = set(wave.lanes)
-    rows = {CODES, *(f"{WATCH}{pin}" for pin in WATCHED)} if "STATUS" in pins else set()
+    rows = {f"{WATCH}{pin}" for pin in wave.watched} | ({CODES} if "STATUS" in pins else set())
     return [name for name in ORDER if name in pins | rows] + sorted(pins - set(ORDER))
 
 
@@ -114,7 +121,7 @@ def _segments(wave: Wave, name: str, window: Window, columns: list[Column | None
         label = value_text(pin, value) if value is not None else ""
         edge = "│" if value is not None else NOT_YET
         text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
-        is_word = pin == "STATUS" and not name.startswith(WATCH)
+        is_word = SHOWS.get(pin) == "status" and not name.startswith(WATCH)
         style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
         yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
 

@@ -12,10 +12,10 @@ from collections.abc import Iterable
 from itertools import islice
 from typing import Final
 
-from trcvtui.blocks.parameters import Direction
+from trcvtui.blocks.parameters import SHOWS, Direction
 from trcvtui.plc.ledger import BenchNote, InputEdge, Ledger, StatusEdge
 from trcvtui.plc.project import InstanceDecl, Project
-from trcvtui.rig.wave_news import LAMPS, NO_PINS, Change, PinsAre, PinValues, WaveNews, pins_of
+from trcvtui.rig.wave_news import NO_PINS, Change, PinsAre, PinValues, WaveNews, pins_of
 
 KEPT_CHANGES: Final = 32_768  # of one instance, where there are few: 7 MB
 KEPT_IN_ALL: Final = 500_000
@@ -112,7 +112,7 @@ class Waves:
             if note.what == DELETED:
                 record.add(Change(number, scan, t_ns, PinsAre(_unknown(record.pins()))))
             else:
-                dark = tuple((pin, 0) for pin in record.pins() if pin in LAMPS or pin == "RCVD_LEN")
+                dark = tuple((pin, 0) for pin in record.pins() if pin in SHOWS)
                 renewed[name] = Change(number, scan, t_ns, PinsAre(dark))
 
     def _lose(self, seq: int) -> None:

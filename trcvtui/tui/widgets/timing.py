@@ -60,6 +60,7 @@ class Timing(LineView):
         self._voice = voice
         self.view = TimingView()
         self._rows: list[Drawn] = []
+        self._label = LABEL
         self._chosen = 0
         self._ready: dict[int, Row] = {}
         self._asks = False
@@ -84,7 +85,7 @@ class Timing(LineView):
 
     @property
     def _columns(self) -> int:
-        return max(1, self.line_width - LABEL)
+        return max(1, self.line_width - self._label)
 
     @property
     def _window(self) -> Window:
@@ -94,9 +95,10 @@ class Timing(LineView):
         """Repaint what changed."""
         self._ready.clear()
         if self.size.height:
-            from trcvtui.tui.widgets.timing_rows import rows_of
+            from trcvtui.tui.widgets.timing_rows import label_width, rows_of
 
             self._rows = rows_of(self.waves, self.size.height <= STRIP)
+            self._label = label_width(self._rows)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
             self.set_title(8, "Timing", self._detail())
             self._set_subtitle()
@@ -140,9 +142,10 @@ class Timing(LineView):
     def _what_a_watch_table_saw(self) -> str:
         window = self._window
         first, last = window.scans_of(0)[0], window.scans_of(window.width - 1)[1]
-        done = self.wave.lane("DONE").rises(first, last)
-        seen = self.wave.polled("DONE").rises(first, last)
-        return f"a 100 ms watch table saw {seen} of {done} DONE" if done else ""
+        pin = self.wave.pin_that_shows("done")
+        done = self.wave.lane(pin).rises(first, last) if pin else 0
+        seen = self.wave.polled(pin).rises(first, last) if pin else 0
+        return f"a 100 ms watch table saw {seen} of {done} {pin}" if done else ""
 
     def row_count(self) -> int:
         """Return the ruler and the rows of all instances."""
@@ -158,11 +161,11 @@ class Timing(LineView):
         from trcvtui.tui.widgets.timing_rows import ruler_row, wave_row
 
         if y == 0:
-            return ruler_row(self._window, self._until, self.view)
+            return ruler_row(self._window, self._until, self.view, self._label)
         if y > len(self._rows):
             return EMPTY
         style = ("cursor" if self.has_focus else "cursor-blurred") if y - 1 == self._chosen else None
-        return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style)
+        return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style, self._label)
 
     def _lane(self) -> Lane | None:
         """Return the lane of the chosen row."""
@@ -287,7 +290,7 @@ class Timing(LineView):
         if place is None or place[1] > len(self._rows):
             return
         self._chosen = max(0, place[1] - 1)
-        window, x = self._window, place[0] - LABEL
+        window, x = self._window, place[0] - self._label
         if not 0 <= x < window.width or not self._rows:
             self.show()
             return

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
+from trcvtui.blocks.parameters import SHOWS
 from trcvtui.rig.wave import Wave
 from trcvtui.rig.wave_lane import Window
 from trcvtui.rig.wave_text import (
@@ -21,9 +22,9 @@ from trcvtui.rig.wave_text import (
 )
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.widgets.line_view import Part, Row, row
-from trcvtui.tui.widgets.timing_view import LABEL, TimingView
+from trcvtui.tui.widgets.timing_view import LABEL, NAME, TimingView
 
-HIGH_STYLES: Final = {"DONE": "done", "ERROR": "error", "BUSY": "busy"}
+HIGH_STYLES: Final = {pin: shows for pin, shows in SHOWS.items() if shows in ("done", "error", "busy")}
 STYLES: Final = {"": "faint", "pulse": "glow", "gap": "warn", "mark": "key", "high": "strong"}
 
 
@@ -41,29 +42,36 @@ def rows_of(waves: Sequence[Wave], is_strip: bool = False) -> list[Drawn]:
     return [shown for shown in rows if not (is_strip and shown.name == CODES)]
 
 
-def ruler_row(window: Window, until: int, view: TimingView) -> Row:
+def label_width(rows: Sequence[Drawn]) -> int:
+    """Return the columns in front of the waves: as wide as the longest name asks for."""
+    return LABEL + max(0, *(len(shown.name) - NAME for shown in rows)) if rows else LABEL
+
+
+def ruler_row(window: Window, until: int, view: TimingView, label: int) -> Row:
     """Return the scans with cursor and markers."""
     marks = [Mark(scan, sign) for scan, sign in zip(view.markers, "12", strict=False)]
     if view.cursor is not None:
         marks.append(Mark(view.cursor, "▼"))
     pieces = ruler(window, until, marks)
-    return row(("".ljust(LABEL), ""), *[(text, STYLES.get(kind, kind)) for text, kind in pieces])
+    return row(("".ljust(label), ""), *[(text, STYLES.get(kind, kind)) for text, kind in pieces])
 
 
-def wave_row(shown: Drawn, window: Window, cursor: int | None, until: int, label_style: str | None) -> Row:
-    """Return one row; `label_style` None: it is not the chosen one."""
+def wave_row(
+    shown: Drawn, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
+) -> Row:
+    """Return one row behind `label` columns; `label_style` None: it is not the chosen one."""
     wave, name = shown
     if not name:
-        return row((f" {plain(wave.instance)} ", "label"), ("─" * (LABEL + window.width), "faint"))
+        return row((f" {plain(wave.instance)} ", "label"), ("─" * (label + window.width), "faint"))
     at = until if cursor is None else cursor
-    return row(*_label(wave, name, at, label_style), *_parts(wave, name, window, cursor))
+    return row(*_label(wave, name, at, label_style, label), *_parts(wave, name, window, cursor))
 
 
-def _label(wave: Wave, name: str, at: int, label_style: str | None) -> list[Part]:
+def _label(wave: Wave, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
     value = "" if name == CODES else value_text(pin_of(name), lane_of(wave, name).at(at))
     kind = "ghost" if name.startswith(WATCH) else "label"
     sign, style = (" ", "") if label_style is None else ("▸", label_style)
-    return [(f"{sign}{name:<12}", f"{kind} {style}"), (f"{value:>6} ", style)]
+    return [(f"{sign}{name:<{NAME + label - LABEL}}", f"{kind} {style}"), (f"{value:>6} ", style)]
 
 
 def _parts(wave: Wave, name: str, window: Window, cursor: int | None) -> list[Part]:

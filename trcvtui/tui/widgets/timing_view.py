@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from trcvtui.rig.wave_lane import Window
 
 ZOOMS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+NAME: Final = 12  # columns of a row's name, where none is longer
 LABEL: Final = 20  # columns: mark, name, value under the cursor
 MARGIN: Final = 4  # columns between the cursor and the edge, where there is room
 

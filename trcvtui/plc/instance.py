@@ -223,7 +223,8 @@ class Instance:
         )
         rx_timeout = outcome.rx_timeout if "rx_timeout" in self._has else None
         outputs = Outputs(*named, rx_timeout, outcome.byte if "byte" in self._has else None)
-        shown = Shown(outputs, StatusEdge(*named, str(outcome.condition), outcome.cause))
+        told = str(outcome.condition), outcome.cause, rx_timeout, outputs.byte
+        shown = Shown(outputs, StatusEdge(*named, *told))
         self._known[outcome] = shown
         return shown
 

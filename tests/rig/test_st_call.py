@@ -104,7 +104,7 @@ def head_of(block: str) -> str:
 @pytest.mark.parametrize("block", PINS)
 def test_each_block_has_its_own_pins_and_data_only_where_it_moves_bytes(block: str, tmp_path: Path) -> None:
     call = st_call(project(tmp_path, instance("X", block), head=head_of(block)), "X")
-    bound = re.findall(r"^    (\w+)(:=|=>)", call, re.MULTILINE)
+    bound = re.findall(r"^ +(\w+)(:=|=>)", call, re.MULTILINE)
     link = (
         {"CONFIG" if block in DIALECTS["baosky"].blocks else "ID", "ADDR"}
         if block in SPEAKS_UDP
@@ -312,3 +312,44 @@ def test_older_instructions_have_a_uint_for_len_and_rcvd_len(tmp_path: Path) -> 
     assert "R_RCVD_LEN : UINT;" in st_variables(bench, ["R"])
     with pytest.raises(UserError, match="LEN: found 65536, expected"):
         project(tmp_path, instance("R", "TRCV_C", "LEN = 65536"), head=head)
+
+
+# -- blocks on a ComBuffer -----------------------------------------------------------------------------------
+
+
+def line_bench(folder: Path) -> Project:
+    """Return a project whose ComBuffer and variable differ in their case alone, as the shipped ones do."""
+    parts = (
+        '[[combuffer]]\nname = "RX"\n',
+        '[[data]]\nname = "rx"\ntype = "ARRAY[0..3] OF BYTE"\n',
+        '[[instance]]\nname = "RD"\nblock = "ReceiveData"\nRxBuffer = "RX"\ndata = "rx"\n',
+        '[[instance]]\nname = "SB"\nblock = "SendByte"\nTxBuffer = "RX"\nSendByte = 7\n',
+        '[[instance]]\nname = "CL"\nblock = "ClearComBuffer"\nBuffer = "RX"\n',
+    )
+    file = folder / "line.toml"
+    file.write_text('dialect = "twincat"\n' + "\n".join(parts), encoding="utf-8")
+    return load_project(file)
+
+
+def test_no_two_variables_of_a_text_differ_in_their_case_alone(tmp_path: Path) -> None:
+    text = st_text(line_bench(tmp_path), ["RD", "SB", "CL"])
+    declared = [name.casefold() for name in re.findall(r"^    (\w+) : ", text, re.MULTILINE)]
+    assert len(set(declared)) == len(declared)
+    assert "    RX_Buffer : ComBuffer;" in text and "    rx : ARRAY[0..3] OF BYTE;" in text
+    assert "    RxBuffer:=RX_Buffer,\n    pReceiveData:=ADR(rx)," in text
+    assert "        TxBuffer:=RX_Buffer,\n" in text
+
+
+def test_error_is_a_comerror_t_as_the_manual_declares_it(tmp_path: Path) -> None:
+    assert "    RD_Error : ComError_t;" in st_text(line_bench(tmp_path), ["RD"])
+
+
+@pytest.mark.parametrize(("name", "does"), [("SB", "sends"), ("CL", "clears")])
+def test_a_block_that_acts_at_every_call_is_called_under_a_variable(
+    name: str, does: str, tmp_path: Path
+) -> None:
+    text = st_text(line_bench(tmp_path), [name])
+    assert f"    {name}_EN : BOOL;" in text
+    assert f"\n\nIF {name}_EN THEN (* every call {does} *)\n    {name}(\n        " in text
+    assert text.endswith("\n    );\nEND_IF")
+    assert "EN:=" not in text

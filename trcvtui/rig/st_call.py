@@ -32,6 +32,7 @@ Inputs = Mapping[str, PinValue]
 NO_INPUTS: Final[Inputs] = {}
 ADDRESSES: Final = frozenset({"pReceiveData", "pSendData", "pPrefix", "pSuffix"})
 INDENT: Final = "    "
+EN: Final = "EN"
 
 
 def st_text(project: Project, names: Sequence[str], inputs: Mapping[str, Inputs] | None = None) -> str:
@@ -51,7 +52,22 @@ def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS) -> str:
     values = {**dict(decl.inputs), **inputs}
     bound = ",\n".join(f"{INDENT}{line}" for line in _bound(project, decl, values))
     remark = "" if decl.data or decl.block not in HAS_DATA else " (* DATA is not bound *)"
-    return f"{decl.name}({remark}\n{bound}\n);"
+    call = f"{decl.name}({remark}\n{bound}\n);"
+    return _guarded(decl, call) if _has_en(project, decl) else call
+
+
+def _guarded(decl: InstanceDecl, call: str) -> str:
+    """Return a call under IF: a text calls a block or does not, and each call of this one sends or clears."""
+    inner = "\n".join(f"{INDENT}{line}" for line in call.splitlines())
+    return f"IF {decl.name}_EN THEN (* every call {_does(decl)} *)\n{inner}\nEND_IF"
+
+
+def _does(decl: InstanceDecl) -> str:
+    return "clears" if decl.block == "ClearComBuffer" else "sends"
+
+
+def _has_en(project: Project, decl: InstanceDecl) -> bool:
+    return decl.block in BUFFER_PIN and any(pin.name == EN for pin in project.pins(decl.block))
 
 
 def st_variables(project: Project, names: Iterable[str]) -> str:
@@ -77,13 +93,12 @@ def _instance(project: Project, name: str) -> InstanceDecl:
 def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str]:
     """Return each pin with what it is bound to, in the manual's order: inputs, in-outs, outputs."""
     pins = project.pins(decl.block)
-    # EN is left out: a text calls a block, or does not.
-    free = [pin for pin in _of(pins, Direction.IN) if pin.name != "EN"]
+    free = [pin for pin in _of(pins, Direction.IN) if pin.name != EN]  # it is the IF around the call
     inputs = [f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}" for pin in free]
     identity = _identity(project, decl)
     yield from [*inputs[:1], f"ID:={identity}", *inputs[1:]] if identity else inputs
     if not identity or decl.block not in ID_ALONE:
-        yield f"{_link_pin(decl)}:={decl.connect}"
+        yield f"{_link_pin(decl)}:={_link(project, decl)}"
     for name, variable in _variables(decl):
         yield f"{name}:={f'ADR({variable})' if name in ADDRESSES else variable}"
     if decl.addr is not None:
@@ -92,6 +107,17 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
         yield f"{pin.name}:={_variable(decl, pin)}"
     for pin in _of(pins, Direction.OUT):
         yield f"{_written(pin)}=>{_variable(decl, pin)}"
+
+
+def _link(project: Project, decl: InstanceDecl) -> str:
+    """Return the variable of CONNECT or ComBuffer; IEC names ignore case, so RX beside rx has another one."""
+    if decl.block not in BUFFER_PIN:
+        return decl.connect
+    others = [*(data.name for data in project.data), *(each.name for each in project.instances)]
+    taken, name = {other.casefold() for other in others}, decl.connect
+    while name.casefold() in taken:
+        name += "_Buffer"
+    return name
 
 
 def _link_pin(decl: InstanceDecl) -> str:
@@ -146,14 +172,21 @@ def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
     yield f"{decl.name} : {decl.block};"
     yield from _records(project, decl)
     if decl.block in BUFFER_PIN:
-        yield f"{decl.connect} : ComBuffer;"
+        yield f"{_link(project, decl)} : ComBuffer;"
     for _, variable in _variables(decl):
         data = project.data_decl(variable)
         if data is not None:
             yield f"{data.name} : {' '.join(data.type_name.split())};"
+    if _has_en(project, decl):
+        yield f"{decl.name}_EN : BOOL;"
     for pin in project.pins(decl.block):
         if pin.direction is not Direction.IN:
-            yield f"{_variable(decl, pin)} : {pin.iec_type};"
+            yield f"{_variable(decl, pin)} : {_type_of(decl, pin)};"
+
+
+def _type_of(decl: InstanceDecl, pin: Pin) -> str:
+    """Return the type as the manual declares it: Error is an enumeration, and shows its number."""
+    return "ComError_t" if decl.block in BUFFER_PIN and pin.name == "Error" else pin.iec_type
 
 
 def _records(project: Project, decl: InstanceDecl) -> Iterator[str]:

@@ -36,6 +36,110 @@ def test_a_barcode_reader_has_a_prefix_and_a_suffix() -> None:
     ]
 
 
+SCANNED = [b"\x02" + str(4006381 * (number + 3) ** 3).encode() + b"\r\n" for number in range(24)]
+
+
+def noisy(share: int, least: int = 1, most: int = 3) -> list[bytes]:
+    """Return codes of which so many percent have noise before them."""
+    source, frames = random.Random(share), []
+    for code in SCANNED:
+        size = source.randint(least, most) if source.randrange(100) < share else 0
+        frames.append(bytes(source.choices(range(0x20, 0x100), k=size)) + code)
+    return frames
+
+
+@pytest.mark.parametrize("share", [5, 10, 20, 30, 50, 80, 100])
+@pytest.mark.parametrize("source", ["serial", "tcp"])
+def test_noise_between_barcodes_is_left_out_by_the_prefix(share: int, source: str) -> None:
+    frames = noisy(share)
+    recording = every(200, frames) if source == "serial" else recorded([(10, b"".join(frames))], source)
+    best, *others = advise(recording).proposals
+    assert best.title == "prefix 02 (STX), suffix 0D 0A (CR LF)"
+    assert (best.frames, best.noise) == (24, len(b"".join(frames)) - len(b"".join(SCANNED)))
+    assert [frame.content for frame in best.preview] == SCANNED[:MOST_SHOWN]
+    assert best.doubt == ()
+    for each in others:
+        if each.noise == 0:
+            assert "have noise in them" in each.doubt[-1]
+
+
+def test_the_greeting_before_the_first_code_is_noise_and_who_takes_it_as_data_is_doubted() -> None:
+    best, second, *_ = advise(every(200, [b"READY 1.2.3" + SCANNED[0], *SCANNED[1:]])).proposals
+    assert (best.title, best.evidence[-1]) == (
+        "prefix 02 (STX), suffix 0D 0A (CR LF)",
+        "left over: 11 bytes of noise before a prefix",
+    )
+    assert second.title == "suffix 0D 0A (CR LF)"
+    assert second.doubt == (
+        "1 of 24 frames have noise in them, which prefix 02 (STX), suffix 0D 0A (CR LF) leaves out",
+    )
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_a_check_byte_behind_the_end_is_noise_before_the_next(size: int) -> None:
+    frames = [code[:-2] + b"\x03" + numbers(n, size).replace(b"\x02", b"") for n, code in enumerate(SCANNED)]
+    assert advise(every(200, frames)).proposals[0].title == "prefix 02 (STX), suffix 03 (ETX)"
+
+
+@pytest.mark.parametrize(
+    ("line", "title"),
+    [
+        ("{0} kg {1}\r\n", "suffix 0D 0A (CR LF)"),
+        ("12:{0}:{1}\n", "suffix 0A (LF)"),
+        ("{0};{1}\n", "suffix 0A (LF)"),
+    ],
+)
+def test_what_stands_once_in_each_line_of_text_is_no_prefix(line: str, title: str) -> None:
+    stream = "".join([line.format(n * n * 37, 10**5 // (n + 1)) for n in range(30)]).encode()
+    best = advise(cut_up(stream, [7] * 90)).proposals[0]
+    assert (best.title, best.doubt) == (title, ())
+
+
+FLAGS = [(b"\x7e", "7E ('~')"), (b"\xc0", "C0"), (b"\xf0\x0f", "F0 0F")]
+
+
+@pytest.mark.parametrize(("flag", "name"), FLAGS, ids=["HDLC", "SLIP", "two bytes"])
+@pytest.mark.parametrize("number", [20, 60])
+@pytest.mark.parametrize("how", ["gaps", "one chunk", "pieces"])
+def test_a_flag_that_both_begins_and_ends_frames_is_prefix_and_suffix(
+    flag: bytes, name: str, number: int, how: str
+) -> None:
+    bodies = [bytes(set(numbers(n, 5 + n * 7 % 16)) - set(flag)) for n in range(number)]
+    frames = [flag + body + flag for body in bodies]
+    stream = b"".join(frames)
+    sizes = {"one chunk": [], "pieces": [7] * 400}
+    best, *_ = advise(every(100, frames) if how == "gaps" else cut_up(stream, sizes[how])).proposals
+    assert best.title == f"prefix {name}, suffix {name}"
+    assert (best.frames, best.explained, best.doubt) == (number, len(stream), ())
+    plain = flag.hex(" ").upper()
+    assert best.evidence[:2] == (
+        f"{number} of {number} frames end in {name}; {plain} occurs nowhere else",
+        f"{number} of {number} frames begin with {name}; {plain} occurs nowhere else",
+    )
+
+
+def test_lines_between_which_lines_are_empty_still_end_in_a_suffix() -> None:
+    lines = [b"weight %d kg\n%s" % (n * 37, b"\n" if n % 3 == 0 else b"") for n in range(30)]
+    assert advise(cut_up(b"".join(lines), [11] * 60)).proposals[0].framing.suffix == b"\n"  # type: ignore[union-attr]
+
+
+def modbus_rtu(number: int) -> bytes:
+    """Return an answer of Modbus RTU; its check is left to chance."""
+    size = 2 * (1 + number % 7)
+    return bytes([1, 3, size]) + numbers(number, size + 2)
+
+
+def test_a_constant_start_is_doubted_where_it_is_no_usual_mark() -> None:
+    gap = next(each for each in advise(every(50, map(modbus_rtu, range(15)))).proposals if "01" in each.title)
+    assert gap.title.startswith("prefix 01")
+    assert gap.doubt[0].startswith("01") and gap.doubt[0].endswith("may be data that has not changed yet")
+    nmea = [b"$GPGGA,%06d,4807.038,N*%02X\r\n" % (n * 4711, n * 37 % 256) for n in range(12)]
+    best = advise(every(200, nmea)).proposals[0]
+    assert (best.title, best.doubt) == ("prefix 24 ('$'), suffix 0D 0A (CR LF)", ())
+    few = advise(every(200, nmea[:4])).proposals[0]
+    assert few.doubt == ("4 frames are few: record more", "24 ('$') may be data that has not changed yet")
+
+
 def test_lines_of_text_have_a_suffix_and_their_first_letters_may_be_data() -> None:
     lines = [f"T={20 + n / 7:.2f} H={40 + n}\n".encode() for n in range(15)]
     first, second, *_ = advise(cut_up(b"".join(lines), [7] * 40)).proposals
@@ -141,15 +245,17 @@ def test_a_recording_that_began_in_a_frame_is_read_from_the_first_pause_on() -> 
 DELIMITERS = st.binary(min_size=1, max_size=4).filter(lambda mark: len(set(mark)) == len(mark))
 
 
+Secret = tuple[Framing, list[bytes], list[bytes], list[int]]
+
+
 @st.composite
-def hidden(draw: st.DrawFn) -> tuple[Framing, list[bytes], list[int]]:
-    """Return a framing, frames of it whose payload avoids its marks, and cuts of the stream."""
+def hidden(draw: st.DrawFn) -> Secret:
+    """Return a framing, frames of it whose payload avoids its marks, noise before each, and cuts."""
     seed = draw(st.integers(0, 2**32))
-    how = draw(st.sampled_from(["suffix", "prefix and suffix", "prefix and size"]))
+    how = draw(st.sampled_from(["suffix", "prefix and suffix", "prefix and size", "one mark for both"]))
     prefix = draw(DELIMITERS) if how != "suffix" else b""
-    suffix = (
-        draw(DELIMITERS.filter(lambda mark: not set(mark) & set(prefix))) if how != "prefix and size" else b""
-    )
+    suffix = draw(DELIMITERS.filter(lambda mark: not set(mark) & set(prefix)))
+    suffix = {"one mark for both": prefix, "prefix and size": b""}.get(how, suffix)
     source = random.Random(seed)
     allowed = [byte for byte in range(256) if byte not in prefix + suffix]
     number = draw(st.integers(16, 40))
@@ -157,15 +263,19 @@ def hidden(draw: st.DrawFn) -> tuple[Framing, list[bytes], list[int]]:
     lengths = [fixed if how == "prefix and size" else source.randint(4, 20) for _ in range(number)]
     frames = [prefix + bytes(source.choices(allowed, k=length)) + suffix for length in lengths]
     framing = Framing(max(map(len, frames)), prefix, suffix)
+    noise = draw(st.sampled_from([0, 0, 10, 40])) if prefix and suffix else 0  # percent of the frames
+    before = [
+        source.choices(allowed, k=source.randint(1, 4)) * (source.randrange(100) < noise) for _ in frames
+    ]
     cuts = draw(st.lists(st.integers(1, 40), max_size=60))
-    return framing, frames, cuts
+    return framing, frames, [bytes(each) for each in before], cuts
 
 
 @given(hidden())
 @settings(max_examples=60, deadline=None)
-def test_a_framing_that_was_hidden_is_found_first(secret: tuple[Framing, list[bytes], list[int]]) -> None:
-    framing, frames, cuts = secret
-    recording = cut_up(b"".join(frames), cuts)
+def test_a_framing_that_was_hidden_is_found_first(secret: Secret) -> None:
+    framing, frames, noise, cuts = secret
+    recording = cut_up(b"".join([part for each in zip(noise, frames, strict=True) for part in each]), cuts)
     best = [each for each in advise(recording).proposals if each.rank == 1]
     assert best, "nothing fits"
     made = [cut(recording, each.framing) for each in best if each.framing is not None]

@@ -140,13 +140,108 @@ MISTAKES = [
     ("framing RX apply 1", "found 'RX', expected one of RD, RS"),
     ("framing RD apply one", "found 'one', expected the number of a proposal, such as 1"),
     ("framing RD apply 1 2", "found '2', expected the end of the command"),
-    ("framing RD apply 1", "found proposal 1, expected one of 0: 0 bytes recorded: too few to tell"),
+    (
+        "framing RD apply 1",
+        "found no proposal (0 bytes recorded: too few to tell), expected a recording that parts into frames",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("line", "wrong"), MISTAKES, ids=[line for line, _ in MISTAKES])
 def test_a_mistake_is_one_line(plain: Console, line: str, wrong: str) -> None:
     assert say(plain, line).error == f"prompt: {wrong}"
+
+
+def test_where_nothing_fits_apply_says_so(plain: Console) -> None:
+    say(plain, f"feed RX hex {random.Random(3).randbytes(40).hex(' ')}")
+    plain.scan()
+    assert say(plain, "framing RD apply 1").error == (
+        "prompt: found no proposal (nothing fits: in 40 bytes no mark, length, size or pause parts frames), "
+        "expected a recording that parts into frames"
+    )
+
+
+def test_a_number_behind_the_last_is_answered_with_those_there_are(plain: Console) -> None:
+    feed(plain, "RX", range(10, 20))
+    wrong = say(plain, "framing RD apply 9").error
+    assert wrong.startswith("prompt: found proposal 9, expected one of 1, 2")
+
+
+SHARED = """
+dialect = "twincat"
+start = "write crlf '$R$L'"
+[[data]]
+name = "crlf"
+type = "STRING[3]"
+[[data]]
+name = "one"
+type = "STRING[80]"
+[[data]]
+name = "two"
+type = "STRING[80]"
+[[combuffer]]
+name = "RX"
+[[combuffer]]
+name = "RX2"
+[[instance]]
+name = "R1"
+block = "ReceiveString"
+RxBuffer = "RX"
+data = "one"
+Suffix = "crlf"
+[[instance]]
+name = "R2"
+block = "ReceiveString"
+RxBuffer = "RX2"
+data = "two"
+Suffix = "crlf"
+"""
+
+
+def test_a_mark_that_another_instance_has_too_is_left_as_it_is(tmp_path: Path) -> None:
+    file = tmp_path / "shared.toml"
+    file.write_text(SHARED, encoding="utf-8")
+    console = desk(file)
+    for number in range(12):
+        say(console, f'feed RX text "\x02code {number * 37}\x03"')
+        for _ in range(20):
+            console.scan()
+    assert say(console, "framing R1 apply 1").told.split("; ") == [
+        "add data R1_prefix ARRAY[0..3] OF BYTE",
+        "write R1_prefix hex 02 00",
+        "add data R1_suffix ARRAY[0..3] OF BYTE",
+        "write R1_suffix hex 03 00",
+        "delete R1",
+        "create ReceiveString R1 RxBuffer=RX data=one Prefix=R1_prefix Suffix=R1_suffix task=MAIN",
+        "pulse R1 Reset",
+        "set R1 Timeout=T#0ms",
+    ]
+    assert console.bench.runtime.data("crlf", 3) == b"\r\n\0"
+    say(console, 'feed RX2 text "left alone\r\n"')
+    console.scan()
+    assert console.bench.runtime.data("two", 12) == b"left alone\r\n"
+    again = say(console, "framing R1 apply 1").told.split("; ")
+    assert again[:2] == ["write R1_prefix hex 02 00", "write R1_suffix hex 03 00"]  # these are its own
+
+
+def test_one_variable_at_both_pins_holds_a_mark_that_both_begins_and_ends(plain: Console) -> None:
+    for number in range(12):
+        body = random.Random(number).randbytes(4 + number % 5).replace(b"~", b"")
+        say(plain, f"feed RX hex 7E {body.hex(' ')} 7E")
+        plain.scan()
+    for line in ("add data flag ARRAY[0..1] OF BYTE", "delete RD"):
+        say(plain, line)
+    say(
+        plain,
+        "create ReceiveData RD RxBuffer=RX data=rx pPrefix=flag pSuffix=flag task=MAIN SizeReceiveData=8",
+    )
+    assert say(plain, "framing RD apply 1").told.split("; ") == [
+        "resize rx ARRAY[0..9] OF BYTE",
+        "write flag hex 7E",
+        "write flag hex 7E",
+        "pulse RD Reset",
+        "set RD LenPrefix=1 LenSuffix=1 SizeReceiveData=10 Timeout=T#0ms",
+    ]
 
 
 def test_what_receivedata_cannot_do_is_not_applied(plain: Console) -> None:

@@ -34,7 +34,7 @@ from trcvtui.rig.framing_marks import (
 from trcvtui.rig.framing_noise import stands_twice, start_behind_noise, with_noise
 from trcvtui.rig.framing_proposal import FramingAdvice, Kind, Proposal, shown
 from trcvtui.rig.framing_trial import Cut, LengthField, Placed, cut, cut_by_length, joined
-from trcvtui.rig.framing_weight import KNOWN_ENDS, KNOWN_STARTS, TEXT, Scale, scale_of, weight
+from trcvtui.rig.framing_weight import KNOWN_ENDS, KNOWN_STARTS, TEXT, Scale, is_amid_lines, scale_of, weight
 from trcvtui.rig.wording import count
 
 MILLISECOND: Final = 1_000_000
@@ -235,6 +235,8 @@ def _try(
     if len(good) < LEAST_FRAMES or explained < LEAST_EXPLAINED * made.total:
         return None
     framing = guess.framing
+    if is_amid_lines(good, scale, framing.suffix):
+        return None
     if framing.timeout_ns:
         scale = replace(scale, pauses=frozenset())  # they are what it cuts by: no evidence
     weighed = replace(made, noise_runs=0, total=made.total - made.noise) if is_noise else made

@@ -61,7 +61,7 @@ def chosen_lines(
     advice = advise(recording)
     numbers = [str(each) for each in range(1, len(advice.proposals) + 1)]
     if not numbers:
-        raise mistake(where, f"no proposal: {advice.said}", "a recording that some framing parts")
+        raise mistake(where, f"no proposal ({advice.said})", "a recording that parts into frames")
     if number > len(numbers):
         raise mistake(where, f"proposal {number}", f"one of {', '.join(numbers)}")
     return lines_for(advice.proposals[number - 1], project, name, where)

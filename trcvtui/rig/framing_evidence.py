@@ -84,7 +84,7 @@ def _else(mark: bytes, elsewhere: int) -> str:
     plain = mark.hex(" ").upper()
     if elsewhere <= 0:
         return f"; {plain} occurs nowhere else"
-    return f"; {plain} occurs {elsewhere} times elsewhere"
+    return f"; {plain} occurs {'once' if elsewhere == 1 else f'{elsewhere} times'} elsewhere"
 
 
 def _borders(made: Cut, recording: Recording) -> tuple[int, int] | None:

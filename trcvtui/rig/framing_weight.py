@@ -19,6 +19,7 @@ EXCEPTION: Final = 8.0  # bits of a frame that ended otherwise, of a piece of no
 MOST_OF_A_MARK: Final = 24.0  # bits that the mere number of a mark is worth
 TEXT: Final = frozenset(range(0x20, 0x7F)) | {0x09}
 KNOWN_ENDS: Final = (b"\r\n", b"\n", b"\r", b"\x03", b"\x04", b"\x00", b"\x7e", b"\xc0", b"\x17")
+LINE_ENDS: Final = (b"\n", b"\r", b"\x03")
 KNOWN_STARTS: Final = (b"\x02", b"\x01", b"\x7e", b"\xc0", b":", b"$", b"!", b"\xaa\x55")
 
 
@@ -67,6 +68,14 @@ def weight(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths
         saved -= cut.noise_runs * max(EXCEPTION, log2(1 + cut.noise))
     saved += _of_marks(good, scale, prefix, suffix) - EXCEPTION * (1 + runs)
     return saved * (sum(lengths) / cut.total) ** 2  # what it does not explain speaks against it
+
+
+def is_amid_lines(good: Sequence[Placed], scale: Scale, suffix: bytes) -> bool:
+    """Return whether a suffix is but a word of a text whose lines end elsewhere, once in each frame."""
+    if not suffix or not scale.is_text or not set(suffix) <= TEXT:
+        return False
+    once = [any(frame.content.count(end) == 1 for end in LINE_ENDS) for frame in good]
+    return sum(once) >= 0.9 * len(good)
 
 
 def _columns(good: Sequence[Placed], scale: Scale) -> dict[int, float]:

@@ -11,6 +11,7 @@ import pytest
 
 from trcvtui.net.answers import Fault
 from trcvtui.net.os_serial import OsSerialPort
+from trcvtui.net.serial_errors import fault_of
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 
 pytest.importorskip("serial")
@@ -51,7 +52,43 @@ def test_a_file_is_no_port(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_bytes(b"")
     wrong = opened(OsSerialPort(SerialSettings(str(file))))
-    assert wrong is not None and wrong.call == "open"
+    assert wrong == Fault("open", "ENOTTY")
+
+
+def test_a_port_where_nobody_listens_is_refused_and_the_words_of_pyserial_are_kept() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"socket://127.0.0.1:{server.getsockname()[1]}"
+    wrong = opened(OsSerialPort(SerialSettings(url)))
+    assert wrong == Fault("open", "ECONNREFUSED") and url in wrong.words
+
+
+def behind(cause: Exception, words: str) -> Exception:
+    """Return what pyserial raises behind what the system has raised."""
+    problem = OSError(words)
+    problem.__context__ = cause
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("problem", "name"),
+    [
+        (behind(socket.gaierror(socket.EAI_NONAME, "unknown"), "Could not open port"), "EAI_NONAME"),
+        (behind(socket.gaierror(-3, "try again"), "Could not open port"), "EAI_AGAIN"),
+        (behind(TimeoutError("timed out"), "Could not open port"), "ETIMEDOUT"),
+        (behind(PermissionError(13, "denied"), "could not open port"), "EACCES"),
+        (OSError("Remote does not seem to support RFC2217 or BINARY mode"), "ETIMEDOUT"),
+        (OSError("read failed: socket disconnected"), "EOF"),
+        (OSError("connection failed (reader thread died)"), "EOF"),
+        (OSError("device reports readiness to read but returned no data"), "EIO"),
+    ],
+)
+def test_what_pyserial_says_in_words_alone_has_its_errno(problem: Exception, name: str) -> None:
+    assert fault_of("open", problem) == Fault("open", name)
+
+
+def test_the_words_of_a_problem_are_few_and_hold_no_escape() -> None:
+    words = fault_of("open", OSError("\x1b[2J" + "x" * 10_000)).words
+    assert words.startswith("[2Jxxx") and len(words) < 200
 
 
 def test_a_tcp_server_is_a_port_by_its_url() -> None:
@@ -74,7 +111,14 @@ def test_a_tcp_server_is_a_port_by_its_url() -> None:
         assert port.write(b"thanks") == 6
         assert client.recv(10) == b"thanks"
         client.close()
-        until(lambda: isinstance(port.read(100), Fault))
+        seen: list[bytes | Fault] = []
+
+        def is_gone() -> bool:
+            seen.append(port.read(100))
+            return isinstance(seen[-1], Fault)
+
+        until(is_gone)
+        assert seen[-1] == Fault("read", "EOF")
         port.close()
 
 

@@ -158,6 +158,17 @@ def test_an_instance_gives_its_keys_back() -> None:
     ]
 
 
+@pytest.mark.parametrize("written", ["50", '"50"', '"T#50ms"'])
+def test_a_timeout_is_a_time_or_milliseconds(written: str) -> None:
+    assert dict(read(RX, READER, f"Timeout = {written}").instances[0].inputs)["Timeout"] == 50
+
+
+@pytest.mark.parametrize("written", ["true", "-1", "4294967296", "[50]"])
+def test_a_timeout_is_nothing_else(written: str) -> None:
+    with pytest.raises(UserError):
+        read(RX, READER, f"Timeout = {written}")
+
+
 @pytest.mark.parametrize(
     "line",
     [

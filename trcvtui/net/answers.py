@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
@@ -18,11 +18,12 @@ WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A call that failed: its name, the errno name, and whether a fault plan did it."""
+    """A call that failed: its name, the errno name, whether a fault plan did it, the system's own words."""
 
     call: str
     error: str
     injected: bool = False
+    words: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         """Return `bind EADDRINUSE`, with `(injected)` behind it where a plan did it."""

@@ -6,14 +6,13 @@ as long as a device hangs, nobody tries again.
 
 from __future__ import annotations
 
-import errno
 import select
 from typing import Any, Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.answers import Fault
-from trcvtui.net.os_errors import error_name
 from trcvtui.net.os_serial_opening import Attempt, put_away
+from trcvtui.net.serial_errors import fault_of
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 
 PARITIES: Final = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
@@ -24,7 +23,6 @@ HANDSHAKES: Final[dict[str, dict[str, bool]]] = {
     "xon/xoff": {"xonxoff": True},
 }
 PIECE: Final = 256  # bytes of one write: a terminal that can be written takes them without a pause
-GONE: Final = "EIO"
 
 
 class OsSerialPort:
@@ -54,7 +52,7 @@ class OsSerialPort:
                 put_away(attempt.port)
             return OPENING  # the next call begins anew
         if attempt.problem is not None:
-            return Fault("open", _name_of(attempt.problem))
+            return fault_of("open", attempt.problem)
         self._port = attempt.port
         return None
 
@@ -111,12 +109,4 @@ class OsSerialPort:
 
     def _gone(self, call: str, problem: Exception) -> Fault:
         self.close()
-        return Fault(call, _name_of(problem))
-
-
-def _name_of(problem: Exception) -> str:
-    """Return the errno name; pyserial often has words alone for a device that is gone."""
-    number = getattr(problem, "errno", None)
-    if isinstance(problem, OSError) and number in errno.errorcode:
-        return error_name(problem)
-    return "EINVAL" if isinstance(problem, ValueError) else GONE
+        return fault_of(call, problem)

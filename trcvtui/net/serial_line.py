@@ -10,6 +10,7 @@ from trcvtui.net.answers import Fault
 
 # The calls that a fault plan can make fail, beside those of the network.
 SERIAL_CALLS: Final = ("open", "read", "write")
+OVER_TCP: Final = ("socket://", "rfc2217://")  # how the URLs begin that make a TCP connection
 
 
 class Opening:

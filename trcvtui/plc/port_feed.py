@@ -15,19 +15,24 @@ from trcvtui.net.serial_line import Opening, SerialPort
 RETRY_NS: Final = 1_000_000_000
 MOST_A_SCAN: Final = 4096
 SLOW: Final = "port opens slowly"
+UNANSWERED: Final = Fault("open", "EINPROGRESS", words="nobody has answered yet")
 
 
 class PortFeed:
-    """One port: what comes goes to `rx`, what is in `tx` goes out. `note` tells the ledger what happened."""
+    """One port: what comes goes to `rx`, what is in `tx` goes out. `note` tells the ledger what happened.
+
+    `fault`: why it is not there, None while that is not known.
+    """
 
     def __init__(self, port: SerialPort, rx: ComBuffer, note: Callable[[str, str], None]) -> None:
         self.is_open = False
+        self.fault: Fault | None = None
         self.tx: ComBuffer | None = None
         self._port = port
         self._rx = rx
         self._note = note
         self._retry_at: int | None = None  # None: at once
-        self._wrong = ""
+        self._told: Fault | None = None
         self._opening_since: int | None = None
 
     def arrive(self, payload: bytes) -> None:
@@ -60,6 +65,7 @@ class PortFeed:
         """Give the port back."""
         self._port.close()
         self.is_open, self._retry_at, self._opening_since = False, None, None
+        self.fault = None
 
     def _is_there(self, now: int) -> bool:
         if self.is_open:
@@ -72,25 +78,34 @@ class PortFeed:
             return False
         self._opening_since = None
         if wrong is None:
-            self.is_open, self._wrong = True, ""
+            self.is_open, self.fault, self._told = True, None, None
             self._note("port open", "")
             return True
         self._retry_at = now + RETRY_NS
-        if str(wrong) != self._wrong:  # once, however long it is away
-            self._wrong = str(wrong)
-            self._note("port not there", self._wrong)
+        self._tell("port not there", wrong)
         return False
 
     def _wait(self, now: int) -> None:
         """Tell, once, that a port takes long to open."""
         if self._opening_since is None:
             self._opening_since = now
-        elif now - self._opening_since >= RETRY_NS and self._wrong != SLOW:
-            self._wrong = SLOW
-            self._note(SLOW, "nobody has answered yet")
+        elif now - self._opening_since >= RETRY_NS:
+            self._tell(SLOW, UNANSWERED)
+
+    def _tell(self, what: str, fault: Fault) -> None:
+        """Tell what is in the way, once, however long it is away."""
+        self.fault = fault
+        if fault != self._told:
+            self._told = fault
+            self._note(what, UNANSWERED.words if fault is UNANSWERED else _worded(fault))
 
     def _lost(self, fault: Fault, now: int) -> None:
         self.close()
         self._retry_at = now + RETRY_NS
         self._rx.end("port gone")
-        self._note("port gone", str(fault))
+        self.fault = fault
+        self._note("port gone", _worded(fault))
+
+
+def _worded(fault: Fault) -> str:
+    return f"{fault}: {fault.words}" if fault.words else str(fault)

@@ -20,7 +20,7 @@ from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.serial_notes import SerialNote
 from trcvtui.net.connection import Connection
-from trcvtui.net.serial_line import SerialPorts
+from trcvtui.net.serial_line import OVER_TCP, SerialPorts
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.port_feed import PortFeed
@@ -31,7 +31,6 @@ from trcvtui.plc.stream_feed import StreamFeed
 
 STREAM: Final = "tcp"  # what a recording says of a source that is a TRCV_C
 CABLE: Final = "cable"
-OVER_TCP: Final = ("socket://", "rfc2217://")
 StreamEnd = StreamFeed | StreamDrain
 QUEUE: Final = 65_536  # bytes in front of a framer on TCP, where the sender can be slowed
 
@@ -134,9 +133,6 @@ class SerialLines:
         source = CABLE if decl.source in self._decls else STREAM if is_stream else decl.source
         return self._buffers[name].recorded.kept(source, until, tick)
 
-    def _is_up(self, name: str) -> bool:
-        return self._ports[name].is_open if name in self._ports else True
-
     def arrive(self, name: str, payload: bytes) -> None:
         """Let bytes arrive on a simulated line."""
         self._ports[name].arrive(payload) if name in self._ports else self._buffers[name].put(payload)
@@ -180,12 +176,15 @@ class SerialLines:
 
     def snapshots(self) -> tuple[ComBufferSnapshot, ...]:
         """Return every ComBuffer as it stands."""
-        return tuple(
-            ComBufferSnapshot(
-                name, self._decls[name].source, b.size, b.count, b.tail, b.lost, self._is_up(name)
-            )
-            for name, b in self._buffers.items()
-        )
+        return tuple([self._snapshot(decl, self._buffers[name]) for name, decl in self._decls.items()])
+
+    def _snapshot(self, decl: ComBufferDecl, b: ComBuffer) -> ComBufferSnapshot:
+        fill = decl.name, decl.source, b.size, b.count, b.tail, b.lost
+        owner = decl.line or decl.name
+        feed, serial = self._ports.get(owner), self._decls[owner].serial if owner in self._decls else None
+        if feed is None or serial is None:
+            return ComBufferSnapshot(*fill, line=decl.line)
+        return ComBufferSnapshot(*fill, feed.is_open, decl.line, serial.port, feed.fault)
 
 
 def _noted(write: Callable[[BenchNote], None], subject: str, what: str, detail: str) -> None:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.framing.marks import FrameMarks, Tally
 from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES, SENDS
+from trcvtui.net.answers import Fault
 
 SENDERS: Final = SENDS | {"USEND_C", "TUSEND"}
 
@@ -161,7 +162,8 @@ class AddrSnapshot:
 class ComBufferSnapshot:
     """One ComBuffer: `count` of `size` bytes wait, `arrived` have come, `lost` had no room or no reader.
 
-    `is_up` unless its port is away.
+    `is_up` unless its port is away; `port` is that port by name, `fault` why it is not there. A ComBuffer
+    that goes out over a `line` has the port of that.
     """
 
     name: str
@@ -171,6 +173,9 @@ class ComBufferSnapshot:
     arrived: int
     lost: int
     is_up: bool = True
+    line: str = ""
+    port: str = ""
+    fault: Fault | None = None
 
 
 @dataclass(frozen=True, slots=True)

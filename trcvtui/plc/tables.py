@@ -110,7 +110,11 @@ TRUTH: Final = Kind("true or false", _truth, lambda text: TRUTH_WORDS.get(text.u
 TEXT: Final = of_text("a text in quotes", lambda text: text)
 INTERVAL: Final = of_text("a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS))
 DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0))
-MILLISECONDS: Final = of_text("a TIME of whole milliseconds such as T#50ms or 50", _milliseconds)
+MILLISECONDS: Final = Kind(
+    "a TIME of whole milliseconds such as T#50ms or 50",
+    lambda value: None if isinstance(value, bool | float) else _milliseconds(str(value)),
+    _milliseconds,
+)
 ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_address)
 ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint)
 ADDRESSES: Final = Kind(

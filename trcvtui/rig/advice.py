@@ -103,7 +103,7 @@ def advice_on(e: Evidence) -> Advice:
     words = because(failed.cause, e.block) if failed is not None else ""
     first = attempt.told(e, _rules, words)
     rules = () if first and attempt.stops_it(e) else _rules(e)
-    told = [sentence for rule in rules if (sentence := rule(e))]
+    told = [sentence for rule in (*serial.ALWAYS, *rules) if (sentence := rule(e))]
     more = [sentence for sentence in told if not attempt.is_repeated(sentence, first)]
     return Advice(why(e), tuple(dict.fromkeys((*first, *more))), attempt.code(e))
 
@@ -131,7 +131,7 @@ def why(e: Evidence) -> str:
     rule = own.get(_condition(e)) or (NOW.get(_condition(e)) if e.block not in OWN_NOW else None)
     stands = rule(e) if rule is not None and (e.need or rule is link.who_is_waited_for) else ""
     if not stands:
-        return because(e.cause, e.block)
+        return serial.waits_for_the_port(e) or because(e.cause, e.block)
     return INJECTED + stands if e.cause.injected else stands
 
 

@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from trcvtui.plc.names import expected_name
-from trcvtui.plc.project import SERIAL, SIMULATED, Project
+from trcvtui.plc.project import SERIAL, SIMULATED, ComBufferDecl, Project
 from trcvtui.plc.tables import shown
-from trcvtui.rig.bench_payload import read_payload
+from trcvtui.rig.bench_payload import FORMS, is_payload, read_payload
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_words import FeedLine
 
-BREAK = "break"
+BREAK: Final = "break"
+
+
+def is_fed(buffer: ComBufferDecl) -> bool:
+    """Return whether bench commands may let bytes arrive in a ComBuffer: a line of its own, no way out."""
+    return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
 
 def read_feed(words: Words, project: Project) -> FeedLine:
     """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
     name = words.next("the name of a ComBuffer")
-    lines = [buffer.name for buffer in project.combuffers if buffer.source in (SIMULATED, SERIAL)]
+    lines = [buffer.name for buffer in project.combuffers if is_fed(buffer)]
     if name not in lines:
         raise words.wrong(shown(name), expected_name(name, lines, f'ComBuffer with source = "{SIMULATED}"'))
     if words.peek() == BREAK:
         words.next(BREAK)
         return FeedLine(name, None)
+    form = words.peek()
+    if form and not is_payload(form):
+        expected = expected_name(form, (*FORMS, BREAK), "form of payload")
+        raise words.wrong(shown(words.next(BREAK)), expected)
     payload = read_payload(words, project)
     return FeedLine(name, payload.content, payload.text)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from trcvtui.blocks.cause import Cause
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.plc.snapshot import ConnectionSnapshot
+from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
 from trcvtui.rig.facts import Facts, Moment
 from trcvtui.rig.picture import PeerSnapshot, Picture
 
@@ -48,6 +48,7 @@ class Evidence:
     budget: tuple[int, int] = (0, 0)  # connections in use, and how many there may be
     has_adhoc: bool = True  # an ADHOC pin; without one a LEN of 0 is ad hoc
     is_stopped: bool = False  # the PLC is in STOP
+    buffer: ComBufferSnapshot | None = None  # what a block of serial lines works on
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of a pin, None where it is not known."""
@@ -107,6 +108,7 @@ def evidence_now(picture: Picture, project: Project, name: str) -> Evidence | No
         budget=(snapshot.connections_used, snapshot.connections_limit),
         has_adhoc=_has_adhoc(project, instance.block),
         is_stopped=not snapshot.running,
+        buffer=snapshot.combuffer(instance.connect),
     )
 
 

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.parameters import BUFFER_PIN
+from trcvtui.net.serial_line import OVER_TCP
 from trcvtui.plc.project import ComBufferDecl, Project
-from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.rig.port_trouble import port_away, port_hint
 from trcvtui.rig.wording import count
 
 MS: Final = 1_000_000
@@ -27,8 +29,8 @@ class Framed:
     buffer: ComBufferDecl
     feeder: InstanceSnapshot | None
     readers: tuple[str, ...]
-    lost: int
-    interval_ns: int
+    now: ComBufferSnapshot | None
+    interval_ns: int  # of the task that calls the block
 
     @property
     def prefix(self) -> bytes:
@@ -39,6 +41,12 @@ class Framed:
     def suffix(self) -> bytes:
         """Return the suffix, b"" for none."""
         return self.framer.suffix or b""
+
+    @property
+    def is_tcp(self) -> bool:
+        """Return whether what comes has come over TCP."""
+        port = self.buffer.serial.port if self.buffer.serial is not None else ""
+        return self.feeder is not None or port.startswith(OVER_TCP)
 
     @property
     def size_pin(self) -> str:
@@ -61,7 +69,7 @@ def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
     buffer = next((b for b in project.combuffers if b.name == instance.connect), None)
     if buffer is None:
         return None
-    known = snapshot.combuffer(buffer.name)
+    task = project.task(instance.task)
     readers = [
         i.name
         for i in snapshot.instances
@@ -73,8 +81,8 @@ def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
         buffer,
         snapshot.instance(buffer.source),
         tuple(readers),
-        known.lost if known is not None else 0,
-        snapshot.interval_ns,
+        snapshot.combuffer(buffer.name),
+        task.interval_ns if task is not None else snapshot.interval_ns,
     )
 
 
@@ -124,7 +132,7 @@ def only_noise(f: Framed) -> str:
 
 def gap_on_tcp(f: Framed) -> str:
     """Section 6: a gap says nothing about what was sent together."""
-    if f.feeder is None or not f.framer.timeout_ns or f.suffix:
+    if not f.is_tcp or not f.framer.timeout_ns or f.suffix:
         return ""
     return (
         "a gap is a guess over TCP: the network joins and splits what was sent (Nagle, retransmission, "
@@ -138,8 +146,8 @@ def gap_below_the_cycle(f: Framed) -> str:
     if not 0 < timeout < f.interval_ns:
         return ""
     return (
-        f"Timeout is {timeout / MS:g} ms, a scan {f.interval_ns / MS:g} ms: a gap that ends before the next "
-        "scan is not seen"
+        f"Timeout is {timeout / MS:g} ms, {f.instance.name} is called every {f.interval_ns / MS:g} ms: a gap "
+        "that ends before the next call is not seen"
     )
 
 
@@ -173,11 +181,16 @@ def dropping_buffer(f: Framed) -> str:
     )
 
 
+def port_is_away(f: Framed) -> str:
+    """A port that is not there looks like silence."""
+    return ": ".join(part for part in (port_away(f.now), port_hint(f.now)) if part)
+
+
 def lost_bytes(f: Framed) -> str:
     """Row 15: a frame with a hole."""
-    if not f.lost:
+    if f.now is None or not f.now.lost:
         return ""
-    return f"{count(f.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"
+    return f"{count(f.now.lost, 'byte')} never reached a frame: {f.buffer.name} had no room, or was emptied"
 
 
 def shared_buffer(f: Framed) -> str:
@@ -188,6 +201,6 @@ def shared_buffer(f: Framed) -> str:
 
 
 RULES: Final[tuple[Callable[[Framed], str], ...]] = (
-    marks_too_long, idle_feeder, gap_on_tcp, static_feeder, no_end, only_noise, lost_bytes, dropping_buffer,
-    shared_buffer, equal_marks, gap_below_the_cycle,
+    port_is_away, marks_too_long, idle_feeder, gap_on_tcp, static_feeder, no_end, only_noise, lost_bytes,
+    dropping_buffer, shared_buffer, equal_marks, gap_below_the_cycle,
 )  # fmt: skip

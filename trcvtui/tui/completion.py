@@ -97,7 +97,11 @@ def _after_fault(words: list[str], project: Project) -> Iterable[str]:
 
 def _after_feed(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return [buffer.name for buffer in project.combuffers if buffer.source in ("sim", "serial")]
+        return [
+            buffer.name
+            for buffer in project.combuffers
+            if buffer.source in ("sim", "serial") and not buffer.line
+        ]
     return ("hex", "text", "random", "file", "break") if len(words) == 2 else ()
 
 

@@ -48,7 +48,9 @@ class LineFeed(LineView):
     @property
     def names(self) -> list[str]:
         """Return the lines that can be fed."""
-        return [b.name for b in self._scene.project.combuffers if b.source in (SIMULATED, SERIAL)]
+        return [
+            b.name for b in self._scene.project.combuffers if b.source in (SIMULATED, SERIAL) and not b.line
+        ]
 
     @property
     def chosen(self) -> str:

@@ -77,8 +77,12 @@ def test_the_greeting_before_the_first_code_is_noise_and_who_takes_it_as_data_is
 
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_a_check_byte_behind_the_end_is_noise_before_the_next(size: int) -> None:
-    frames = [code[:-2] + b"\x03" + numbers(n, size).replace(b"\x02", b"") for n, code in enumerate(SCANNED)]
-    assert advise(every(200, frames)).proposals[0].title == "prefix 02 (STX), suffix 03 (ETX)"
+    frames = [code[:-2] + b"\x03" + numbers(n, size).replace(b"\x02", b"!") for n, code in enumerate(SCANNED)]
+    best = advise(every(200, frames)).proposals[0]
+    assert best.title == "prefix 02 (STX), suffix 03 (ETX)"
+    (doubt,) = best.doubt
+    assert doubt.startswith(f"{size} byte")
+    assert doubt.endswith("between nearly all frames: a check behind the suffix? ReceiveData drops it")
 
 
 @pytest.mark.parametrize(
@@ -115,6 +119,15 @@ def test_a_flag_that_both_begins_and_ends_frames_is_prefix_and_suffix(
     assert best.evidence[:2] == (
         f"{number} of {number} frames end in {name}; {plain} occurs nowhere else",
         f"{number} of {number} frames begin with {name}; {plain} occurs nowhere else",
+    )
+
+
+def test_a_flag_in_a_recording_that_began_in_a_frame_is_at_least_a_suffix_with_a_doubt() -> None:
+    bodies = [bytes(set(numbers(n, 5 + n * 7 % 16)) - set(b"\x7e")) for n in range(40)]
+    best = advise(cut_up(b"\x7e\x7e".join(bodies) + b"\x7e", [7] * 400)).proposals[0]
+    assert (best.title, best.doubt) == (
+        "suffix 7E ('~')",
+        ("39 of 79 frames are 7E ('~') alone: it may begin frames too",),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Final
 
 from trcvtui.blocks.framing.frame import Framing
 from trcvtui.blocks.serial.recording import Recording
+from trcvtui.rig.framing_noise import always_between
 from trcvtui.rig.framing_proposal import Kind, named
 from trcvtui.rig.framing_trial import Cut, LengthField
 from trcvtui.rig.framing_weight import KNOWN_ENDS, KNOWN_STARTS, TEXT
@@ -131,6 +132,16 @@ def doubt_of(kind: Kind, framing: Framing, made: Cut, recording: Recording) -> t
         doubt.append(f"{named(framing.prefix)} may be data that has not changed yet")
     if framing.suffix and set(framing.suffix) <= TEXT and framing.suffix not in KNOWN_ENDS:
         doubt.append(f"{named(framing.suffix)} may be data")
+    lone = sum([frame.content == framing.suffix for frame in made.good])
+    if lone * 3 >= len(made.good):
+        frames = count(len(made.good), "frame")
+        doubt.append(f"{lone} of {frames} are {named(framing.suffix)} alone: it may begin frames too")
+    left_out = always_between(made.good) if kind is Kind.PREFIX_SUFFIX else 0
+    if left_out:
+        stand = "byte stands" if left_out == 1 else "bytes stand"
+        doubt.append(
+            f"{left_out} {stand} between nearly all frames: a check behind the suffix? ReceiveData drops it"
+        )
     if kind is Kind.SIZE:
         doubt.append("nothing marks a start: one lost byte shifts all frames behind it until Reset")
     if kind is Kind.PREFIX and not framing.timeout_ns and made.noise == 0:

@@ -98,6 +98,13 @@ def stands_twice(mark: bytes, stream: bytes) -> bool:
     return len(places) >= FEW and len(places) / 4 - 1 <= joined <= len(places) / 2
 
 
+def always_between(clean: Sequence[Placed]) -> int:
+    """Return how many bytes stand between nearly all frames; 0: none, or now these, now those."""
+    sizes = Counter(b.start - a.end for a, b in pairwise(clean))
+    size, number = sizes.most_common(1)[0] if sizes else (0, 0)
+    return size if number >= NEARLY_ALL * sizes.total() else 0
+
+
 def with_noise(frames: Sequence[Placed], clean: Sequence[Placed]) -> int:
     """Return how many frames have bytes in them that lie between two clean ones, or before the first."""
     starts, ends = [frame.start for frame in clean], [frame.end for frame in clean]

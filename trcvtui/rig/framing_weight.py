@@ -19,6 +19,7 @@ EXCEPTION: Final = 8.0  # bits of a frame that ended otherwise, of a piece of no
 MOST_OF_A_MARK: Final = 24.0  # bits that the mere number of a mark is worth
 TEXT: Final = frozenset(range(0x20, 0x7F)) | {0x09}
 KNOWN_ENDS: Final = (b"\r\n", b"\n", b"\r", b"\x03", b"\x04", b"\x00", b"\x7e", b"\xc0", b"\x17")
+FLAGS: Final = (b"\x7e", b"\xc0")
 LINE_ENDS: Final = (b"\n", b"\r", b"\x03")
 KNOWN_STARTS: Final = (b"\x02", b"\x01", b"\x7e", b"\xc0", b":", b"$", b"!", b"\xaa\x55")
 
@@ -140,7 +141,8 @@ def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes
     if prefix in KNOWN_STARTS and scale.is_text:
         bits += min(1.0 * number, MOST_OF_A_MARK / 2)
     empty = sum([len(frame.content) <= len(prefix) + len(suffix) for frame in good])
-    if suffix and empty * 5 <= number and not (scale.is_text and suffix[-1] in TEXT):
+    most = number * 3 if suffix in FLAGS else number  # a flag may begin frames too, or fill the pauses
+    if suffix and empty * 5 <= most and not (scale.is_text and suffix[-1] in TEXT):
         bits += min(_frequency(suffix[-1], scale), MOST_OF_A_MARK)
     return bits
 

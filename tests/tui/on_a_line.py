@@ -38,6 +38,14 @@ class LineBench:
         self.driver.scan(scans)
         await follow(self.app, self.pilot)
 
+    async def until(self, needle: str, most: int = 50) -> None:
+        """Let the screen follow until words stand there: what was asked for comes with a later picture."""
+        for _ in range(most):
+            if needle in self.words:
+                return
+            await follow(self.app, self.pilot)
+        raise AssertionError(f"{needle!r} did not come:\n{self.text}")
+
     @property
     def text(self) -> str:
         """Return what stands on the screen."""

@@ -116,10 +116,12 @@ async def test_earlier_frames_are_reached_as_jobs_are() -> None:
         for byte in ("31", "32"):
             await shown.do(f"feed RX hex 02 {byte} 0D 0A", scans=2)
         await shown.press("5", "H", "left_square_bracket")
+        await shown.until("RD frame 2 byte 0, prefix")
         assert "02›31‹0d 0a 02›32‹0d 0a" in shown.text
-        assert "RD frame 2 byte 0, prefix" in shown.words
-        await shown.press("left_square_bracket", "l")
-        assert "RD frame 1 byte 1, data" in shown.words
+        await shown.press("left_square_bracket")
+        await shown.until("RD frame 1 byte 0, prefix")
+        await shown.press("l")
+        await shown.until("RD frame 1 byte 1, data")
 
 
 # -- the gap -------------------------------------------------------------------------------------------------
@@ -162,6 +164,26 @@ async def test_noise_is_counted_and_each_byte_of_it_can_be_looked_at() -> None:
         assert "noise before the prefix" in shown.words and "scan 2" in shown.words
         await shown.press("X")
         assert "no bytes were thrown away before this place" in shown.words
+
+
+async def test_members_of_what_was_thrown_away_are_none_for_it_never_was_in_the_variable() -> None:
+    async with on_a_line(WIDE) as shown:
+        await shown.do("feed RX hex FF EE 02 41 0D 0A", scans=2)
+        await shown.press("X")
+        await shown.until("2 B thrown away, never in rx")
+        members = [line.rpartition("│")[0].rpartition("│")[2] for line in shown.text.splitlines()]
+        shown_members = [line.split()[3] for line in members if line.split()[2:3] == ["BYTE"]]
+        assert shown_members and set(shown_members) == {"-"}, shown.text
+        assert shown.text.count("recv 1 scan 2") == 1 and "╰recv 1 scan 2" in shown.text
+        await shown.press("l", "l")
+        await shown.until("job 1 of the past, 4 B")
+
+
+async def test_a_frame_that_overran_its_size_stands_in_the_history_as_delivered_and_as_an_error() -> None:
+    async with on_a_line(lines=("suffix RD hex 0D 0A",)) as shown:
+        await shown.do("feed RX hex " + "41 " * 16, scans=2)
+        await shown.press("4")
+        assert "DONE 16 B, ERROR" in shown.words
 
 
 async def test_the_fill_of_the_combuffer_and_what_had_no_room_stand_below_the_box() -> None:

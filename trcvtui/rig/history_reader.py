@@ -71,7 +71,7 @@ class HistoryReader:
             while place < len(chunk.recvs) and (recv := chunk.recvs[place]).position < stop:
                 if max(len(recvs), len(messages)) >= MOST_SPANS:
                     return jobs, recvs, messages, recv.position
-                recvs.append(recv)
+                _append(recvs, recv)
                 self._add_messages(messages, chunk, recv, (start, stop))
                 place += 1
         return jobs, recvs, messages, stop
@@ -123,6 +123,16 @@ class HistoryReader:
         if found is not None or is_over:
             return Sought(seek.number, found)
         return Sought(seek.number, None, min(0.99, done / max(1, whole)))
+
+
+def _append(recvs: list[RecvSpan], recv: RecvSpan) -> None:
+    """Append a recv call; the bytes of one go on in the job, or frame, that comes next."""
+    last = recvs[-1] if recvs else recv
+    before = last.number, last.scan, last.stop, last.offset + last.size
+    if before == (recv.number, recv.scan, recv.position, recv.offset):
+        recvs[-1] = last._replace(size=last.size + recv.size)
+    else:
+        recvs.append(recv)
 
 
 def _goes_on(last: MessageSpan, found: MessageSpan) -> bool:

@@ -99,7 +99,7 @@ def _history(of: Subject) -> str:
 
 def _lamp(edge: StatusEdge) -> str:
     lit = (("ERROR", edge.error), ("DONE", edge.done), ("BUSY", edge.busy))
-    return next((name for name, on in lit if on), "")
+    return " ".join([name for name, on in lit if on][: 2 if edge.error and edge.done else 1])
 
 
 def _columns(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:

@@ -209,16 +209,19 @@ class MainScreen(Screen[None]):
         of_job = self.received.job_of_cursor()
         mine = of_job is not None and of_job[0] == self._scene.selected
         self.table.past = of_job[1:] if of_job is not None and mine else None
-        self.received.show_field(
-            self.table.field_at(self.received.byte_in_job()) if mine else range(0), goes_there=False
-        )
+        if self.table.was_thrown_away:
+            self.table.cursor = None
+        in_data = mine and not self.table.was_thrown_away
+        field = self.table.field_at(self.received.byte_in_job()) if in_data else range(0)
+        self.received.show_field(field, goes_there=False)
         self.table.show()
         self.received.show()
 
     def on_field_selected(self, message: messages.FieldSelected) -> None:
         """Show the bytes of a member."""
         if self.table.past is not None:
-            self.received.show_field(message.field, goes_there=True)
+            if not self.table.was_thrown_away:
+                self.received.show_field(message.field, goes_there=True)
             self.received.show()
             return
         self._link_decoded(message.field)

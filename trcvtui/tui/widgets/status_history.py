@@ -171,6 +171,8 @@ class StatusHistory(LineView):
 
 
 def _lamp(edge: StatusEdge) -> str:
+    if edge.error and edge.done:  # a frame that had no end in its size
+        return f"{ON} DONE {edge.rcvd_len} B, ERROR" if edge.rcvd_len is not None else f"{ON} DONE, ERROR"
     if edge.error:
         return f"{ON} ERROR"
     if edge.done:

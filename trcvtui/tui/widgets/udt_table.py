@@ -35,7 +35,8 @@ class UdtTable(LineView):
         self._scene = scene
         self.of_job = False
         self.cursor: int | None = None
-        self.past: tuple[int, bytes] | None = None  # a job of the past: its number and its bytes
+        # A job of the past: its number and its bytes; number 0: they were thrown away.
+        self.past: tuple[int, bytes] | None = None
         self._page: tuple[int, int] = (0, 0)
         self._leaves: tuple[Leaf, ...] = ()
         self._values: tuple[Value | None, ...] = ()
@@ -60,6 +61,8 @@ class UdtTable(LineView):
     def _source(self, declared: DataDecl, room: int) -> str:
         """Return what is decoded, and what `v` would decode instead."""
         rules, job = declared.layout.rules, self._job()
+        if self.was_thrown_away:
+            return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {plain(declared.name)}"
         if self.past is not None:
             return f"job {self.past[0]} of the past, {len(self.past[1])} B"
         if self.of_job:
@@ -83,7 +86,14 @@ class UdtTable(LineView):
         self._leaves = declared.layout.page(top, stop).leaves
         self._values = tuple(decode_leaves(declared.layout, self._bytes(), top, stop))
 
+    @property
+    def was_thrown_away(self) -> bool:
+        """Return whether the bytes of the past are noise, or a part that never became a frame."""
+        return self.past is not None and not self.past[0]
+
     def _bytes(self) -> bytes:
+        if self.was_thrown_away:
+            return b""
         if self.past is not None:
             return self.past[1]
         return self._scene.partial if self.of_job else self._scene.data

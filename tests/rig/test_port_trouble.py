@@ -12,11 +12,13 @@ from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.rig.advice import Advice, advice_on
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
+from trcvtui.rig.bench_words import Step
 from trcvtui.rig.console import Console, fresh_bench
 from trcvtui.rig.evidence import evidence_now
 from trcvtui.rig.framer_warnings import warnings_of
 from trcvtui.rig.picture import EngineTiming, PictureRequest
 from trcvtui.rig.port_trouble import port_away, port_hint
+from trcvtui.rig.runner import Runner, VirtualPace
 
 PROJECT = """
 dialect = "twincat"
@@ -163,4 +165,17 @@ def test_a_word_for_a_fed_line_lists_break(tmp_path: Path) -> None:
     bench = bench_on(tmp_path)
     with pytest.raises(Exception, match=r"found 'brk'.*break"):
         parse_line("feed RX brk", bench.project, "w")
+    bench.close()
+
+
+def test_a_scenario_that_waits_in_vain_for_a_port_says_so(tmp_path: Path) -> None:
+    bench = bench_on(tmp_path)
+    do(bench, "fault open EACCES on RX times=forever")
+    command = parse_line("wait RD DataReceived=1 within T#100ms", bench.project, "test")
+    assert command is not None
+    step = Step(1, "wait", command)
+    verdict = Runner(bench, "x", VirtualPace(), lambda scan, outputs, sent: None).play([step])
+    (failure,) = verdict.failures
+    away = "injected fault: port /dev/ttyUSB0 of RX is not there: open gave EACCES"
+    assert failure.found == f"DataReceived=0; {away}"
     bench.close()

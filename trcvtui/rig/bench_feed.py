@@ -14,7 +14,7 @@ from trcvtui.rig.bench_words import FeedLine
 BREAK: Final = "break"
 
 
-def is_fed(buffer: ComBufferDecl) -> bool:
+def may_be_fed(buffer: ComBufferDecl) -> bool:
     """Return whether bench commands may let bytes arrive in a ComBuffer: a line of its own, no way out."""
     return buffer.source in (SIMULATED, SERIAL) and not buffer.line
 
@@ -22,7 +22,7 @@ def is_fed(buffer: ComBufferDecl) -> bool:
 def read_feed(words: Words, project: Project) -> FeedLine:
     """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
     name = words.next("the name of a ComBuffer")
-    lines = [buffer.name for buffer in project.combuffers if is_fed(buffer)]
+    lines = [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
     if name not in lines:
         raise words.wrong(shown(name), expected_name(name, lines, f'ComBuffer with source = "{SIMULATED}"'))
     if words.peek() == BREAK:

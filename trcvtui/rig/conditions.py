@@ -9,6 +9,7 @@ from trcvtui.blocks.parameters import SHOWS, TIMES
 from trcvtui.plc.project import Project
 from trcvtui.plc.runtime import Runtime
 from trcvtui.rig import bench_words as words
+from trcvtui.rig.port_trouble import port_away
 from trcvtui.rig.udp_peer import AnyPeer
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode_leaves
@@ -53,7 +54,8 @@ def found(bench: Watched, condition: words.Condition) -> str:
     """Return what stands there instead, in the words of the condition."""
     match condition:
         case words.PinsAre(instance, pins):
-            return " ".join(f"{pin}={_pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
+            shown = " ".join(f"{pin}={_pin_text(pin, pin_now(bench, instance, pin))}" for pin, _ in pins)
+            return "; ".join(part for part in (shown, _port_away(bench, instance)) if part)
         case words.PeerIs(peer, _):
             return bench.peers[peer].snapshot().state
         case words.PeerReceived(peer, _):
@@ -62,6 +64,12 @@ def found(bench: Watched, condition: words.Condition) -> str:
             return _hex(bench.runtime.data(data)[offset : offset + len(payload)])
         case words.MemberIs(data, path, _):
             return str(_member(bench, data, path))
+
+
+def _port_away(bench: Watched, instance: str) -> str:
+    """Return that the port which an instance waits for is not there."""
+    decl = bench.project.instance(instance)
+    return port_away(bench.runtime.snapshot().combuffer(decl.connect)) if decl is not None else ""
 
 
 def pin_now(bench: Watched, instance: str, pin: str) -> bool | int:

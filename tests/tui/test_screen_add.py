@@ -6,8 +6,9 @@ import pytest
 
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
+from tests.tui.on_a_line import LineBench, on_a_line
 from trcvtui.plc.project import Project
-from trcvtui.tui.add_fields import KINDS, fields_of, first_name, line_of
+from trcvtui.tui.add_fields import fields_of, first_name, kinds_of, line_of
 from trcvtui.tui.completion import complete
 from trcvtui.tui.validity import fault_of
 from trcvtui.tui.widgets.add_screen import AddScreen, ChoiceField
@@ -165,7 +166,7 @@ def test_what_the_form_begins_with_can_be_added_at_once(project: Project, kind: 
 
 
 def test_every_known_value_fits_its_field(project: Project) -> None:
-    for kind in KINDS:
+    for kind in kinds_of(project):
         for field in fields_of(kind, project):
             for choice in field.choices:
                 fault = fault_of(line_of(kind, "N1", {field.key: choice}), project)
@@ -189,3 +190,62 @@ def test_every_known_value_fits_its_field(project: Project) -> None:
 )  # fmt: skip
 def test_the_prompt_completes_it(project: Project, typed: str, completed: str) -> None:
     assert (complete(typed, project) or typed) == completed
+
+
+# -- blocks on a ComBuffer -----------------------------------------------------------------------------------
+
+
+def keys_of(shown: LineBench) -> list[str]:
+    """Return the fields of the open form, from the name on."""
+    return [field.key for field in shown.app.screen.query(ChoiceField)][1:]
+
+
+async def choose(shown: LineBench, key: str, value: str) -> None:
+    """Put a value into a field of the open form."""
+    next(field for field in shown.app.screen.query(ChoiceField) if field.key == key).value = value
+    await shown.press()
+
+
+@SIZES
+async def test_the_form_asks_a_receivedata_for_its_combuffer_and_its_marks(size: tuple[int, int]) -> None:
+    async with on_a_line(size) as shown:
+        await shown.press("A")
+        own = ["name", "block", "RxBuffer", "data", "pPrefix", "pSuffix", "task", "inputs"]
+        assert keys_of(shown) == own, shown.text
+        assert "add instance ReceiveData_1 block=ReceiveData RxBuffer=RX data=" in shown.words
+        assert "connect=" not in shown.text
+        await choose(shown, "pPrefix", "prefix")
+        await shown.press("enter")
+        shown.driver.scan()
+        made = shown.app.scene.project.instance("ReceiveData_1")
+        assert made is not None and made.pointers == ("prefix", "")
+
+
+async def test_another_block_has_other_fields_and_what_was_typed_stays() -> None:
+    async with on_a_line() as shown:
+        await shown.press("A")
+        await choose(shown, "name", "X")
+        await choose(shown, "block", "SendByte")
+        assert keys_of(shown) == ["name", "block", "TxBuffer", "task", "inputs"]
+        assert "▸ add instance X block=SendByte TxBuffer=RX task=MAIN" in shown.words
+        assert isinstance(shown.app.screen.focused, ChoiceField) and shown.app.screen.focused.key == "block"
+        await choose(shown, "block", "TRCV_C")
+        assert keys_of(shown)[:3] == ["name", "block", "connect"]
+
+
+async def test_the_form_adds_a_combuffer_where_blocks_can_be_on_one() -> None:
+    async with on_a_line() as shown:
+        project = shown.app.scene.project
+        for field in fields_of("combuffer", project)[1:]:
+            others = {} if field.key == "line" else {"source": "serial", "port": "/dev/ttyUSB0"}
+            for choice in field.choices:
+                assert fault_of(line_of("combuffer", "N1", {**others, field.key: choice}), project) == ""
+        await shown.press("A")
+        await choose(shown, "kind", "combuffer")
+        assert "▸ add combuffer B1 source=sim" in shown.words
+        await choose(shown, "source", "RX")
+        await shown.press("enter")
+        shown.driver.scan()
+        assert [buffer.name for buffer in shown.app.scene.project.combuffers] == ["RX", "B1"]
+    async with on_a_bench(SMALL) as looker:
+        assert "combuffer" not in kinds_of(looker.app.scene.project)

@@ -7,6 +7,8 @@ from typing import Final
 
 from trcvtui.plc.project import Project
 from trcvtui.plc.project_edit import SHARED_NAMES, names_of
+from trcvtui.plc.wired_pins import buffer_pin
+from trcvtui.tui.add_buffered import block_field, buffered_fields, combuffer_fields, last_of
 from trcvtui.tui.add_described import BOOLS, AddField, connect_fields
 
 TITLES: Final = {
@@ -19,15 +21,25 @@ TITLES: Final = {
     "udp_config": "a UDP_CONFIG",
     "addr": "an ADDR of UDP",
     "certificate": "a certificate of TLS",
+    "combuffer": "a ComBuffer",
 }
 KINDS: Final = tuple(TITLES)
-NAMES: Final = {"connect": "C", "udp_config": "U", "addr": "A", "data": "rx", "peer": "P"}
+NAMES: Final = {"connect": "C", "combuffer": "B", "udp_config": "U", "addr": "A", "data": "rx", "peer": "P"}
 BARE: Final = frozenset({"inputs", "type", "text", "steps"})  # they stand without a key
 QUOTED: Final = frozenset({"says", "bytes", "local_tsap", "remote_tsap", "LocalTSelector", "RemoteTSelector"})
 
 
-def fields_of(kind: str, project: Project) -> tuple[AddField, ...]:
-    """Return the fields of a kind behind its name."""
+def kinds_of(project: Project) -> tuple[str, ...]:
+    """Return what can be added: a ComBuffer where the dialect has blocks for it."""
+    has_buffers = any(buffer_pin(block) for block in project.dialect.blocks)
+    return KINDS if has_buffers else tuple(kind for kind in KINDS if kind != "combuffer")
+
+
+def fields_of(kind: str, project: Project, block: str = "") -> tuple[AddField, ...]:
+    """Return the fields of a kind behind its name; those of an instance are its block's."""
+    chosen = block or project.dialect.blocks[0]
+    if kind == "instance" and buffer_pin(chosen):
+        return tuple(buffered_fields(project, chosen))
     return tuple(_FIELDS[kind](project))
 
 
@@ -57,8 +69,8 @@ def line_of(kind: str, name: str, texts: Mapping[str, str]) -> str:
 def _instance(project: Project) -> Sequence[AddField]:
     connects, data = names_of("connect", project), names_of("data", project)
     fields = [
-        AddField("block", "a block", project.dialect.blocks, project.dialect.blocks[0]),
-        AddField("connect", "a CONNECT", connects, _last(connects)),
+        block_field(project, next(b for b in project.dialect.blocks if not buffer_pin(b))),
+        AddField("connect", "a CONNECT", connects, last_of(connects)),
     ]
     if project.udp_configs:
         fields.append(AddField("config", "of a UDP block", names_of("udp_config", project)))
@@ -66,7 +78,7 @@ def _instance(project: Project) -> Sequence[AddField]:
         fields.append(AddField("addr", "of a UDP block", names_of("addr", project)))
     return [
         *fields,
-        AddField("data", "a DATA variable, none: 80A4", data, _last(data)),
+        AddField("data", "a DATA variable, none: 80A4", data, last_of(data)),
         AddField("task", "a task", tuple(task.name for task in project.tasks), project.tasks[0].name),
         AddField("inputs", "such as CONT=1 EN_R=1"),
     ]
@@ -105,7 +117,7 @@ def _peer(project: Project) -> Sequence[AddField]:
     links = tuple(f"@{name}" for kind in ("connect", "udp_config") for name in names_of(kind, project))
     return [
         AddField("active", "true: it connects to remote", BOOLS[::-1], "true" if links else "false"),
-        AddField("remote", "address:port, or @NAME", links, _last(links)),
+        AddField("remote", "address:port, or @NAME", links, last_of(links)),
         AddField("local", "where it listens, 127.0.0.1:0"),
         AddField("udp", "true: datagrams, no active", BOOLS),
         AddField("reconnect", "after so long, such as T#1s"),
@@ -125,10 +137,6 @@ def _message(project: Project) -> Sequence[AddField]:
         AddField("peer", "one peer's alone, or nobody's", names_of("peer", project)),
         AddField("text", "as after `send`: hex 01 02 split=1"),
     ]
-
-
-def _last(names: tuple[str, ...]) -> str:
-    return names[-1] if names else ""
 
 
 def _fixed(*fields: AddField) -> Callable[[Project], Sequence[AddField]]:
@@ -160,5 +168,6 @@ _FIELDS: Final[dict[str, Callable[[Project], Sequence[AddField]]]] = {
     "sequence": _fixed(AddField("steps", "message names and pauses: hello T#100ms bye")),
     "udp_config": _fixed(*_LOCAL),
     "addr": _addr,
+    "combuffer": combuffer_fields,
     "certificate": _fixed(AddField("file", "a PEM file"), AddField("key", "of one's own: its PEM file")),
 }

@@ -13,7 +13,7 @@ from textual.widgets import Input, Static
 
 from trcvtui.plc.project import Project
 from trcvtui.tui.add_described import AddField
-from trcvtui.tui.add_fields import KINDS, TITLES, fields_of, first_name, line_of
+from trcvtui.tui.add_fields import TITLES, fields_of, first_name, kinds_of, line_of
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.validity import fault_of
 
@@ -71,7 +71,8 @@ class AddScreen(ModalScreen[str]):
         self._project = project
         self._given = given
         self.kind = kind
-        self._kind_field = ChoiceField("kind", KINDS, kind)
+        self._kind_field = ChoiceField("kind", kinds_of(project()), kind)
+        self._block = given.get("block", "")
         self._fields: list[ChoiceField] = []
         self._rows = VerticalScroll(can_focus=False)
         self._line = Static("", markup=False, id="form-line")
@@ -93,7 +94,7 @@ class AddScreen(ModalScreen[str]):
         """Put the fields of the kind there."""
         project = self._project()
         name = AddField("name", "a name of its own", first=first_name(self.kind, project))
-        specs = (name, *fields_of(self.kind, project))
+        specs = (name, *fields_of(self.kind, project, self._block))
         self._fields = [ChoiceField(s.key, s.choices, self._given.get(s.key, s.first)) for s in specs]
         self.query_one("#form").border_title = f"Add {TITLES[self.kind]}"
         rows = [_row(s.key, field, _hint(s)) for s, field in zip(specs, self._fields, strict=True)]
@@ -119,11 +120,27 @@ class AddScreen(ModalScreen[str]):
     async def on_input_changed(self, event: Input.Changed) -> None:
         """Judge while typing; another kind has other fields."""
         event.stop()
-        if event.input is not self._kind_field:
-            self._judge()
-        elif event.value in KINDS and event.value != self.kind:
-            self.kind, self._given = event.value, {}
+        project = self._project()
+        if event.input is self._kind_field:
+            if event.value in kinds_of(project) and event.value != self.kind:
+                self.kind, self._given, self._block = event.value, {}, ""
+                await self._lay_out()
+        elif self._asks_otherwise(event.input, project):
+            self._given = {field.key: field.value for field in self._fields}
+            self._block = event.value
             await self._lay_out()
+            self.set_focus(next(field for field in self._fields if field.key == "block"))
+        else:
+            self._judge()
+
+    def _asks_otherwise(self, field: Input, project: Project) -> bool:
+        """Return whether the block that has just been chosen has other fields."""
+        if not isinstance(field, ChoiceField) or field.key != "block":
+            return False
+        if field.value not in project.dialect.blocks:
+            return False
+        keys = [spec.key for spec in fields_of(self.kind, project, field.value)]
+        return keys != [shown.key for shown in self._fields[1:]]
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Give the command, where it would be taken."""

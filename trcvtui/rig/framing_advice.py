@@ -51,6 +51,7 @@ MOST_PROPOSALS: Final = 6
 MOST_FRAMES: Final = 200  # that are told
 MOST_TRIED: Final = 120  # of one trial
 MOST_SUFFIXES: Final = 8  # that are looked at for a prefix behind noise
+MOST_HEADS: Final = 6  # of long suffixes, likewise
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
 MARKED: Final = (Kind.PREFIX_SUFFIX, Kind.SUFFIX, Kind.PREFIX)
 
@@ -197,7 +198,10 @@ def _behind_noise(
     found: list[Tried] = []
     ends = sorted([each for each in tried if each.guess.kind is Kind.SUFFIX], key=lambda each: -each.bits)
     marks = marks_of(stream[: WINDOWS[0]])
-    for each in ends[:MOST_SUFFIXES]:
+    known = {each.guess for each in ends}
+    shorter = [guess for guess in dict.fromkeys(_heads(ends)) if guess not in known][:MOST_HEADS]
+    more = [_try(recording, plain, guess, scale) for guess in shorter]
+    for each in (*ends[:MOST_SUFFIXES], *filter(None, more)):
         suffix = each.guess.framing.suffix
         is_both = stands_twice(suffix, stream)
         prefix = (
@@ -205,12 +209,25 @@ def _behind_noise(
         )
         guess = Guess(Kind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
         made = _try(recording, plain, guess, scale, is_noise=True) if prefix else None
-        if made is None or any(len(frame.content) == 2 * len(suffix) for frame in made.cut.good if is_both):
+        if made is None or (is_both and not _is_in_step(made.cut, suffix)):
             continue
         bits = max(made.bits, each.bits) + 1
         if bits >= LEAST_BITS:
             found.append(replace(made, bits=bits))
     return found
+
+
+def _heads(ends: Sequence[Tried]) -> Iterator[Guess]:
+    """Yield the starts of long suffixes: the rest may be the prefix of the next frame, most times."""
+    for each in ends[:3]:
+        suffix = each.guess.framing.suffix
+        for size in range(1, min(len(suffix), 5)):
+            yield Guess(Kind.SUFFIX, Framing(LONGEST_FRAME, b"", suffix[:size]))
+
+
+def _is_in_step(made: Cut, flag: bytes) -> bool:
+    """Return whether the first of two flags begins a frame each time: no frame is empty, little is noise."""
+    return 3 * made.noise <= made.total and all(len(frame.content) > 2 * len(flag) for frame in made.good)
 
 
 def _known(start: bytes) -> bytes:

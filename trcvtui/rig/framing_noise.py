@@ -20,6 +20,7 @@ NEARLY_ALL: Final = 0.9
 FEW: Final = 5  # frames: so few have a byte in common by chance
 LEAST_STRAIGHT: Final = 0.25  # of the frames begin with a prefix that is not known as one
 LEAST_TEXT: Final = 0.9  # of the bytes behind a control byte that always has noise before it
+LEAST_JOINED: Final = 3
 LONGEST_PREFIX: Final = 8
 MOST_LOOKED_AT: Final = 64  # frames
 
@@ -92,10 +93,13 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
 
 
 def stands_twice(mark: bytes, stream: bytes) -> bool:
-    """Return whether a mark both begins and ends frames: at least each second one follows another at once."""
+    """Return whether a mark may both begin and end frames: some follow another at once, where no noise is.
+
+    That all these then are at the borders of frames, and none is an empty frame, is what the trial tells.
+    """
     places = places_of(mark, stream)
     joined = sum([b - a == len(mark) for a, b in pairwise(places)])
-    return len(places) >= FEW and len(places) / 4 - 1 <= joined <= len(places) / 2
+    return joined >= max(LEAST_JOINED, len(places) / 12) and joined <= len(places) / 2
 
 
 def always_between(clean: Sequence[Placed]) -> int:

@@ -32,10 +32,14 @@ EVERYWHERE: Final = (
     ("esc", "leave a field, close the prompt, back to now"),
     ("q or ctrl+q", "quit"),
 )
-PINS: Final = (
+BLOCK: Final = "Block"
+LETTERS: Final = (
     ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
     ("l", "write LEN: the prompt opens with the command"),
     ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
+)
+PINS: Final = (
+    *LETTERS,
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
 )

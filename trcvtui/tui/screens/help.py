@@ -10,7 +10,7 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 
 from trcvtui.tui.formatting import plain, wrapped
-from trcvtui.tui.keys import SECTION_OF, SECTIONS, KeyTable
+from trcvtui.tui.keys import BLOCK, LETTERS, SECTION_OF, SECTIONS, KeyTable
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
@@ -101,6 +101,8 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     title = next((SECTION_OF[id] for id in around if id in SECTION_OF), None)
     here = focused.keys() if isinstance(focused, LineView) else ()
     table = dict(sections).get(title or "", ())
+    if here and title == BLOCK:  # the pane tells the letters of this very block
+        table = tuple(line for line in table if line not in LETTERS)
     if not here and not table:
         return sections
     first = (f"Here: {title}" if title else "Here", (*here, *table))

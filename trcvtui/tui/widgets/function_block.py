@@ -23,6 +23,7 @@ from trcvtui.udt.literals import format_time
 IN_BOX: Final = 8
 OUT_BOX: Final = 8
 TIGHT_BOX: Final = 6  # where long names need the room
+LEAST_BOX: Final = 4
 JOINTS, TIGHT_JOINTS = (" ─┤", "├─ "), ("┤", "├")
 ROOMY: Final = 72  # room for what each output means
 LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
@@ -107,8 +108,9 @@ class FunctionBlock(LineView):
         left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]))
         if y == 0:
             instance = self._scene.instance
-            name = f" {instance.block} " if instance else ""
-            return row((f"{left}┌{name.center(self._box() + self._out_box(), '─')}┐", "dim"))
+            width, name = self._box() + self._out_box(), instance.block if instance else ""
+            name = f" {name} " if name and len(name) + 2 <= width else name
+            return row((f"{left}┌{name.center(width, '─')}┐", "dim"))
         if y <= drawing.height:
             return self._pin_row(drawing, y - 1)
         if y == drawing.height + 1:
@@ -122,7 +124,13 @@ class FunctionBlock(LineView):
         return max(TIGHT_BOX if tight else IN_BOX, max(values, default=0) + (2 if tight else 3))
 
     def _out_box(self) -> int:
-        return TIGHT_BOX if self._is_tight() else OUT_BOX
+        if not self._is_tight():
+            return OUT_BOX
+        instance = self._scene.instance
+        shown = (len(output_text(pin, instance, False)[0]) for pin in self.drawing().outputs)
+        if instance is None:
+            return TIGHT_BOX
+        return max(LEAST_BOX, max(shown, default=0) + 1, len(instance.block) - self._box())
 
     def _joints(self) -> tuple[str, str]:
         return TIGHT_JOINTS if self._is_tight() else JOINTS

@@ -67,13 +67,15 @@ class InstanceList(LineView):
         name = min(max((len(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
         room = max(24, self.line_width - name - 86) if roomy else 23
+        # Where no block has a connection, what a block is doing may be told in full.
+        spare = 13 if not any(self._scene.connection_of(instance) for instance in shown) else 0
         both = roomy and self._partner_width(True) <= room
         partner = min(self._partner_width(both), room)
         numbers = max((len(_numbers(instance)) for instance in shown), default=0)
         return (
-            Columns(name, partner, 7, 18, BAR, both, numbers)
+            Columns(name, partner, 7, 18 + spare, BAR, both, numbers)
             if roomy
-            else Columns(name, partner, 4, 18, 0, both)
+            else Columns(name, partner, 4, 18 + min(1, spare), 0, both)
         )
 
     def _partner_width(self, both: bool) -> int:

@@ -16,6 +16,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 WORD: Final = 14  # at least; wider where a condition or a lamp is
 LAMP: Final = 7
+LEAST_CONDITION, MOST_CONDITION = 19, 32  # columns; `waiting for a frame` is never cut
 CURSOR: Final = "▸"
 LEAST_WHY: Final = 10  # characters; less would say nothing
 
@@ -67,7 +68,11 @@ class StatusHistory(LineView):
 
     def _label(self, edge: StatusEdge) -> str:
         condition = self._scene.project.dialect.label(edge.condition)
-        return f"{status_word(edge.status)} {clip(condition, 18)}"
+        return f"{status_word(edge.status)} {clip(condition, self._condition_width())}"
+
+    def _condition_width(self) -> int:
+        """Return how wide a condition may be: the reason has the greater part of the line."""
+        return max(LEAST_CONDITION, min(MOST_CONDITION, self.line_width - 65))
 
     def row_count(self) -> int:
         """Return the number of edges and the head."""

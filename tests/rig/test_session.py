@@ -177,6 +177,25 @@ def test_a_session_too_long_to_be_kept_says_so(
     assert "found 4 commands of 76 characters, expected at most 3" in answer.error
 
 
+def test_a_session_with_frames_expects_each_of_them_with_its_bytes(tmp_path: Path) -> None:
+    file = tmp_path / "frames.toml"
+    driver = LocalDriver(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
+    say(driver, 1, "prefix RD hex 02", "suffix RD hex 03", "feed RX hex 02 40 03", 2, "mark", 1)
+    say(driver, "feed RX hex 02 41 42 03 02 43 03", 3, f"save scenario {file}")
+    shown = "expect RD DataReceived=1 busy=0 Error=0 RxTimeout=0 LenReceiveData="
+    steps = steps_of(file)
+    assert [step for step in steps if step.startswith("expect") and "trace" not in step] == [
+        f"{shown}4",
+        "expect rx hex 02 41 42 03",
+        f"{shown}3",
+        "expect rx hex 02 43 03",
+    ]
+    assert main(["scenario", str(file)]) == 0
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("feed RX hex 02 41 42 03", "feed RX hex 02 41 44 03"), encoding="utf-8")
+    assert main(["scenario", str(file)]) == 1, "another byte is another frame"
+
+
 def test_a_long_trace_keeps_its_first_and_its_newest_runs() -> None:
     seen = Seen()
     for number in range(1, 1001):

@@ -18,11 +18,13 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.errors import mistake
 from trcvtui.net.notes import ConnectionNote, What
+from trcvtui.plc.instance import Outputs
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench_lines import to_line
 from trcvtui.rig.trace_pattern import ANY, Atom, Scan
+from trcvtui.rig.wave_news import OUTPUTS
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
@@ -38,6 +40,8 @@ OF_THE_WIRE: Final = (
 ANYTHING: Final = str(ANY)
 SIMULATED: Final = "sim"
 MOST_NAMED: Final = 3
+MOST_FRAMES: Final = 200  # that are expected one by one; behind them the trace alone
+MOST_FRAME: Final = 256  # bytes of each
 OUTSIDE: Final = " A partner outside the bench took part ("
 # What a TRCV_C shows by turns while frames come.
 BY_TURNS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
@@ -123,11 +127,15 @@ class Outsiders:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance."""
+    """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance.
+
+    `is_frame`: it expects what a frame has brought in this very scan.
+    """
 
     scans: int
     line: str
     traced: str = ""
+    is_frame: bool = False
 
 
 class Session:
@@ -142,7 +150,7 @@ class Session:
         self._done = {code[Condition.RECEIVED] for code in codes if Condition.RECEIVED in code}
         self._peers_by_the_clock = False  # by commands; those of the project are known from it
         self._entries: list[Entry] = []
-        self._characters = 0
+        self._characters = self._frames = 0
         self._seen: dict[str, Seen] = {}
         self.commands = 0
         self.marked_at = 0
@@ -160,8 +168,8 @@ class Session:
         if not self.is_overfull:
             self._add(text)
 
-    def _add(self, line: str, traced: str = "") -> None:
-        self._entries.append(Entry(self._bench.runtime.scans, line, traced))
+    def _add(self, line: str, traced: str = "", is_frame: bool = False) -> None:
+        self._entries.append(Entry(self._bench.runtime.scans, line, traced, is_frame))
 
     def _expect(self, instance: str) -> None:
         seen = self._seen.pop(instance, None)
@@ -208,11 +216,28 @@ class Session:
             if seen is None:
                 seen = self._seen[out.instance] = Seen(self._of_the_wire)
             seen.add((out.status, out.error))
+            if out.done and out.block in OUTPUTS:
+                self._expect_frame(out)
+
+    def _expect_frame(self, out: Outputs) -> None:
+        """Keep what a frame has brought: outputs, and its first bytes; in real time the scan is another."""
+        decl = self._bench.project.instance(out.instance)
+        if self._frames >= MOST_FRAMES or self._bench.kernel_name != SIMULATED or decl is None:
+            return
+        self._frames += 1
+        shown = ((pin, getattr(out, field)) for pin, field in OUTPUTS[out.block])
+        pins = " ".join(f"{pin}={int(value)}" for pin, value in shown if value is not None)
+        self._add(f"expect {out.instance} {pins}", is_frame=True)
+        content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data else b""
+        size = content.find(0) + 1 if out.rcvd_len is None else out.rcvd_len  # a text: with its byte 00
+        if content[:size]:
+            self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", is_frame=True)
 
     def mark(self) -> None:
         """Begin the expectations anew from here."""
         here = [instance.name for instance in self._bench.project.instances]
-        self._entries = [_without_judgement(e) for e in self._entries if e.traced not in here]
+        kept = [e for e in self._entries if e.traced not in here and not e.is_frame]
+        self._entries, self._frames = [_without_judgement(e) for e in kept], 0
         for instance in here:
             self._add(f"expect {instance} trace {ANYTHING}", instance)
         self._seen.clear()

@@ -49,7 +49,7 @@ LEAST_EXPLAINED: Final = 0.5
 MOST_GUESSES: Final = 48
 MOST_PROPOSALS: Final = 6
 MOST_FRAMES: Final = 200  # that are told
-MOST_TRIED: Final = 120  # of one trial
+MOST_TRIED: Final = 100  # of one trial
 MOST_SUFFIXES: Final = 8  # that are looked at for a prefix behind noise
 MOST_HEADS: Final = 6  # of long suffixes, likewise
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
@@ -129,12 +129,12 @@ def _tried(recording: Recording) -> list[Tried]:
     scale = scale_of(stream, bursts.pauses, bursts.starts)
     found: dict[tuple[object, ...], Tried] = {}
     starts: list[Tried] = []
-    plain = joined(recording)
-    for guess in islice(dict.fromkeys(_guesses(recording, stream, bursts)), MOST_GUESSES):
+    plain, marks = joined(recording), marks_of(stream[: WINDOWS[0]])
+    for guess in islice(dict.fromkeys(_guesses(recording, stream, bursts, marks)), MOST_GUESSES):
         tried = _try(recording, plain, guess, scale)
         if tried is not None:
             starts.append(tried)
-    behind = _behind_noise(recording, plain, starts, stream, scale)
+    behind = _behind_noise(recording, plain, starts, marks, scale)
     starts = [each for each in starts if each.bits >= LEAST_BITS]
     for guess in dict.fromkeys(_with_prefix(starts)):
         tried = _try(recording, plain, guess, scale)
@@ -147,8 +147,7 @@ def _tried(recording: Recording) -> list[Tried]:
     return _ranked(list(found.values()))
 
 
-def _guesses(recording: Recording, stream: bytes, bursts: Bursts) -> Iterator[Guess]:
-    marks = marks_of(stream[: WINDOWS[0]])
+def _guesses(recording: Recording, stream: bytes, bursts: Bursts, marks: Sequence[bytes]) -> Iterator[Guess]:
     size = LONGEST_FRAME
     for mark in (*[known for known in KNOWN_ENDS if stream.count(known) >= LEAST_FRAMES - 1], *marks):
         for place in splits_of(mark, stream, bursts.pauses)[:3] if len(mark) > 1 else (1,):
@@ -192,12 +191,12 @@ def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
 
 
 def _behind_noise(
-    recording: Recording, plain: Recording, tried: Sequence[Tried], stream: bytes, scale: Scale
+    recording: Recording, plain: Recording, tried: Sequence[Tried], marks: Sequence[bytes], scale: Scale
 ) -> list[Tried]:
     """Return what cuts by a suffix again, with the prefix that leaves the noise out: it outweighs that."""
     found: list[Tried] = []
+    stream = b"".join([chunk.payload for chunk in plain.chunks])
     ends = sorted([each for each in tried if each.guess.kind is Kind.SUFFIX], key=lambda each: -each.bits)
-    marks = marks_of(stream[: WINDOWS[0]])
     known = {each.guess for each in ends}
     shorter = [guess for guess in dict.fromkeys(_heads(ends)) if guess not in known][:MOST_HEADS]
     more = [_try(recording, plain, guess, scale) for guess in shorter]

@@ -22,7 +22,7 @@ LEAST_STRAIGHT: Final = 0.25  # of the frames begin with a prefix that is not kn
 LEAST_TEXT: Final = 0.9  # of the bytes behind a control byte that always has noise before it
 LEAST_JOINED: Final = 3
 LONGEST_PREFIX: Final = 8
-MOST_LOOKED_AT: Final = 64  # frames
+MOST_LOOKED_AT: Final = 40  # frames
 
 
 def start_behind_noise(

@@ -9,6 +9,7 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
+from trcvtui.plc.wired_pins import BUFFER_PINS
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.keys import BLOCK, LETTERS, SECTION_OF, SECTIONS, KeyTable
 from trcvtui.tui.scene import Scene
@@ -101,8 +102,9 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     title = next((SECTION_OF[id] for id in around if id in SECTION_OF), None)
     here = focused.keys() if isinstance(focused, LineView) else ()
     table = dict(sections).get(title or "", ())
-    if here and title == BLOCK:  # the pane tells the letters of this very block
-        table = tuple(line for line in table if line not in LETTERS)
+    if title == BLOCK and here:  # the pane tells its own letters; those of the other blocks are none here
+        is_buffered = any(what in BUFFER_PINS for _, what in here)
+        table = tuple(line for line in table if line not in (LETTERS if is_buffered else LETTERS[2:]))
     if not here and not table:
         return sections
     first = (f"Here: {title}" if title else "Here", (*here, *table))

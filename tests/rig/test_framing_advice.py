@@ -99,6 +99,15 @@ def test_what_stands_once_in_each_line_of_text_is_no_prefix(line: str, title: st
     assert (best.title, best.doubt) == (title, ())
 
 
+@pytest.mark.parametrize("number", [6, 12, 24])
+def test_a_part_of_the_suffix_is_not_proposed_with_the_rest_of_it_as_noise(number: int) -> None:
+    names = (b"EPS", b"ALPHA", b"GO")
+    words = [b"\x02%s %d\r\n" % (names[n % 3], n * n) for n in range(number)]
+    proposals = advise(every(80, words)).proposals
+    assert proposals[0].title == "prefix 02 (STX), suffix 0D 0A (CR LF)"
+    assert all(each.noise == 0 for each in proposals if each.kind is Kind.PREFIX_SUFFIX)
+
+
 FLAGS = [(b"\x7e", "7E ('~')"), (b"\xc0", "C0"), (b"\xf0\x0f", "F0 0F")]
 
 

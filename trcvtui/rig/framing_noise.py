@@ -75,9 +75,9 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
     """Return whether what precedes a mark is noise, not data."""
     parts = [body.partition(mark) for body in bodies if body.count(mark) == 1]
     before = [noise for noise, _, _ in parts]
-    first = Counter(noise[:1] for noise in before if noise).most_common(1)[0]
-    if first[1] >= NEARLY_ALL * len(bodies) and first[1] > 2:
-        return False  # that is where the frames begin
+    first, last = _commonest([noise[:1] for noise in before]), _commonest([noise[-1:] for noise in before])
+    if max(first, last) > max(2, NEARLY_ALL * (len(bodies) - 1) - 1):
+        return False  # that is where the frames begin, or where they really end
     straight = before.count(b"") / len(before)
     is_control = mark in KNOWN_STARTS and not set(mark) & TEXT
     if is_control and straight < LEAST_STRAIGHT:
@@ -87,9 +87,13 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
         return True
     if is_text and set(mark) & TEXT and mark not in KNOWN_STARTS:
         return False  # words stand in lines
-    last = Counter(noise[-1:] for noise in before if noise).most_common(1)[0]
-    is_data = last[1] > 2 and last[1] >= NEARLY_ALL * (len(before) - before.count(b""))
+    is_data = last > 2 and last >= NEARLY_ALL * (len(before) - before.count(b""))
     return straight >= LEAST_STRAIGHT and not is_data
+
+
+def _commonest(values: Sequence[bytes]) -> int:
+    """Return how often the most frequent one is there; empty ones do not count."""
+    return max(Counter(filter(None, values)).values(), default=0)
 
 
 def stands_twice(mark: bytes, stream: bytes) -> bool:

@@ -115,6 +115,7 @@ SET_UP: Final = {
 JOB_LOSS: Final = {
     LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,
     LossKind.RESET_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.REFUSED: Condition.PARTNER_CLOSED,  # TSEND, TRCV: their tables have no 80E1
     LossKind.LINK_DEAD: Condition.LINK_DEAD,
 }
 
@@ -161,6 +162,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
         policy=Policy(
             retry_ns=int(chosen["retry"]),
+            pauses_behind_idle=True,
             attempt_limit_ns=int(chosen["attempt_limit"]),
             small_buffers=bool(chosen["small_buffers"]),
             tpdu_default=int(chosen["iso_tpdu_default"]),

@@ -27,7 +27,12 @@ SECOND: Final = 1_000_000_000  # ns
 LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
 
 SWITCHES: Final = (
-    Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
+    Switch(
+        "retry",
+        "duration",
+        SECOND,
+        "pause behind a failed attempt to connect, or an active connection that fell before a byte moved",
+    ),
     Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
     Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
     Switch(

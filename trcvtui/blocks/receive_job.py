@@ -173,7 +173,7 @@ class ReceiveJob:
         failed = Condition.RECEIVE_FAILED if self.running else None
         outcomes = shown(loss, self._env.rules, self, failed, short_frame=bool(self.have and not self.adhoc))
         still_asked = self._env.rules.course.still_asked
-        if self.running and still_asked and loss.kind is not LossKind.OURS:
+        if self.running and still_asked and loss.kind not in (LossKind.OURS, LossKind.REFUSED):
             outcomes.append(Outcome(still_asked, outcomes[-1].cause))
         self.abandon("connection lost")
         return outcomes

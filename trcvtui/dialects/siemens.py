@@ -28,7 +28,12 @@ SECOND: Final = 1_000_000_000  # ns
 LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
 
 SWITCHES: Final = (
-    Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
+    Switch(
+        "retry",
+        "duration",
+        SECOND,
+        "pause behind a failed attempt to connect, or an active connection that fell before a byte moved",
+    ),
     Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
     Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
     Switch(
@@ -116,6 +121,7 @@ SET_UP: Final = {
 JOB_LOSS: Final = {
     LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,
     LossKind.RESET_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.REFUSED: Condition.PARTNER_CLOSED,  # TSEND, TRCV: their tables have no 80E1
     LossKind.LINK_DEAD: Condition.LINK_DEAD,
 }
 
@@ -162,6 +168,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
         policy=Policy(
             retry_ns=int(chosen["retry"]),
+            pauses_behind_idle=True,
             attempt_limit_ns=int(chosen["attempt_limit"]),
             small_buffers=bool(chosen["small_buffers"]),
             tpdu_default=int(chosen["iso_tpdu_default"]),

@@ -19,6 +19,7 @@ from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.job_checks import in_use, rival_of
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.connection import Connection, State
+from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.ownership import Claim
 from trcvtui.net.set_up import Stage, StepFault
 
@@ -228,12 +229,18 @@ class ConnectionPart:
         self._close_wanted = fault is not None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        was_up = self.phase is Phase.CONNECTED and self._connection.lost(self.incarnation) is None
+        was_up = self._was_up()
         self.phase = Phase.IDLE
         self._connection.keeping.give_back(self._claim)
         shown, *more = closing.disconnect(self._connection, cause)
         self._script.extend(more if was_up else ())
         return shown
+
+    def _was_up(self) -> bool:
+        if self.phase is not Phase.CONNECTED:
+            return False
+        loss = self._connection.lost(self.incarnation)
+        return loss is None or (self._course.closes_together and loss.kind is LossKind.OURS)
 
     def _has_connection(self) -> bool:
         return self._connection.state is not State.CLOSED

@@ -41,6 +41,7 @@ class Course:
     `reset`, `reset_ends_send`: what COM_RST shows, and the error before it that ends a running send job.
     `rebuilding`: what stands between an error and "connecting", when the block builds the connection again.
     `let_go`: what a block shows whose connection another block has closed or reset.
+    `closes_together`: CONT that falls on two blocks of a connection at once is a close for both.
     `idle_loss`: the error of a loss while no job runs; None: no error, but for a dead link.
     `job_loss`: the error that ends a job, by kind of loss; a kind that is not named fails the job itself.
     `still_asked`: the error of EN_R = 1 in the scan behind a loss that ended a job, and of a TRCV of its own
@@ -62,6 +63,7 @@ class Course:
     reset_ends_send: Condition | None = None
     rebuilding: tuple[Condition, ...] = ()
     let_go: tuple[Condition, ...] = ()
+    closes_together: bool = False
     idle_loss: Condition | None = None
     job_loss: Mapping[LossKind, Condition] = field(
         default_factory=lambda: {

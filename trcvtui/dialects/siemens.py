@@ -183,6 +183,7 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
         reset_ends_send=Condition.RESET_IN_JOB,
         rebuilding=(Condition.CREATING,),  # 1.8, 1.9
         let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
+        closes_together=True,  # 1.4
         idle_loss=Condition.FOUND_CLOSED,  # 1.9
         job_loss=JOB_LOSS,
         still_asked=Condition.STILL_ASKED,  # 1.9

@@ -124,9 +124,11 @@ class DatagramOut:
             self._end(done=False, reason=reason)
 
     def leave(self, reason: str) -> None:
-        """Be gone; in the middle of a job the lock stays behind until the socket is closed."""
-        self.claim.is_orphan = self.running
+        """Be gone; the lock of a job may stay behind (rules) until the socket is closed."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         self.abandon(reason)
+        if not self.claim.is_orphan:
+            self._port.sending.give_back(self.claim)  # also of a job that was to begin next
 
     def partial(self) -> bytes:
         """Return nothing: a send job collects no bytes."""

@@ -158,9 +158,9 @@ class ConnectionPart:
         return [Outcome(condition, cause) for condition in self._course.rebuilding]
 
     def _go_on_connecting(self) -> Outcome:
-        is_joining = self._course.joiner_lags and self._connection.is_up
+        is_second = self._course.second_lags and self._connection.is_up
         failed = self._connection.step(self._env.scan, self._env.now)
-        lags = is_joining and self._connection.since_scan == self._env.scan
+        lags = is_second and self._connection.since_scan == self._env.scan
         if self._connection.is_up and self.waits and not lags:
             return self._connected()
         if failed is not None:

@@ -37,7 +37,8 @@ class Course:
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
     `en_r_keeps_job`: a receive job that runs goes on when EN_R falls.
-    `joiner_lags`: a block that did not build the connection itself sees it one scan later.
+    `second_lags`: where two blocks want a connection, the one that is called second in the scan that brings
+    it up sees it one scan later, whichever of them has opened it.
     `reset`, `reset_ends_send`: what COM_RST shows, and the error before it that ends a running send job.
     `rebuilding`: what stands between an error and "connecting", when the block builds the connection again.
     `let_go`: what a block shows whose connection another block has closed or reset.
@@ -58,7 +59,7 @@ class Course:
     established: Condition | None = None
     waiting_req_sends: bool = False
     en_r_keeps_job: bool = False
-    joiner_lags: bool = False
+    second_lags: bool = False
     reset: tuple[Condition, ...] = (Condition.RESETTING, Condition.CLOSING, Condition.CLOSED)
     reset_ends_send: Condition | None = None
     rebuilding: tuple[Condition, ...] = ()

@@ -66,7 +66,7 @@ class Rules:
     max_datagram: int = 2048
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
-    lock_outlives: bool = False  # the lock of a job stays behind when its instance goes
+    lock_outlives: bool = True  # the lock of a job stays behind when its instance goes
     one_class: bool = False  # blocks of another priority are kept off a connection while one works on it
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64

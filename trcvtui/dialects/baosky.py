@@ -93,7 +93,6 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
         max_len=int(chosen["max_len"]),
         max_datagram=MAX_DATAGRAM,
         large_datagram_cut=chosen["large_datagram"] == "cut",
-        lock_outlives=True,
         lock_across_tasks=bool(chosen["lock_across_tasks"]),
         policy=_policy(chosen),
         buffers=int(chosen["buffers"]),

@@ -160,6 +160,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        lock_outlives=False,  # no list knows of such a lock
         one_class=True,  # 2.1, 4.4
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,

@@ -27,7 +27,7 @@ class AreaRules:
     BOOL. `symbolic_alone`: a symbolic DATA goes with LEN = 0 only, `symbolic_bytes`: and ad-hoc with elements
     of 8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
     LEN mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it in a send job and its
-    header in a receive job.
+    header in a receive job. `datagram_needs_len`: LEN of TUSEND is not 0, but for a symbolic DATA.
     """
 
     missing: Condition = Condition.DATA_EMPTY
@@ -38,6 +38,7 @@ class AreaRules:
     must_stay: bool = False
     adhoc_lens: frozenset[int] = frozenset()
     texts_whole: bool = False
+    datagram_needs_len: bool = False
 
 
 @dataclass(frozen=True, slots=True)

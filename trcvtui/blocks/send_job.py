@@ -48,6 +48,7 @@ class SendJob:
         self._buffers = bound.env.resources.buffers
         self._connection = bound.connection
         self._connect = bound.connection.config.name
+        self._needs_len = needs_datagrams and bound.env.rules.area.datagram_needs_len
         self._unfit = unfit(bound, needs_datagrams)
         self._address = bound.address
         self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
@@ -85,7 +86,7 @@ class SendJob:
     def _wish(self, length: int) -> Wish:
         least = self._data.text_lens.sent if self._data is not None else 0
         rival = rival_of(self._env, self._connection, self.claim)
-        return Wish(length, most=self._limit, least=least, rival=rival)
+        return Wish(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the send side for the job that begins in the next call; False: it would be refused."""

@@ -82,7 +82,8 @@ class DatagramOut:
 
     def begin(self, length: int) -> Outcome:
         """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
-        wish = Wish(length, most=self._env.rules.max_datagram)
+        rules = self._env.rules
+        wish = Wish(length, most=rules.max_datagram, needs_len=rules.area.datagram_needs_len)
         refused = refuse(self._env, self._data, wish, self._port.sending, self.claim, self._config)
         if refused is not None:
             self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR

@@ -156,6 +156,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
             texts_whole=True,
+            datagram_needs_len=True,  # 2.7
         ),
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),

@@ -50,7 +50,12 @@ SWITCHES: Final = (
         ("level", "oneshot"),
     ),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
-    Switch("rcv_lag", "bool", True, "a block that did not build the connection sees it one scan later (A6)"),
+    Switch(
+        "rcv_lag",
+        "bool",
+        True,
+        "of two _C blocks, the one called second in a scan sees the connection one scan later (A6)",
+    ),
     Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan (A15)"),
     Switch(
         "en_r_falls",
@@ -158,10 +163,12 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
             texts_whole=True,
+            datagram_needs_len=True,  # 2.7
         ),
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        lock_outlives=False,  # no list knows of such a lock
         one_class=True,  # 2.1, 4.4
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
@@ -186,11 +193,12 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
         established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
         waiting_req_sends=True,  # 1.3, A4
         en_r_keeps_job=chosen["en_r_falls"] == "keeps",  # 1.7
-        joiner_lags=bool(chosen["rcv_lag"]),  # 1.8
+        second_lags=bool(chosen["rcv_lag"]),  # 1.8
         reset=(Condition.CLOSING,),  # 1.9, A16
         reset_ends_send=Condition.RESET_IN_JOB,
         rebuilding=(Condition.CREATING,),  # 1.8, 1.9
         let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
+        closes_together=True,  # 1.4
         idle_loss=Condition.FOUND_CLOSED,  # 1.9
         job_loss=JOB_LOSS,
         still_asked=Condition.STILL_ASKED,  # 1.9

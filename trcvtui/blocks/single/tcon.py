@@ -61,13 +61,20 @@ class Tcon:
         if self._connection.set_up.is_closing:
             return Outcome(Condition.NOT_NOW, STILL_CLOSED)
         if self._connection.state is not State.CLOSED:
-            return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
+            return self._refused()
         fault = self._connection.open()
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         self._is_building = True
         self._connection.keeping.hold(self._claim)
         return Outcome(Condition.STARTED, REQ_ROSE)
+
+    def _refused(self) -> Outcome:
+        """Return why there can be no endpoint, while a _C block asks for it in vain, or that it is there."""
+        failed = self._connection.set_up.judge_description()
+        if failed is not None:
+            return set_up_failed(self._connection, failed, self._env.rules.course)
+        return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
 
     def _go_on(self) -> Outcome:
         if self._connection.set_up.is_withdrawn or self._connection.state is State.CLOSED:  # TDISCON, CONT

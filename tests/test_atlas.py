@@ -70,3 +70,8 @@ def test_nothing_of_the_page_is_taken_for_html(name: str) -> None:
 def test_80c3_leads_to_the_orphan_lock_of_a_deleted_instance() -> None:
     card = written("baosky").partition("## 16#80C3")[2].partition("## 16#")[0]
     assert "(../configs/scenarios/baosky/note-delete-mid-frame.toml)" in card
+
+
+def test_80aa_behind_tdiscon_and_t_reset_is_marked_as_unsure() -> None:
+    card = written("siemens").partition("## 16#80AA")[2].partition("## 16#")[0]
+    assert "TDISCON or T_RESET has closed is named nowhere" in card

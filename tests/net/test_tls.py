@@ -237,6 +237,44 @@ def test_a_partner_that_speaks_plain_tcp(certificates: Certificates, plain: byte
     assert (session.is_up, session.wants_more, session.has_data) == (False, False, False)
 
 
+@pytest.mark.parametrize("first", [b"\x00", b"h", b"G", b"\x14", b"\x17", b"\x80"])
+@pytest.mark.parametrize("is_active", [False, True])
+def test_the_first_byte_is_enough_to_know_plain_tcp(
+    certificates: Certificates, first: bytes, is_active: bool
+) -> None:
+    session = certificates.settings("plc").new(is_active)
+    fed(session, first)
+    assert session.ended is not None
+    assert session.ended == (TlsError.PLAIN, f"no TLS: it begins with {first[0]:02X}, not with 16")
+
+
+def test_only_a_server_may_begin_with_an_alert(certificates: Certificates) -> None:
+    refusal = b"\x15\x03\x03\x00\x02\x02\x28"
+    client, server = certificates.settings("plc").new(True), certificates.settings("plc").new(False)
+    fed(client, refusal[:1])
+    assert client.ended is None
+    fed(client, refusal[1:])
+    fed(server, refusal[:1])
+    assert errors((client, server)) == [TlsError.REFUSED, TlsError.PLAIN]
+
+
+def test_a_first_byte_of_a_handshake_is_waited_on(certificates: Certificates) -> None:
+    for is_active in (False, True):
+        session = certificates.settings("plc").new(is_active)
+        fed(session, b"\x16")
+        assert (session.ended, session.wants_more) == (None, True)
+
+
+def test_with_tls_1_3_a_client_is_refused_when_it_is_up_already(certificates: Certificates) -> None:
+    client = certificates.settings("strange").new(is_active=True)
+    server = certificates.settings("plc", asks_client=True).new(is_active=False)
+    fed(server, client.take_output())
+    fed(client, server.take_output())
+    assert client.is_up
+    meet(client, server)
+    assert errors((client, server)) == [TlsError.REFUSED, TlsError.NO_CA]
+
+
 def test_a_partner_that_says_nothing(certificates: Certificates) -> None:
     session = certificates.settings("plc").new(is_active=False)
     session.give_up("too slow")

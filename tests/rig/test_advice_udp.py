@@ -166,10 +166,10 @@ def s7_desk(*lines: str, remote: int = 2000) -> Told:
         ),
         (("run 4",), 2000, "R", "EN_R is 0", "EN_R is 0: datagrams wait in the socket"),
         (
-            ("run 2", "set S REQ=1", "run 1"), 2000, "S", "the local stack has 16 of 16 bytes",
+            ("run 2", "set S LEN=16 REQ=1", "run 1"), 2000, "S", "the local stack has 16 of 16 bytes",
             "DONE tells that the local stack took it for 127.0.0.1:3000",
         ),
-        (("run 2", "set S REQ=1", "run 5"), 2000, "S", "REQ has not risen", "REQ stays 1"),
+        (("run 2", "set S LEN=16 REQ=1", "run 5"), 2000, "S", "REQ has not risen", "REQ stays 1"),
     ],
 )  # fmt: skip
 def test_turcv_and_tusend_are_told_as_the_other_vendors_blocks_are(

@@ -184,3 +184,11 @@ def test_the_cpus_differ_in_their_limits() -> None:
     large, small = S7_1500.answer({}), S7_1200.answer({})
     assert (large.max_len, large.max_datagram, large.area.symbolic_bytes) == (65536, 2048, False)
     assert (small.max_len, small.max_datagram, small.area.symbolic_bytes) == (8192, 1472, True)
+
+
+@pytest.mark.parametrize("opener", ["TSEND_C_1", "TRCV_C_1"])
+def test_the_block_that_is_called_second_lags_whichever_has_opened_the_connection(opener: str) -> None:
+    other = "TRCV_C_1" if opener == "TSEND_C_1" else "TSEND_C_1"
+    script = f"set {opener} CONT=1; run 3; set {other} CONT=1; run 3; peer P1 connect; run 3"
+    first, second = (shown(PAIR, name, script).split()[-2:] for name in ("TSEND_C_1", "TRCV_C_1"))
+    assert (first[-1], second[-1]) == ("7004{3}", "7004{2}")

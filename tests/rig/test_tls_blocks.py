@@ -33,6 +33,13 @@ file = "certificates/ca.pem"
 number = 2
 file = "certificates/plc.pem"
 key = "certificates/plc.key"
+"""
+CONNECT = """
+[[connect]]
+name = "C1"
+type = "TCON_IP_V4_SEC"
+"""
+RECEIVES = """
 [[instance]]
 name = "X"
 block = "TRCV_C"
@@ -40,10 +47,8 @@ connect = "C1"
 data = "rx"
 CONT = true
 EN_R = true
-[[connect]]
-name = "C1"
-type = "TCON_IP_V4_SEC"
 """
+SENDS = RECEIVES.replace("TRCV_C", "TSEND_C").replace("EN_R", "REQ")
 SERVER = """
 ListenPort = 0
 ActivateSecureConn = true
@@ -73,10 +78,10 @@ def test_a_scenario_holds(secure_bench: Path, name: str, kernel: str) -> None:
 
 
 class Desk:
-    """A live bench whose TRCV_C begins to receive in its first scan."""
+    """A live bench whose block, a TRCV_C, connects and begins its job in its first scan."""
 
-    def __init__(self, folder: Path, connect: str) -> None:
-        (folder / "bench.txt").write_text(HEAD + connect)
+    def __init__(self, folder: Path, connect: str, block: str) -> None:
+        (folder / "bench.txt").write_text(HEAD + block + CONNECT + connect)
         self.bench = Bench(load_project(folder / "bench.txt"), "live")
         self._pace = LivePace()
 
@@ -103,8 +108,8 @@ class Desk:
 
 
 @contextmanager
-def desk_of(folder: Path, connect: str) -> Iterator[Desk]:
-    desk = Desk(folder, connect)
+def desk_of(folder: Path, connect: str, block: str = RECEIVES) -> Iterator[Desk]:
+    desk = Desk(folder, connect, block)
     try:
         yield desk
     finally:
@@ -212,13 +217,32 @@ def test_a_wrong_s_server_is_a_code(secure_bench: Path, name: str, code: str) ->
         assert desk.shown() == [code]
 
 
-def test_s_server_that_refuses_our_certificate_ends_the_connection(secure_bench: Path) -> None:
-    trusts_others = f"{shows('partner')} -CAfile strangers.pem -Verify 1 -verify_return_error -tls1_2"
+@pytest.mark.parametrize("version", ["-tls1_2", "-tls1_3"])
+def test_s_server_that_refuses_our_certificate_is_a_failed_attempt(secure_bench: Path, version: str) -> None:
+    """With TLS 1.3 its alert comes when our end is up already."""
+    trusts_others = f"{shows('partner')} -CAfile strangers.pem -Verify 1 -verify_return_error {version}"
     with (
         s_server(secure_bench, trusts_others) as (port, _),
         desk_of(secure_bench, CLIENT.format(port=port)) as desk,
     ):
         desk.run_until(lambda: bool(desk.shown()))
+        desk.run_until(lambda: desk.status() == "7002")
+        assert desk.shown() == ["80E1"]
+        link = desk.bench.runtime.snapshot().connections[0]
+        assert link.retry_in_ns
+        assert link.attempts == 1
+
+
+def test_s_server_that_wants_a_certificate_and_gets_none_refuses_also_a_message_under_way(
+    secure_bench: Path,
+) -> None:
+    client = CLIENT.replace("TLSClientCertRef = 2", "")
+    with (
+        s_server(secure_bench, f"{shows('partner')} -Verify 1 -verify_return_error -tls1_3") as (port, _),
+        desk_of(secure_bench, client.format(port=port), SENDS) as desk,
+    ):
+        desk.run_until(lambda: bool(desk.shown()))
+        desk.run_until(lambda: desk.status() == "7002")
         assert desk.shown() == ["80E1"]
 
 
@@ -258,7 +282,7 @@ def test_the_ledger_names_who_was_dropped_and_why(secure_bench: Path) -> None:
 )  # fmt: skip
 def test_a_mistake_is_one_line(secure_bench: Path, text: str, said: str) -> None:
     file = secure_bench / "mistake.txt"
-    file.write_text(HEAD + SERVER + text)
+    file.write_text(HEAD + RECEIVES + CONNECT + SERVER + text)
     with pytest.raises(UserError) as refused:
         load_project(file)
     (line,) = str(refused.value).splitlines()
@@ -267,6 +291,6 @@ def test_a_mistake_is_one_line(secure_bench: Path, text: str, said: str) -> None
 
 def test_a_connect_without_tls_has_nothing_to_verify(certificates: Certificates) -> None:
     file = certificates.folder.parent / "mistake.txt"
-    file.write_text(HEAD + 'ListenPort = 0\nverify = "none, this is unsafe"\n')
+    file.write_text(HEAD + RECEIVES + CONNECT + 'ListenPort = 0\nverify = "none, this is unsafe"\n')
     with pytest.raises(UserError, match="only a secure connection has certificates"):
         load_project(file)

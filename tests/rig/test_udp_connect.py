@@ -118,7 +118,7 @@ def test_a_connect_of_udp_and_its_blocks_can_be_added_to_a_running_bench(tmp_pat
     desk.say("run 1", "add connect C7 type=TCON_IP_v4 ConnectionType=19 LocalPort=2007 ListenPort=0")
     desk.say("add peer P7 udp=true remote=@C7", "add addr A7 RemoteAddress=127.0.0.1 RemotePort=@P7")
     desk.say("add instance R7 block=TRCV_C connect=C7 addr=A7 data=rx CONT=1 EN_R=1", "run 1")
-    desk.say("create TUSEND S7 connect=C7 addr=A7 data=tx", "run 5")
+    desk.say("create TUSEND S7 connect=C7 addr=A7 data=tx", "set S7 LEN=4", "run 5")
     desk.say("peer P7 send hex 07 08", "run 3", "pulse S7 REQ", "run 3")
     assert desk.bench.runtime.data("rx")[:2] == b"\7\x08"
     assert desk.bench.peers["P7"].snapshot().bytes_received == 4
@@ -168,3 +168,18 @@ def test_a_block_without_addr_in_another_vendors_file_has_none() -> None:
     assert any("addr: found an unknown key" in line for line in caught.value.lines())
     with pytest.raises(UserError):
         parse_line("create TUSEND S2 connect=C1 data=tx", load_project(FILE), "w")
+
+
+@pytest.mark.parametrize(
+    ("optimized", "length", "shown"),
+    [(False, 0, "8085"), (False, 4, "7001"), (True, 0, "7001"), (True, 4, "8088")],
+)
+def test_tusend_wants_its_len_but_for_a_symbolic_data(
+    tmp_path: Path, optimized: bool, length: int, shown: str
+) -> None:
+    of_tx = 'type = "ARRAY[0..3] OF BYTE"\n'
+    desk = Desk(BENCH.replace(of_tx, of_tx + "optimized = true\n") if optimized else BENCH, tmp_path)
+    tcon(desk)
+    desk.say(f"set TUSEND_1 LEN={length}", "pulse TUSEND_1 REQ", "run 1")
+    assert desk.status("TUSEND_1") == shown
+    desk.close()

@@ -16,9 +16,10 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.job_checks import in_use, rival_of
+from trcvtui.blocks.kept_off import KeptOff
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.connection import Connection, State
+from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.ownership import Claim
 from trcvtui.net.set_up import Stage, StepFault
 
@@ -52,6 +53,7 @@ class ConnectionPart:
         self._close_wanted = False
         self._reset_wanted = False
         self._queued = False
+        self._kept_off = KeptOff(env, connection, claim)
         self._wait: tuple[tuple[str, str, str, bool], Outcome] | None = None
 
     def stands(self) -> bool:
@@ -97,6 +99,8 @@ class ConnectionPart:
             self._script.popleft()
         if self._script:
             return self._script.popleft()
+        if self._kept_off.rival:
+            return self._go_on_kept_off()
         if self.phase is Phase.STARTING:
             return self._go_on_starting()
         if self.phase is Phase.CONNECTING:
@@ -108,10 +112,9 @@ class ConnectionPart:
     def _start(self) -> Outcome:
         self._script.clear()
         self._close_wanted = self._reset_wanted = False
-        rival = rival_of(self._env, self._connection, self._claim)
-        if rival is not None:
+        if self._kept_off.begin():
             self.phase, self._queued = Phase.STARTING, False
-            return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+            return _CONT_ROSE
         self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:
             return self.wait("another block has opened the connection")
@@ -119,7 +122,17 @@ class ConnectionPart:
         self.phase, self._queued = Phase.STARTING, fault is None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        return Outcome(Condition.CREATING, Cause(Why.INPUT, "CONT rose", pin="CONT", value=1))
+        return _CONT_ROSE
+
+    def _go_on_kept_off(self) -> Outcome:
+        refused = self._kept_off.look()
+        if refused is not None:
+            self._script.extend(self._rebuilding(refused.cause))
+            return refused
+        if self._kept_off.rival:
+            return self._wait_for("before the next attempt", detail=f"{self._kept_off.rival} works on it")
+        begun = self._start()
+        return replace(begun, condition=Condition.ESTABLISHING) if begun is _CONT_ROSE else begun
 
     def _go_on_starting(self) -> Outcome:
         if not self._queued:
@@ -145,9 +158,9 @@ class ConnectionPart:
         return [Outcome(condition, cause) for condition in self._course.rebuilding]
 
     def _go_on_connecting(self) -> Outcome:
-        is_joining = self._course.joiner_lags and self._connection.is_up
+        is_second = self._course.second_lags and self._connection.is_up
         failed = self._connection.step(self._env.scan, self._env.now)
-        lags = is_joining and self._connection.since_scan == self._env.scan
+        lags = is_second and self._connection.since_scan == self._env.scan
         if self._connection.is_up and self.waits and not lags:
             return self._connected()
         if failed is not None:
@@ -228,12 +241,18 @@ class ConnectionPart:
         self._close_wanted = fault is not None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        was_up = self.phase is Phase.CONNECTED and self._connection.lost(self.incarnation) is None
+        was_up = self._was_up()
         self.phase = Phase.IDLE
         self._connection.keeping.give_back(self._claim)
         shown, *more = closing.disconnect(self._connection, cause)
         self._script.extend(more if was_up else ())
         return shown
+
+    def _was_up(self) -> bool:
+        if self.phase is not Phase.CONNECTED:
+            return False
+        loss = self._connection.lost(self.incarnation)
+        return loss is None or (self._course.closes_together and loss.kind is LossKind.OURS)
 
     def _has_connection(self) -> bool:
         return self._connection.state is not State.CLOSED
@@ -279,4 +298,5 @@ def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> 
 
 
 _NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)
+_CONT_ROSE = Outcome(Condition.CREATING, Cause(Why.INPUT, "CONT rose", pin="CONT", value=1))
 _CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the set-up has begun"))

@@ -37,10 +37,12 @@ class Course:
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
     `en_r_keeps_job`: a receive job that runs goes on when EN_R falls.
-    `joiner_lags`: a block that did not build the connection itself sees it one scan later.
+    `second_lags`: where two blocks want a connection, the one that is called second in the scan that brings
+    it up sees it one scan later, whichever of them has opened it.
     `reset`, `reset_ends_send`: what COM_RST shows, and the error before it that ends a running send job.
     `rebuilding`: what stands between an error and "connecting", when the block builds the connection again.
     `let_go`: what a block shows whose connection another block has closed or reset.
+    `closes_together`: CONT that falls on two blocks of a connection at once is a close for both.
     `idle_loss`: the error of a loss while no job runs; None: no error, but for a dead link.
     `job_loss`: the error that ends a job, by kind of loss; a kind that is not named fails the job itself.
     `still_asked`: the error of EN_R = 1 in the scan behind a loss that ended a job, and of a TRCV of its own
@@ -57,11 +59,12 @@ class Course:
     established: Condition | None = None
     waiting_req_sends: bool = False
     en_r_keeps_job: bool = False
-    joiner_lags: bool = False
+    second_lags: bool = False
     reset: tuple[Condition, ...] = (Condition.RESETTING, Condition.CLOSING, Condition.CLOSED)
     reset_ends_send: Condition | None = None
     rebuilding: tuple[Condition, ...] = ()
     let_go: tuple[Condition, ...] = ()
+    closes_together: bool = False
     idle_loss: Condition | None = None
     job_loss: Mapping[LossKind, Condition] = field(
         default_factory=lambda: {

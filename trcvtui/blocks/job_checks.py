@@ -19,6 +19,7 @@ class Wish(NamedTuple):
     """What a job asks for. `most` bytes fit into one, None: as many as the rules say for a connection.
 
     `least` is the smallest LEN but 0 of a text. `rival` keeps every job off this connection.
+    `needs_len`: LEN = 0 does not stand for all of DATA.
     """
 
     length: int
@@ -26,6 +27,7 @@ class Wish(NamedTuple):
     most: int | None = None
     least: int = 0
     rival: Claim | None = None
+    needs_len: bool = False
 
 
 def refuse(
@@ -60,6 +62,8 @@ def _misfit(env: Environment, data: DataArea | None, wish: Wish) -> Outcome | No
     unfit = _unfit(area, data, length, wish.adhoc)
     if unfit is not None:
         return unfit
+    if wish.needs_len and not length and not data.symbolic:
+        return _refused(Condition.LENGTH_WRONG, "LEN is 0: it has to be told", "LEN", 0)
     if area.texts_whole and 0 < length < wish.least:
         name = f"LEN cuts {data.type_name}: 0, or from {wish.least} on"
         return _refused(Condition.LEN_OF_TEXT, name, "LEN", length)

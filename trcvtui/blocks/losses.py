@@ -8,12 +8,14 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.rules import Rules
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind
+from trcvtui.net.set_up import Stage
 
 _FIN_CALL = {LossKind.CLOSED_BY_PARTNER: "recv"}  # it answered 0 bytes: no errno
 
 _LOSS_NAMES = {
     LossKind.CLOSED_BY_PARTNER: "the partner closed",
     LossKind.RESET_BY_PARTNER: "the partner reset",
+    LossKind.REFUSED: "the partner refused us at the end of the handshake",
     LossKind.LINK_DEAD: "the link is dead",
     LossKind.FAILED: "the connection failed",
     LossKind.OURS: "closed on our side",
@@ -28,7 +30,7 @@ def shown(
     `failed` is the condition of a job that the connection's failure ends, None: there is no job.
     """
     cause = loss_cause(loss, job)
-    conditions = _conditions(loss.kind, rules, failed)
+    conditions = _conditions(loss, rules, failed)
     if short_frame and rules.short_frame_shown and conditions == [Condition.PARTNER_CLOSED]:
         conditions.insert(0, Condition.SHORT_FRAME)
     outcomes = [Outcome(condition, cause) for condition in conditions]
@@ -37,8 +39,10 @@ def shown(
     return outcomes
 
 
-def _conditions(kind: LossKind, rules: Rules, failed: Condition | None) -> list[Condition]:
-    course = rules.course
+def _conditions(loss: ConnectionLoss, rules: Rules, failed: Condition | None) -> list[Condition]:
+    course, kind = rules.course, loss.kind
+    if kind is LossKind.REFUSED and loss.fault is not None:
+        return [course.of_set_up(Stage.CONNECT, loss.fault.error)]  # as an attempt that failed
     if kind is LossKind.OURS:
         return list(course.let_go)
     if failed is None:

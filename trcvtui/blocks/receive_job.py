@@ -173,7 +173,7 @@ class ReceiveJob:
         failed = Condition.RECEIVE_FAILED if self.running else None
         outcomes = shown(loss, self._env.rules, self, failed, short_frame=bool(self.have and not self.adhoc))
         still_asked = self._env.rules.course.still_asked
-        if self.running and still_asked and loss.kind is not LossKind.OURS:
+        if self.running and still_asked and loss.kind not in (LossKind.OURS, LossKind.REFUSED):
             outcomes.append(Outcome(still_asked, outcomes[-1].cause))
         self.abandon("connection lost")
         return outcomes
@@ -226,9 +226,9 @@ class ReceiveJob:
         self._connection.receiving.give_back(self.claim)
 
     def leave(self, reason: str) -> None:
-        """Be gone; in the middle of a job the lock stays behind until disconnect or reset (row 15)."""
-        self.claim.is_orphan = self.running
-        if not self.running:
+        """Be gone; the lock of a job may stay behind (rules) until disconnect or reset (row 15)."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
+        if not self.claim.is_orphan:
             self.let_go()
         self.abandon(reason)
 

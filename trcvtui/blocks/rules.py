@@ -28,7 +28,7 @@ class AreaRules:
     BOOL. `symbolic_alone`: a symbolic DATA goes with LEN = 0 only, `symbolic_bytes`: and ad-hoc with elements
     of 8 bits only. `must_stay`: a change of DATA or LEN ends the job that runs. `adhoc_lens`: these values of
     LEN mean ad-hoc. `texts_whole`: LEN of a STRING or WSTRING is 0, or covers all of it in a send job and its
-    header in a receive job.
+    header in a receive job. `datagram_needs_len`: LEN of TUSEND is not 0, but for a symbolic DATA.
     """
 
     missing: Condition = Condition.DATA_EMPTY
@@ -39,6 +39,7 @@ class AreaRules:
     must_stay: bool = False
     adhoc_lens: frozenset[int] = frozenset()
     texts_whole: bool = False
+    datagram_needs_len: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +70,7 @@ class Rules:
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
     part_follows_en_r: bool = False  # of a frame behind a TRCV_C: EN_R = 0 throws it away
+    lock_outlives: bool = True  # the lock of a job stays behind when its instance goes
     one_class: bool = False  # blocks of another priority are kept off a connection while one works on it
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64

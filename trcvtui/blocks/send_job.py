@@ -48,6 +48,7 @@ class SendJob:
         self._buffers = bound.env.resources.buffers
         self._connection = bound.connection
         self._connect = bound.connection.config.name
+        self._needs_len = needs_datagrams and bound.env.rules.area.datagram_needs_len
         self._unfit = unfit(bound, needs_datagrams)
         self._address = bound.address
         self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
@@ -85,7 +86,7 @@ class SendJob:
     def _wish(self, length: int) -> Wish:
         least = self._data.text_lens.sent if self._data is not None else 0
         rival = rival_of(self._env, self._connection, self.claim)
-        return Wish(length, most=self._limit, least=least, rival=rival)
+        return Wish(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the send side for the job that begins in the next call; False: it would be refused."""
@@ -160,9 +161,11 @@ class SendJob:
             self._end(done=False, reason=reason)
 
     def leave(self, reason: str) -> None:
-        """Be gone; in the middle of a job the lock stays behind until disconnect or reset (row 15)."""
-        self.claim.is_orphan = self.running
+        """Be gone; the lock of a job may stay behind (rules) until disconnect or reset (row 15)."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         self.abandon(reason)
+        if not self.claim.is_orphan:
+            self._connection.sending.give_back(self.claim)  # also of a job that was to begin next
 
     def partial(self) -> bytes:
         """Return nothing: a send job collects no bytes."""

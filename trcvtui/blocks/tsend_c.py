@@ -36,9 +36,11 @@ class TsendC:
         self._inputs = inputs
         req_rose = inputs.req and not self._req
         self._req = inputs.req
+        cont = self._cont.level(inputs.cont, self._asked or req_rose, self.job.running, self._part.is_closing)
+        if cont and not self._part.cont and self._course.waiting_req_sends:
+            self._asked |= inputs.req  # a new connection: also a REQ that has had its DONE on the old one
         asks = self._asked or req_rose
         waits = self._course.waiting_req_sends and (inputs.req or self._course.one_shot) and asks
-        cont = self._cont.level(inputs.cont, asks, self.job.running, self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=waits, job_error=self._reset_error())
         if outcome is not None:
             return self._while_not_sending(inputs, outcome, req_rose)

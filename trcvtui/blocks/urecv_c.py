@@ -175,9 +175,9 @@ class DatagramIn:
         self._port.receiving.give_back(self.claim)
 
     def leave(self, reason: str) -> None:
-        """Be gone; in the middle of a job the lock stays behind until the socket is closed (row 15)."""
-        self.claim.is_orphan = self.running
-        if not self.running:
+        """Be gone; the lock of a job may stay behind (rules) until the socket is closed (row 15)."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
+        if not self.claim.is_orphan:
             self.let_go()
         self.abandon(reason)
 

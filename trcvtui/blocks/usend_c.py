@@ -82,7 +82,8 @@ class DatagramOut:
 
     def begin(self, length: int) -> Outcome:
         """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
-        wish = Wish(length, most=self._env.rules.max_datagram)
+        rules = self._env.rules
+        wish = Wish(length, most=rules.max_datagram, needs_len=rules.area.datagram_needs_len)
         refused = refuse(self._env, self._data, wish, self._port.sending, self.claim, self._config)
         if refused is not None:
             self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR
@@ -124,9 +125,11 @@ class DatagramOut:
             self._end(done=False, reason=reason)
 
     def leave(self, reason: str) -> None:
-        """Be gone; in the middle of a job the lock stays behind until the socket is closed."""
-        self.claim.is_orphan = self.running
+        """Be gone; the lock of a job may stay behind (rules) until the socket is closed."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         self.abandon(reason)
+        if not self.claim.is_orphan:
+            self._port.sending.give_back(self.claim)  # also of a job that was to begin next
 
     def partial(self) -> bytes:
         """Return nothing: a send job collects no bytes."""

@@ -28,7 +28,12 @@ SECOND: Final = 1_000_000_000  # ns
 LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
 
 SWITCHES: Final = (
-    Switch("retry", "duration", SECOND, "pause between a failed attempt to connect and the next one"),
+    Switch(
+        "retry",
+        "duration",
+        SECOND,
+        "pause behind a failed attempt to connect, or an active connection that fell before a byte moved",
+    ),
     Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
     Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
     Switch(
@@ -45,7 +50,12 @@ SWITCHES: Final = (
         ("level", "oneshot"),
     ),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
-    Switch("rcv_lag", "bool", True, "a block that did not build the connection sees it one scan later (A6)"),
+    Switch(
+        "rcv_lag",
+        "bool",
+        True,
+        "of two _C blocks, the one called second in a scan sees the connection one scan later (A6)",
+    ),
     Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan (A15)"),
     Switch(
         "en_r_falls",
@@ -116,6 +126,7 @@ SET_UP: Final = {
 JOB_LOSS: Final = {
     LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,
     LossKind.RESET_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.REFUSED: Condition.PARTNER_CLOSED,  # TSEND, TRCV: their tables have no 80E1
     LossKind.LINK_DEAD: Condition.LINK_DEAD,
 }
 
@@ -152,16 +163,19 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             symbolic_bytes=cpu.symbolic_bytes,
             must_stay=True,
             texts_whole=True,
+            datagram_needs_len=True,  # 2.7
         ),
         labels=LABELS,
         also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
         com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        lock_outlives=False,  # no list knows of such a lock
         one_class=True,  # 2.1, 4.4
         max_len=cpu.max_len,
         max_datagram=cpu.max_datagram,
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
         policy=Policy(
             retry_ns=int(chosen["retry"]),
+            pauses_behind_idle=True,
             attempt_limit_ns=int(chosen["attempt_limit"]),
             small_buffers=bool(chosen["small_buffers"]),
             tpdu_default=int(chosen["iso_tpdu_default"]),
@@ -179,11 +193,12 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
         established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
         waiting_req_sends=True,  # 1.3, A4
         en_r_keeps_job=chosen["en_r_falls"] == "keeps",  # 1.7
-        joiner_lags=bool(chosen["rcv_lag"]),  # 1.8
+        second_lags=bool(chosen["rcv_lag"]),  # 1.8
         reset=(Condition.CLOSING,),  # 1.9, A16
         reset_ends_send=Condition.RESET_IN_JOB,
         rebuilding=(Condition.CREATING,),  # 1.8, 1.9
         let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
+        closes_together=True,  # 1.4
         idle_loss=Condition.FOUND_CLOSED,  # 1.9
         job_loss=JOB_LOSS,
         still_asked=Condition.STILL_ASKED,  # 1.9

@@ -191,6 +191,7 @@ CONNECTION_ERRORS: Final = (
         Reach.LOGIC,
         "siemens.md 1.8, 2.1, 2.2, 4.4, A8",
         also=(Condition.ID_BUILDING,),
+        unsure="what a _C block shows whose connection TDISCON or T_RESET has closed is named nowhere",
     ),
     StatusRow(
         0x80B1,

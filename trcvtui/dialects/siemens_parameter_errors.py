@@ -72,6 +72,7 @@ PARAMETER_ERRORS: Final = (
         (
             "LEN is above the limit of the CPU: 8192 on an S7-1200, 65536 on an S7-1500; UDP 1472, 2048",
             "LEN is 0 and DATA itself is above that limit, or has no byte at all",
+            "TUSEND: LEN is 0, which stands for all of DATA only where DATA is symbolic",
         ),
         (
             "pin LEN and the size of DATA; `trcvtui udt show FILE` counts the padding, too",
@@ -81,6 +82,7 @@ PARAMETER_ERRORS: Final = (
         Reach.LOGIC,
         "siemens.md 2.1, 2.4, 2.7, 4.1, A13",
         also=(Condition.DATA_EMPTY,),
+        unsure="TUSEND with LEN = 0: its list names it (2.7), but 0 is the default of all these blocks (4.1)",
     ),
     StatusRow(
         0x8085,

@@ -167,7 +167,7 @@ STATES: Final = (
             "passive: no partner has come, or another one was turned away",
             "active: no answer yet, or the pause after an attempt that failed",
             "both ends are active, or both are passive",
-            "TRCV_C: TSEND_C on this connection has it already, and TRCV_C follows one scan later",
+            "two _C blocks on it: the one called first has it already, the other follows one scan later",
         ),
         (
             "ActiveEstablished: TRUE at exactly one end; the ports side by side, the TSAPs crosswise",

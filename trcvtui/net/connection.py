@@ -14,7 +14,7 @@ from typing import Final
 
 from trcvtui.net.answers import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.net.connection_loss import ConnectionLoss, LossKind, loss_of
+from trcvtui.net.connection_loss import ConnectionLoss, Losses, LossKind, loss_of
 from trcvtui.net.connection_state import State as State
 from trcvtui.net.dead_link import DeadLinkWatch, Sent
 from trcvtui.net.kernel import Accepted, Handle, Kernel, Loss
@@ -25,7 +25,6 @@ from trcvtui.net.resources import Resources
 from trcvtui.net.set_up import ACCEPTS_A_SCAN, SetUp, Stage, StepFault
 
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
-LOSSES_KEPT: Final = 8
 
 
 class Connection:
@@ -61,7 +60,8 @@ class Connection:
         self._local: Endpoint | None = None
         self._stepped_in = -1
         self._step_fault: StepFault | None = None
-        self._losses: dict[int, ConnectionLoss] = {}
+        self._losses = Losses()
+        self._pauses = False  # the next step begins a pause
         self._dead_link = DeadLinkWatch(config, kernel, policy.user_timeout)
 
     @property
@@ -87,9 +87,10 @@ class Connection:
         """Take one step of the set-up, once a scan; return what failed in this scan's step."""
         if self._stepped_in != scan:
             self._stepped_in = scan
-            self._step_fault = self._take_step(now)
-            if self._step_fault is not None:
-                self._note_failure(self._step_fault)
+            self._step_fault = failed = self._take_step(now)
+            if failed is not None:
+                what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED
+                self._note(what, self.set_up.remote, failed.fault, failed.detail)
         return self._step_fault
 
     def _take_step(self, now: int) -> StepFault | None:
@@ -105,6 +106,8 @@ class Connection:
                 return self._adopt(self.set_up.accept(), now)
             case _ if self.set_up.attempt is not None:
                 return self._adopt(self.set_up.look(now), now)
+            case _ if self._pauses:
+                self._pauses, self.retry_at = False, now + self._policy.retry_ns
             case _ if self.retry_at is None or now >= self.retry_at:
                 return self._create(now) or self._prepare(now)
         return None
@@ -255,12 +258,12 @@ class Connection:
             if self.doom is None or self.receiving.holds(asking):
                 return None
             return self._found(self.doom)
-        return self._losses.get(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
+        return self._losses.of(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
 
     @property
     def last_loss(self) -> ConnectionLoss | None:
         """Return how the newest lost incarnation ended."""
-        return self._losses[max(self._losses)] if self._losses else None
+        return self._losses.newest
 
     def unread(self) -> int:
         """Return how many received bytes wait in the stack."""
@@ -273,11 +276,14 @@ class Connection:
             self._write(BytesDropped(self.config.name, of, offset, size, reason))
 
     def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
-        return loss_of(fault, str(self.peer))
+        return loss_of(fault, str(self.peer), self.config.active and not self.bytes_received)
 
     def _lose(self, loss: ConnectionLoss) -> ConnectionLoss:
         assert self.handle is not None
-        self.drop(-1, self.unread(), "connection lost")
+        left = self.unread()
+        self.drop(-1, left, "connection lost")
+        idle = loss.kind is LossKind.REFUSED or not (left or self.bytes_received or self.bytes_sent)
+        self._pauses = idle and self.config.active and self._policy.pauses_behind_idle
         loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))
         self._kernel.close(self.handle)
         fin = loss.kind is LossKind.CLOSED_BY_PARTNER
@@ -342,7 +348,7 @@ class Connection:
             self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
         fault = self.set_up.free() or fault
         self._resources.budget.release(self.config.name)
-        self.state, self.retry_at = State.CLOSED, None
+        self.state, self.retry_at, self._pauses = State.CLOSED, None, False
         return fault
 
     def reset(self) -> Fault | None:
@@ -375,9 +381,7 @@ class Connection:
         return removed or closed or freed
 
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
-        self._losses[self.incarnation] = loss
-        if len(self._losses) > LOSSES_KEPT:
-            del self._losses[min(self._losses)]
+        self._losses.add(self.incarnation, loss)
         self.handle, self.doom, self.retry_at = None, None, None
         self.peer, self._local = None, None
         self.receiving.end()
@@ -394,7 +398,3 @@ class Connection:
     ) -> None:
         local, other = str(self.local or ""), str(peer or self.peer or "")
         self._write(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault, detail))
-
-    def _note_failure(self, failed: StepFault) -> None:
-        what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED
-        self._note(what, self.set_up.remote, failed.fault, failed.detail)

@@ -10,6 +10,7 @@ class Policy:
     """What a dialect decides about connections; times in ns."""
 
     retry_ns: int = 1_000_000_000
+    pauses_behind_idle: bool = False  # an active end whose connection fell before a byte moved waits retry_ns
     attempt_limit_ns: int = 5_000_000_000
     strict_local_address: bool = False
     check_remote_ip: bool = True

@@ -96,7 +96,11 @@ class SetUp:
         return self.local if self.listener is not None else None
 
     def judge(self) -> StepFault | None:
-        """Look at the connection description, and take its ID, before there is any socket."""
+        """Return what keeps whoever opens this connection from it, before there is any socket."""
+        return self.judge_description()
+
+    def judge_description(self) -> StepFault | None:
+        """Look at the connection description, and take its ID."""
         flaw = self.config.flaw
         if flaw is not None:
             return StepFault(Stage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)

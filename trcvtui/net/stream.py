@@ -127,7 +127,8 @@ class Stream:
             self._data_size, self._told = len(data), 0
         sent = self._kernel.send(self.handle, self._carried)
         if isinstance(sent, Fault):
-            return sent
+            self.pump()  # the partner's last word may have come before
+            return sent if self.session.ended is None else self.end or sent
         if isinstance(sent, int):
             self._carried = self._carried[sent:]
         taken = self._taken()

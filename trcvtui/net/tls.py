@@ -20,6 +20,9 @@ from trcvtui.net.tls_words import Credentials, TlsError
 CAP: Final = 128 * 1024  # bytes
 PIECE: Final = 16 * 1024  # what one record carries at most
 CONTEXTS_KEPT: Final = 256
+# What a record begins with; only a server may refuse with its first.
+HANDSHAKE: Final = 0x16
+ALERT: Final = 0x15
 
 # What the library raises, of bytes, of files, and of a server's name that is none.
 _RAISED: Final = (ssl.SSLError, OSError, ValueError)
@@ -33,6 +36,7 @@ class Tls:
         self.is_up = False
         self.partner_is_done = False
         self._has_fed = False
+        self._first_bytes = (HANDSHAKE, ALERT) if is_active else (HANDSHAKE,)
         self._plain = bytearray()
         self._incoming = ssl.MemoryBIO()
         self._outgoing = ssl.MemoryBIO()
@@ -69,6 +73,9 @@ class Tls:
     def feed(self, data: bytes | memoryview) -> None:
         """Take bytes of the stream."""
         if self.ended is None and not self.partner_is_done:
+            if not self._has_fed and data and data[0] not in self._first_bytes:
+                self._end(Ended(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
+                return
             self._has_fed = True
             self._incoming.write(data)
             self._go_on()

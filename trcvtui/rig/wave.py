@@ -11,6 +11,7 @@ from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.rig.wave_lane import KEPT, Column, Lane, PolledLane, Window
 from trcvtui.rig.wave_news import Change, PinValues, WaveNews, pins_of
 
+LAMPS: Final = {pin: shows for pin, shows in SHOWS.items() if shows in ("done", "error", "busy")}
 WATCHED: Final = ("status", "done")  # what the ghost rows show, whatever the block calls it
 MOST_GAPS: Final = 200
 

@@ -10,9 +10,11 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.connection_part import established, set_up_failed
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.job_checks import in_use, rival_of
+from trcvtui.blocks.losses import loss_cause
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
 from trcvtui.net.connection import State
+from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.set_up import Stage, StepFault
 
 STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
@@ -28,6 +30,7 @@ class Tcon:
         self._claim = bound.claim()
         self._req = False
         self._is_building = False
+        self._incarnation = 0  # the newest one that it has seen
         self._keeps = False  # established by this instance: the endpoint is there until TDISCON or T_RESET
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -40,8 +43,7 @@ class Tcon:
         if rose:
             return self._begin()
         if self._keeps:
-            self._look_after()
-            return _KEEPING
+            return self._look_after()
         return IDLE
 
     def stop(self, reason: str) -> None:
@@ -59,13 +61,20 @@ class Tcon:
         if self._connection.set_up.is_closing:
             return Outcome(Condition.NOT_NOW, STILL_CLOSED)
         if self._connection.state is not State.CLOSED:
-            return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
+            return self._refused()
         fault = self._connection.open()
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
         self._is_building = True
         self._connection.keeping.hold(self._claim)
         return Outcome(Condition.STARTED, REQ_ROSE)
+
+    def _refused(self) -> Outcome:
+        """Return why there can be no endpoint, while a _C block asks for it in vain, or that it is there."""
+        failed = self._connection.set_up.judge_description()
+        if failed is not None:
+            return set_up_failed(self._connection, failed, self._env.rules.course)
+        return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
 
     def _go_on(self) -> Outcome:
         if self._connection.set_up.is_withdrawn or self._connection.state is State.CLOSED:  # TDISCON, CONT
@@ -83,7 +92,7 @@ class Tcon:
         if not self._connection.is_up:
             return _BUILDING
         self._end()
-        self._keeps = True
+        self._keeps, self._incarnation = True, self._connection.incarnation
         return Outcome(Condition.FINISHED, established(self._connection))
 
     def _end(self) -> None:
@@ -93,11 +102,19 @@ class Tcon:
     def _is_silent(self, failed: StepFault) -> bool:
         return self._env.rules.course.silent_connect and failed.stage is Stage.CONNECT
 
-    def _look_after(self) -> None:
+    def _look_after(self) -> Outcome:
+        """Build a lost connection again; a partner who refuses us has let this attempt fail."""
+        loss = self._connection.lost(self._incarnation) or self._connection.check_loss()
+        course = self._env.rules.course
+        if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
+            self._keeps = False
+            self._connection.disconnect()
+            return Outcome(course.of_set_up(Stage.CONNECT, loss.fault.error), loss_cause(loss, self.job))
         if self._connection.is_up:
-            self._connection.check_loss()
+            self._incarnation = self._connection.incarnation
         else:
             self._connection.step(self._env.scan, self._env.now)
+        return _KEEPING
 
 
 _BUILDING = Outcome(Condition.RUNNING, Cause(Why.WAITING, "no partner yet"))

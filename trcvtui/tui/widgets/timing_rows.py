@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.parameters import SHOWS
-from trcvtui.rig.wave import Wave
+from trcvtui.rig.wave import LAMPS, Wave
 from trcvtui.rig.wave_lane import Window
 from trcvtui.rig.wave_text import (
     CODES,
@@ -24,7 +23,6 @@ from trcvtui.tui.formatting import plain
 from trcvtui.tui.widgets.line_view import Part, Row, row
 from trcvtui.tui.widgets.timing_view import LABEL, NAME, TimingView
 
-HIGH_STYLES: Final = {pin: shows for pin, shows in SHOWS.items() if shows in ("done", "error", "busy")}
 STYLES: Final = {"": "faint", "pulse": "glow", "gap": "warn", "mark": "key", "high": "strong"}
 
 
@@ -79,7 +77,7 @@ def _parts(wave: Wave, name: str, window: Window, cursor: int | None) -> list[Pa
     if name.startswith(WATCH):
         parts = [(text, "ghost") for text, _ in pieces]
     else:
-        high = HIGH_STYLES.get(name, "strong")
+        high = LAMPS.get(name, "strong")
         parts = [(text, high if kind == "high" else STYLES.get(kind, kind)) for text, kind in pieces]
     if cursor is None:
         return parts

@@ -21,8 +21,9 @@ types: $(READY)
 contracts: $(READY)
 	$(BIN)/lint-imports
 
+# Four on two cores: the tests of the screen wait for it more than they compute.
 unit: $(READY)
-	$(BIN)/pytest -n 2 $(ARGS)
+	$(BIN)/pytest -n 4 $(ARGS)
 
 scenarios: $(READY)
 	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml configs/scenarios/siemens/*.toml $(ARGS)

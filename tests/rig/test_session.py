@@ -149,6 +149,8 @@ def test_quotes_backslashes_and_odd_names_come_through(driver: LocalDriver, tmp_
         ("save", "prompt: found 'save ', expected save scenario FILE"),
         ("save scenario", "prompt: found 'save scenario', expected save scenario FILE"),
         ("save scenario {there}", "{there}, which is there already, expected the name of a new file"),
+        ("save scenario {there}.txt", "there.toml.txt', expected a name that ends in .toml"),
+        ("save scenario {there}/", "expected the name of a file"),
         ("save scenario {nowhere}", "/no, expected a folder that is there"),
     ],
 )

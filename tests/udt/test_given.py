@@ -97,11 +97,14 @@ def test_json_that_python_would_change_is_a_mistake(
     assert refusal(given_values, "-").startswith(f"stdin: found {found}")
 
 
-def test_a_file_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_and_a_file_that_is_too_large_are_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(given, "LARGEST", 1000)
-    assert (
-        refusal(given_bytes, "@/dev/zero") == "/dev/zero: found more than that, expected at most 1000 bytes"
-    )
+    large = tmp_path / "large"
+    large.write_bytes(b"0" * 1001)
+    assert refusal(given_bytes, f"@{large}") == f"{large}: found more than that, expected at most 1000 bytes"
+    assert refusal(given_bytes, "@/dev/zero") == "/dev/zero: found a device, expected text that can be read"
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
+from trcvtui.files import check_readable
 from trcvtui.net.session import Ended, Message
 from trcvtui.net.tls_errors import ended_of
 from trcvtui.net.tls_words import Credentials, TlsError
@@ -231,12 +232,14 @@ def flaw_of_certificate(certificate: str, key: str) -> str:
     """Return what is wrong with PEM files: "" or words for the engineer; `key` "": a certificate to trust."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
+        check_readable(certificate)  # the library would wait for the other end of a FIFO
         context.load_verify_locations(cafile=certificate)
     except OSError as problem:
         return _file_flaw(problem, certificate, "no certificate in PEM")
     if not key:
         return ""
     try:
+        check_readable(key)
         context.load_cert_chain(certificate, key, password=_no_password)
     except OSError as problem:
         return _file_flaw(problem, key, "no key in PEM without a password, or not that of the certificate")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.errors import mistake
+from trcvtui.files import read_bytes, reason_of
 
 LARGEST_FILE: Final = 10 * 1024 * 1024
 # tomllib says where it stopped in the words of its message: "(at line 3, column 5)", "(at end of document)".
@@ -35,10 +36,9 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 def read_text(path: Path) -> str:
     """Return the text of a TOML file; raise UserError when it cannot be read."""
     try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
+        content = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
-        reason = getattr(failed, "strerror", None) or str(failed)
+        reason = reason_of(failed)
         if isinstance(failed, FileNotFoundError) and not path.parent.is_dir():
             reason = f"no folder {path.parent}"
         raise mistake(str(path), reason, "a TOML file that can be read") from None

@@ -207,7 +207,7 @@ class Console:
             if before is None:
                 found = "a session that began with additions which were in no file"
                 raise mistake("prompt", found, "a session begun after `save project`: open the file again")
-        path = target(name)
+        path = target(name, "prompt")
         text = scenario_text(self.session, self.bench, path, before)
         self._saved.add(write_new(path, text, self._saved, "prompt"))
         size = f"{count(self.session.commands, 'command')}, {count(self.bench.runtime.scans, 'scan')}"

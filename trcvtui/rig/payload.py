@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.files import READABLE, read_bytes, reason_of
 
 MOST_BYTES: Final = 16 * 1024 * 1024
 ESCAPES: Final = {"r": b"\r", "n": b"\n", "t": b"\t", "0": b"\0", "\\": b"\\", '"': b'"', "'": b"'"}
@@ -39,11 +40,9 @@ def random_bytes(count: int, seed: int) -> bytes:
 def file_bytes(path: Path, where: str) -> bytes:
     """Return the bytes of a file of at most 16 MiB; raise UserError when it cannot be read or is empty."""
     try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+        content = read_bytes(path, MOST_BYTES)
     except (OSError, ValueError) as failed:
-        reason = getattr(failed, "strerror", None) or str(failed)
-        raise mistake(where, f"{reason}: '{path}'", "a file that can be read") from None
+        raise mistake(where, f"{reason_of(failed)}: '{path}'", READABLE) from None
     if len(content) > MOST_BYTES:
         raise mistake(where, f"'{path}' with more than that", f"at most {MOST_BYTES} bytes")
     if not content:

@@ -13,13 +13,14 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.files import read_bytes, write_file
 from trcvtui.plc.project import ComBufferDecl, DataDecl, Project
 from trcvtui.plc.project_edit import entries_of
 from trcvtui.plc.project_file import read_project
 from trcvtui.plc.project_keys import KIND_OF, Declaration, keys_of
 from trcvtui.plc.project_text import with_constants, with_entries, with_files_from
 from trcvtui.plc.tables import shown
-from trcvtui.plc.toml_file import parse_toml, read_text
+from trcvtui.plc.toml_file import LARGEST_FILE, parse_toml, read_text
 from trcvtui.rig import configs_path, demo_path
 from trcvtui.rig.scenario import check_bench
 from trcvtui.rig.session_file import SUFFIX, target
@@ -35,8 +36,8 @@ def target_of(words: str, own: Path, written: Collection[str], where: str) -> Pa
     if not name:
         _refuse_what_came_along(own, where)
         return own
-    path = target(name)
-    if path.suffix != SUFFIX or not name.strip("\"'").endswith(SUFFIX):
+    path = target(name, where)
+    if not name.strip("\"'").endswith(SUFFIX):
         raise mistake(where, shown(name), f"a name that ends in {SUFFIX}")
     whole = os.path.realpath(path)
     is_ours = whole in written or whole == os.path.realpath(own)
@@ -68,7 +69,7 @@ def save_project(
     loaded = _loaded(text, path, added)
     if any(loaded.constants.get(name) != number for name, number in constants.items()):
         raise mistake(str(path), "other constants", "the ones that were given")
-    _write_over(path, _beginning(own) + text.encode(), where)
+    write_file(path, _beginning(own) + text.encode(), where, is_own=True)
     return loaded
 
 
@@ -94,31 +95,4 @@ def _same(decl: Declaration, other: Declaration) -> bool:
 
 def _beginning(path: Path) -> bytes:
     """Return the byte order mark that some editors of Windows begin a file with, where it is there."""
-    with path.open("rb") as file:
-        return codecs.BOM_UTF8 if file.read(len(codecs.BOM_UTF8)) == codecs.BOM_UTF8 else b""
-
-
-def _write_over(path: Path, content: bytes, where: str) -> None:
-    """Put this in the place of a file in one step: there is never half a project."""
-    whole = Path(os.path.realpath(path))
-    beside = whole.with_name(f".{whole.name}.{os.getpid()}.new")
-    try:
-        mode = whole.stat().st_mode & 0o7777 if whole.exists() else None
-        with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666), "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        if mode is not None:
-            beside.chmod(mode)
-        os.replace(beside, whole)
-    except (OSError, ValueError) as failed:
-        _forget(beside)
-        reason = failed.strerror if isinstance(failed, OSError) else str(failed)
-        raise mistake(where, f"{path}: {reason}", "a file that can be written") from None
-
-
-def _forget(path: Path) -> None:
-    try:
-        path.unlink(missing_ok=True)
-    except (OSError, ValueError):
-        return  # the reason that is told is the first one
+    return codecs.BOM_UTF8 if read_bytes(path, LARGEST_FILE).startswith(codecs.BOM_UTF8) else b""

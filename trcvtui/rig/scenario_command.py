@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import UserError
+from trcvtui.files import refuse_input, replacing
 from trcvtui.rig import wire
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.live_pace import LivePace
@@ -32,22 +34,29 @@ def run_files(
     if netns:
         wire.enter_own_network(kernel)
     if out is None:
-        return _run_all(paths, kernel, form, sys.stdout.write, overrides)
-    try:
-        with out.open("w", encoding="utf-8") as file:
-            return _run_all(paths, kernel, form, file.write, overrides)
-    except OSError as error:
-        raise mistake(f"--out {out}", error.strerror or str(error), "a file that can be written") from None
+        return _run_all(paths, kernel, form, sys.stdout.write, overrides, lambda: None)
+    where = f"--out {out}"
+    refuse_input(out, where, paths)
+    with replacing(out, where) as file:
+        loaded = partial(refuse_input, out, where)
+        return _run_all(paths, kernel, form, lambda text: file.write(text.encode()), overrides, loaded)
 
 
 def _run_all(
-    paths: Sequence[Path], kernel: str, form: str, write: Callable[[str], object], overrides: Sequence[str]
+    paths: Sequence[Path],
+    kernel: str,
+    form: str,
+    write: Callable[[str], object],
+    overrides: Sequence[str],
+    loaded: Callable[[], None],
 ) -> int:
     document = FORMATS[form](write)
     worst = HELD
     for path in paths:
         try:
-            held = _run_one(path, load_scenario(path, overrides), kernel, document)
+            scenario = load_scenario(path, overrides)
+            loaded()
+            held = _run_one(path, scenario, kernel, document)
             worst = max(worst, HELD if held else FAILED)
         except UserError as error:
             document.wrong(path, error)

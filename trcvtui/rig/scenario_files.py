@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from trcvtui.errors import UserError
+from trcvtui.files import read_bytes
 from trcvtui.rig import configs_path
 from trcvtui.rig.scenario import load_scenario
 
@@ -121,8 +122,7 @@ class _Looking:
 def read_scenario_file(path: Path) -> ScenarioFile | None:
     """Return what a file says of itself, None where it holds no scenario."""
     try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+        content = read_bytes(path, MOST_BYTES)
     except OSError as failed:
         return ScenarioFile(path, path.stem, "", (), f"{path}: found {failed.strerror}, expected a file")
     if b"scenario" not in content:

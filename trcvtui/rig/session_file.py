@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.files import write_file
+from trcvtui.plc.tables import shown
 from trcvtui.plc.toml_file import parse_toml, read_text
 from trcvtui.rig import demo_path
 from trcvtui.rig.assembly import Bench
@@ -79,23 +81,21 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def target(name: str, suffix: str = SUFFIX) -> Path:
-    """Return the path of a file that is named in a command, with its suffix."""
-    path = Path(name.strip().strip("\"'")).expanduser()
-    return path if path.suffix else path.with_suffix(suffix)
+def target(name: str, where: str) -> Path:
+    """Return the path of a TOML file that is named in a command; raise UserError for another suffix."""
+    bare = name.strip().strip("\"'")
+    path = Path(bare).expanduser()
+    if not path.name or bare.endswith(("/", os.sep)):
+        raise mistake(where, shown(name), "the name of a file")
+    if not path.suffix:
+        return path.with_suffix(SUFFIX)
+    if path.suffix != SUFFIX:
+        raise mistake(where, shown(path.name), f"a name that ends in {SUFFIX}")
+    return path
 
 
 def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
     """Write a file that is not there yet, or is one of `ours`; return its real path; raise UserError."""
     whole = os.path.realpath(path)
-    if whole not in ours and os.path.lexists(path):
-        raise mistake(where, f"{path}, which is there already", "the name of a new file")
-    try:
-        with open(whole, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-    except FileNotFoundError:
-        raise mistake(where, f"{path}: no folder {path.parent}", "a folder that is there") from None
-    except (OSError, ValueError) as failed:
-        reason = failed.strerror if isinstance(failed, OSError) else str(failed)
-        raise mistake(where, f"{path}: {reason}", "a file that can be written") from None
+    write_file(path, text, where, is_new=whole not in ours)
     return whole

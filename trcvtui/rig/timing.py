@@ -7,6 +7,7 @@ from collections import deque
 from pathlib import Path
 from typing import Final
 
+from trcvtui.files import write_file
 from trcvtui.rig import clock
 from trcvtui.rig.picture import EngineTiming
 
@@ -36,7 +37,8 @@ class Punctuality:
 
         `used` is the processor time from the end of the scan before to the end of this one.
         """
-        path.write_text(json.dumps({"mode": self._mode, "overruns": self._overruns, "scans": self._every}))
+        kept = {"mode": self._mode, "overruns": self._overruns, "scans": self._every}
+        write_file(path, json.dumps(kept), "timing", is_own=True)
 
     def scanned(self, due: int, began: int, ended: int, interval: int) -> None:
         """Count one scan; it overran when it ended after the next one was due."""

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.parameters import SHOWS
-from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.errors import mistake
+from trcvtui.files import write_file
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.wave import Wave
 from trcvtui.rig.wave_lane import Lane, Window
@@ -228,13 +229,7 @@ def write_waves(path: Path, format: str, waves: Sequence[Wave], span: Span, zoom
         "text": lambda: plain_text(waves, span, zoom),
     }
     payload = texts[format]().encode()
-    try:
-        with path.open("xb") as file:
-            file.write(payload)
-    except FileExistsError:
-        raise mistake(str(path), "a file that is there already", "another name") from None
-    except OSError as error:
-        raise UserError(Problem(str(path), error.strerror or "an error", "a place to write to")) from None
+    write_file(path, payload, "export timing", is_new=True)
     return len(payload)
 
 

@@ -14,6 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from trcvtui.errors import mistake
+from trcvtui.files import reason_of, write_file
+
 MOST_FILES: Final = 100
 PATIENCE_S: Final = 2.0
 FOLDER: Final = "yanks"
@@ -27,20 +30,18 @@ def state_folder() -> Path:
 
 
 def keep(text: str, kind: str, suffix: str) -> Path:
-    """Write a text into a new file of the state folder; raise OSError."""
+    """Write a text into a new file of the state folder; raise UserError."""
     folder = state_folder()
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as failed:
+        raise mistake(kind, f"{folder}: {reason_of(failed)}", "a folder that can be made") from None
     stamp = time.strftime("%Y%m%d-%H%M%S")
-    for number in range(1, 1000):
-        path = folder / f"{kind}-{stamp}{f'-{number}' if number > 1 else ''}{suffix}"
-        try:
-            with path.open("x", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-        except FileExistsError:
-            continue
-        _forget_the_oldest(folder)
-        return path
-    raise FileExistsError(folder)
+    names = (f"{kind}-{stamp}{f'-{number}' if number > 1 else ''}{suffix}" for number in range(1, 1000))
+    path = next((folder / name for name in names if not (folder / name).exists()), folder)
+    write_file(path, text, kind, is_new=True)
+    _forget_the_oldest(folder)
+    return path
 
 
 def _forget_the_oldest(folder: Path) -> None:

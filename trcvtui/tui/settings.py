@@ -17,6 +17,7 @@ from typing import Any, Final
 from textual.binding import Binding, BindingType
 from textual.keys import Keys, _character_to_key, format_key
 
+from trcvtui.files import read_bytes
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.tables import shown
 from trcvtui.tui.theme import THEMES
@@ -61,8 +62,7 @@ def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> 
 
 def _table(path: Path, problems: list[str]) -> dict[str, Any]:
     try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
+        content = read_bytes(path, MOST_BYTES)
     except FileNotFoundError:
         return {}
     except OSError as failed:

@@ -8,6 +8,7 @@ from typing import Final
 
 from textual.app import App
 
+from trcvtui.errors import UserError
 from trcvtui.tui.formatting import count
 from trcvtui.tui.keepsake import keep, to_clipboard
 from trcvtui.tui.yank import Format
@@ -31,8 +32,8 @@ async def take(app: App[None], form: Format, text: str, tell: Tell, complain: Te
         ways.append(f"to {program}")
     try:
         ways.append(f"to {await asyncio.to_thread(keep, text, 'yank', form.suffix)}")
-    except OSError as failed:
-        trouble = f"no file was written: {failed.strerror}"
+    except UserError as refused:
+        trouble = f"no file was written: {refused}"
     way = ", ".join(ways) or "nowhere"
     told = f"yanked {form.name}, {count(len(text), 'character')}: {way}"
     complain(f"{told}; {trouble}") if trouble else tell(told)
@@ -45,8 +46,8 @@ def take_picture(app: App[None], tell: Tell, complain: Tell) -> None:
         return
     try:
         path = keep(app.export_screenshot(), "screen", ".svg")
-    except OSError as failed:
-        complain(f"no picture of the screen was written: {failed.strerror}")
+    except UserError as refused:
+        complain(f"no picture of the screen was written: {refused}")
         return
     tell(f"the screen as SVG: {path}")
 

@@ -66,12 +66,9 @@ def export(args: Namespace) -> str:
     text = exports.export(layout_of(args), args.to, args.port)
     if args.out is None:
         return text.removesuffix("\n")
-    try:
-        with open(args.out, "w", encoding="utf-8") as file:
-            file.write(text)
-    except (OSError, ValueError) as failed:
-        reason = getattr(failed, "strerror", None) or str(failed)
-        raise mistake(args.out, reason, "a file that can be written") from None
+    from trcvtui.files import write_file
+
+    write_file(args.out, text, args.out)
     return ""
 
 

@@ -11,6 +11,7 @@ import sys
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.files import read_bytes, reason_of
 from trcvtui.udt.hexadecimal import parse_hex
 
 STDIN: Final = "-"
@@ -81,8 +82,7 @@ def _text(name: str) -> str:
     try:
         data = _content(name)
     except (OSError, ValueError) as failed:
-        reason = getattr(failed, "strerror", None) or str(failed)
-        raise mistake(_where(name), reason, "text that can be read") from None
+        raise mistake(_where(name), reason_of(failed), "text that can be read") from None
     if len(data) > LARGEST:
         raise mistake(_where(name), "more than that", f"at most {LARGEST} bytes")
     try:
@@ -98,5 +98,4 @@ def _content(name: str) -> bytes:
         if stdin is None:
             raise OSError("nothing, it is closed")
         return bytes(stdin.read(LARGEST + 1))
-    with open(name, "rb") as file:
-        return file.read(LARGEST + 1)
+    return read_bytes(name, LARGEST)

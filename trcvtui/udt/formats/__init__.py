@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 
 from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.udt.declared import Declarations
 from trcvtui.udt.formats.b_and_r import read_b_and_r
 from trcvtui.udt.formats.codesys2 import read_exp
@@ -124,11 +125,9 @@ def _declarations(path: Path) -> Declarations:
 
 def _content(path: Path) -> bytes:
     try:
-        with open(path, "rb") as file:
-            data = file.read(LARGEST_FILE + 1)
+        data = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
-        reason = getattr(failed, "strerror", None) or str(failed)
-        raise mistake(str(path), reason, "a file that can be read") from None
+        raise mistake(str(path), reason_of(failed), READABLE) from None
     if len(data) > LARGEST_FILE:
         raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes of source text")
     return data

@@ -1,0 +1,196 @@
+"""The user's files: read whole and bounded; written beside and renamed, so that there is never half a file.
+
+Rule 1: a FIFO, a device or a folder under the name of a file is refused at once; nothing waits for it.
+Rule 2: what fails leaves the old file as it was, and nothing beside it.
+Rule 3: a file that this process has read is not written over, but by who says that it is his own.
+Rule 4: `close_files` ends all of it for this process: a screen that is read-only has no file to open.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import IO, Final
+
+from trcvtui.errors import UserError, mistake
+
+FileName = str | os.PathLike[str]
+READABLE: Final = "a file that can be read"
+WRITABLE: Final = "a file that can be written"
+_KINDS: Final = (
+    (stat.S_ISFIFO, "a FIFO"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISDIR, "Is a directory"),  # the system's words
+)
+_closed: list[str] = []  # why no file is opened any more
+_read: set[str] = set()  # the real paths of what has been read
+
+
+def close_files(why: str) -> None:
+    """Refuse each later file of this process with `why`."""
+    _closed.append(why)
+
+
+def open_files() -> None:
+    """Take back `close_files`."""
+    _closed.clear()
+
+
+def read_bytes(path: FileName, most: int) -> bytes:
+    """Return at most `most` + 1 bytes of a regular file; raise OSError or ValueError.
+
+    One byte more than `most` tells the caller that the file is larger.
+    """
+    _refuse_when_closed()
+    # O_NONBLOCK: the open of a FIFO would wait for its other end.
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with open(handle, "rb") as file:
+        _refuse_what_is_no_file(os.fstat(handle).st_mode)
+        _read.add(os.path.realpath(path))
+        return file.read(most + 1)
+
+
+def check_readable(path: FileName) -> None:
+    """Raise OSError for what `read_bytes` would refuse: before a library opens the file by its name."""
+    _refuse_when_closed()
+    _refuse_what_is_no_file(os.stat(path).st_mode)
+    _read.add(os.path.realpath(path))
+
+
+def refuse_input(path: FileName, where: str, inputs: Iterable[FileName] = ()) -> None:
+    """Raise UserError when a file that shall be written is one of `inputs`, or was read before."""
+    if os.path.realpath(path) in _read or any(is_same_file(path, each) for each in inputs):
+        raise mistake(where, f"{path}, which is read here", "another name")
+
+
+def reason_of(failed: OSError | ValueError) -> str:
+    """Return why a file could not be read or written, in the system's words."""
+    return getattr(failed, "strerror", None) or str(failed)
+
+
+@contextmanager
+def replacing(path: FileName, where: str, is_own: bool = False, is_new: bool = False) -> Iterator[IO[bytes]]:
+    """Give a file to write; after the block it stands under `path`, on the disk, in one step.
+
+    When the block fails, nothing has changed. Raise UserError for a file that was read (unless `is_own`),
+    for what is no regular file, with `is_new` for a name that is taken, and where the system refuses.
+    """
+    try:
+        _refuse_when_closed()
+        whole = os.path.realpath(path)
+        _refuse_target(path, whole, where, is_new)
+        beside = os.path.join(
+            os.path.dirname(whole), f".{os.path.basename(whole)[:100]}.{os.urandom(6).hex()}.new"
+        )
+        handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    except (OSError, ValueError) as failed:
+        raise _cannot_write(path, where, failed) from None
+    try:
+        with open(handle, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        if not is_own:
+            refuse_input(path, where)  # now: what was read while the block ran counts
+        _keep_mode(whole, beside)
+        _put_in_place(beside, whole, is_new)
+    except (OSError, ValueError) as failed:
+        _forget(beside)
+        raise _cannot_write(path, where, failed) from None
+    except BaseException:
+        _forget(beside)
+        raise
+
+
+def write_file(
+    path: FileName, content: str | bytes, where: str, is_own: bool = False, is_new: bool = False
+) -> None:
+    """Put this content under a name, as `replacing` does; a text is written in UTF-8 as it is."""
+    with replacing(path, where, is_own, is_new) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
+def is_same_file(one: FileName, other: FileName) -> bool:
+    """Return whether two names are one file, by way of links too."""
+    try:
+        return os.path.samefile(one, other)
+    except (OSError, ValueError):
+        return os.path.realpath(one) == os.path.realpath(other)
+
+
+def _refuse_when_closed() -> None:
+    if _closed:
+        raise OSError(errno.EPERM, _closed[-1])
+
+
+def _refuse_what_is_no_file(mode: int) -> None:
+    if not stat.S_ISREG(mode):
+        kind = next((name for is_kind, name in _KINDS if is_kind(mode)), "no regular file")
+        raise OSError(errno.EINVAL, kind)
+
+
+def _refuse_target(path: FileName, whole: str, where: str, is_new: bool) -> None:
+    if is_new and os.path.lexists(path):
+        raise mistake(where, f"{path}, which is there already", "the name of a new file")
+    if os.path.exists(whole):
+        _refuse_what_is_no_file(os.stat(whole).st_mode)
+        if not os.access(whole, os.W_OK):  # a rename would not ask
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+
+def _keep_mode(whole: str, beside: str) -> None:
+    if os.path.exists(whole):
+        os.chmod(beside, os.stat(whole).st_mode & 0o7777)
+
+
+def _put_in_place(beside: str, whole: str, is_new: bool) -> None:
+    if not is_new:
+        os.replace(beside, whole)
+    else:
+        _link_in_place(beside, whole)
+    _sync_folder(os.path.dirname(whole))
+
+
+def _link_in_place(beside: str, whole: str) -> None:
+    # A link refuses a name that was taken meanwhile; not every file system has links.
+    try:
+        os.link(beside, whole)
+    except FileExistsError:
+        raise
+    except OSError:
+        os.replace(beside, whole)
+    else:
+        os.unlink(beside)
+
+
+def _sync_folder(folder: str) -> None:
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:  # Windows opens no folder
+        return
+    try:
+        os.fsync(handle)
+    except OSError:
+        return  # the file stands; some file systems sync no folder
+    finally:
+        os.close(handle)
+
+
+def _forget(path: str) -> None:
+    try:
+        os.unlink(path)
+    except OSError:
+        return  # the reason that is told is the first one
+
+
+def _cannot_write(path: FileName, where: str, failed: OSError | ValueError) -> UserError:
+    reason = reason_of(failed)
+    folder = os.path.dirname(os.path.abspath(path)) if "\0" not in str(path) else ""
+    if isinstance(failed, FileNotFoundError) and not os.path.isdir(folder):
+        return mistake(where, f"{path}: no folder {folder}", "a folder that is there")
+    return mistake(where, reason if str(path) in where else f"{path}: {reason}", WRITABLE)

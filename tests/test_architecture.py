@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "trcvtui"
-LONGEST_FILE = 400
 
 
 def modules_after(statement: str) -> set[str]:
@@ -22,14 +21,6 @@ def test_the_headless_half_loads_no_screen_library() -> None:
     loaded = modules_after("import trcvtui.rig.scenario_command, trcvtui.rig.driver, trcvtui.rig.engine")
     assert not {name for name in loaded if name.split(".")[0] in ("textual", "rich")}
     assert not {name for name in loaded if name.startswith("trcvtui.tui")}
-
-
-def test_no_file_is_longer_than_a_reader_can_hold() -> None:
-    long = {
-        str(path.relative_to(PACKAGE)): len(path.read_text(encoding="utf-8").splitlines())
-        for path in PACKAGE.rglob("*.py")
-    }
-    assert {name: lines for name, lines in long.items() if lines > LONGEST_FILE} == {}
 
 
 def test_every_file_opens_with_its_duty() -> None:

@@ -134,7 +134,8 @@ def test_what_is_worth_knowing_of_a_type_is_told_on_stderr(capsys: pytest.Captur
         "TYPE \"In\"\n{ S7_Optimized_Access := 'TRUE' }\nSTRUCT a : INT; END_STRUCT; END_TYPE\n"
         'TYPE "Out"\nSTRUCT i : "In"; END_STRUCT; END_TYPE\n'
     )
-    said = "note: In: optimised access: the CPU sorts the members itself; laid out as standard access\n"
+    said = "note: Out: a Siemens source, laid out as s7-standard; --layout takes another\n"
+    said += "note: In: optimised access: the CPU sorts the members itself; laid out as standard access\n"
     Path("values.json").write_text("{}")
     for argv in (("show",), ("decode", "00 01"), ("encode", "values.json"), ("export", "--to", "ksy")):
         code, out, err = run(capsys, "udt", argv[0], "t.udt", *argv[1:], "--type", "Out")
@@ -250,3 +251,143 @@ def test_show_imports_no_export_and_no_csv() -> None:
     argv = process("udt", "show", "types.st", "--type", "Mixed", code=code)
     done = subprocess.run(argv, env=ENVIRONMENT, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == ""
+
+
+@pytest.mark.parametrize(
+    ("constants", "bound", "said"),
+    [
+        (
+            "MAX : INT := 10; END_VAR\nVAR_GLOBAL CONSTANT MAX : INT := 20;",
+            "MAX",
+            "'MAX', which is 10 (t.st:1:21) and 20 (t.st:2:21), expected one number: --constant MAX=VALUE",
+        ),
+        (
+            "A : INT := B + 1;\nB : INT := A;",
+            "A",
+            "'A', which is made of itself: A (t.st:1:21), B (t.st:2:1), A,"
+            " expected one number: --constant A=VALUE",
+        ),
+        (
+            "A : INT := 1 / 0;",
+            "A",
+            "'A', which does not work out: A (t.st:1:21), expected one number: --constant A=VALUE",
+        ),
+    ],
+)
+def test_a_constant_with_two_values_and_a_circle_of_constants_say_so(
+    constants: str, bound: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = f"VAR_GLOBAL CONSTANT {constants} END_VAR\nTYPE T : ARRAY[1..{bound}] OF INT; END_TYPE\n"
+    Path("t.st").write_text(text)
+    line = text.count("\n")
+    assert run(capsys, "udt", "show", "t.st") == (2, "", f"t.st:{line}:19: found {said}\n")
+    code, out, _ = run(capsys, "udt", "show", "t.st", "--constant", f"{bound}=2", "--format", "json")
+    assert code == 0 and json.loads(out)["size"] == 4
+
+
+def test_one_name_of_two_enumerations_names_both(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("t.st").write_text("TYPE E : (K := 1); F : (K := 2); T : ARRAY[0..K] OF INT; END_TYPE")
+    _, _, err = run(capsys, "udt", "show", "t.st", "--type", "T")
+    assert "found 'K', which is 1 (E.K) and 2 (F.K), expected one number" in err
+
+
+def test_a_subrange_with_unknown_limits_is_laid_out_with_a_note(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("t.st").write_text(
+        "TYPE T : STRUCT a : INT(0..GVL.HIGH); b : ARRAY[0..1] OF Small; END_STRUCT\n"
+        "Small : SINT(LOW..HIGH); END_TYPE"
+    )
+    code, out, err = run(capsys, "udt", "show", "t.st", "--type", "T", "--format", "json")
+    assert code == 0 and [member["type"] for member in json.loads(out)["members"]] == ["INT", "SINT", "SINT"]
+    assert err.splitlines() == [
+        "note: T: t.st:1:21: INT(0..GVL.HIGH) without a known GVL.HIGH is laid out as INT",
+        "note: T: t.st:2:9: SINT(LOW..HIGH) without a known LOW, HIGH is laid out as SINT",
+    ]
+
+
+@pytest.mark.parametrize("word", ["STRUCT", "UNION"])
+def test_an_empty_struct_warns(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("t.st").write_text(f"TYPE T : STRUCT a : INT; b : Nil; END_STRUCT Nil : {word} END_{word} END_TYPE")
+    code, _, err = run(capsys, "udt", "show", "t.st", "--type", "T")
+    said = f"note: Nil: an empty {word}: 0 bytes here; a partner's compiler may refuse it or give it a byte\n"
+    assert (code, err) == (0, said)
+
+
+def test_a_folder_is_told_what_is_expected(capsys: pytest.CaptureFixture[str]) -> None:
+    said = "folder: found Is a directory, expected a file of type .st, .iecst, .txt, "
+    for argv in (("types.st", "--type", "Mixed", "--with", "folder"), ("folder",)):
+        code, out, err = run(capsys, "udt", "show", *argv)
+        assert (code, out) == (2, "") and err.startswith(said) and err.count("\n") == 1
+
+
+TIA = """TYPE "T"
+{ S7_Optimized_Access := 'FALSE' }
+VERSION : 0.1
+   STRUCT
+      b : Bool;
+      w : Word;
+   END_STRUCT;
+
+END_TYPE
+"""
+OPENNESS = """<Document><SW.Types.PlcStruct><AttributeList><Interface><Sections><Section Name="None">
+<Member Name="b" Datatype="Bool"/><Member Name="w" Datatype="Word"/></Section></Sections></Interface>
+<Name>T</Name></AttributeList></SW.Types.PlcStruct></Document>"""
+SIMATIC_SD = 'TYPE "T" : STRUCT b : Bool; w : Word; END_STRUCT END_TYPE'
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [("t.udt", TIA), ("t.scl", TIA), ("t.st", TIA), ("t.xml", OPENNESS), ("t.s7dcl", SIMATIC_SD)],
+)
+def test_a_siemens_source_is_laid_out_as_s7_standard_with_a_note(
+    file: str, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path(file).write_text(text)
+    said = "note: T: a Siemens source, laid out as s7-standard; --layout takes another\n"
+    code, out, err = run(capsys, "udt", "show", file, "--format", "json")
+    shown = json.loads(out)
+    assert (code, err) == (0, said)
+    assert (shown["layout"], shown["byte_order"], shown["size"]) == ("s7-standard", "big", 4)
+    assert run(capsys, "udt", "decode", file, "--format", "json", "01 00 12 34")[1].count("4660") == 1
+    assert run(capsys, "udt", "compare", file, "--byte-order", "big", "--byte-order", "little")[2] == said
+    code, out, err = run(capsys, "udt", "show", file, "--format", "json", "--layout", "cap4")
+    assert (code, err, json.loads(out)["layout"]) == (0, "", "baosky")
+
+
+def test_of_several_files_the_one_of_the_type_decides_on_the_layout(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("t.udt").write_text(TIA)
+    Path("outer.st").write_text('TYPE Outer : STRUCT t : "T"; x : BYTE; END_STRUCT END_TYPE')
+    _, out, err = run(capsys, "udt", "show", "outer.st", "--with", "t.udt", "--format", "json")
+    assert (json.loads(out)["layout"], err) == ("baosky", "")
+
+
+def test_the_size_of_a_pointer_and_an_even_string_are_options(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("t.st").write_text(
+        "TYPE T : STRUCT p : POINTER TO INT; s : STRING[3]; b : BYTE; END_STRUCT END_TYPE"
+    )
+
+    def size(*options: str) -> int:
+        code, out, _ = run(capsys, "udt", "show", "t.st", "--format", "json", *options)
+        assert code == 0
+        return int(json.loads(out)["size"])
+
+    packed = ("--layout", "packed")
+    assert (size(*packed), size(*packed, "--pointer-size", "4")) == (14, 10)
+    assert size(*packed, "--string-even", "yes") == 15
+    s7 = ("--layout", "s7-standard", "--pointer-size", "4")
+    assert (size(*s7), size(*s7, "--string-even", "no")) == (12, 10)
+    _, out, _ = run(capsys, "udt", "decode", "t.st", *packed, "--pointer-size", "4", "--format", "json", "07")
+    assert json.loads(out)["complete"] is False
+    Path("values.json").write_text('{"b": 255}')
+    _, out, _ = run(capsys, "udt", "encode", "t.st", *packed, "--pointer-size", "4", "values.json")
+    assert len(bytes.fromhex(out)) == 10
+    code, out, _ = run(capsys, "udt", "compare", "t.st", "--pointer-size", "4", "--pointer-size", "8")
+    assert code == 1 and "ours    T: 12 bytes" in out and "theirs  T: 16 bytes" in out
+    assert run(capsys, "udt", "show", "t.st", "--pointer-size", "2")[2] == (
+        "--pointer-size: found '2', expected one of 4, 8\n"
+    )
+    assert run(capsys, "udt", "show", "t.st", "--string-even", "1")[2] == (
+        "--string-even: found '1', expected one of yes, no\n"
+    )

@@ -86,7 +86,7 @@ def test_defines_and_values_of_enumerations_are_numbers() -> None:
     read = read_c(
         f"{before}\nstatic const int K = B << 1;\ntypedef struct {{ char a[M], b[B], c[K / 2]; }} T;", "H"
     )
-    assert read.constants == (("N", 5), ("M", 26), ("A", 0), ("B", 26), ("K", 52))
+    assert [one[:2] for one in read.constants] == [("N", 5), ("M", 26), ("A", 0), ("B", 26), ("K", 52)]
     spec = read.types[0].spec
     assert isinstance(spec, StructSpec)
     assert [m.spec.bounds for m in spec.members if isinstance(m.spec, ArraySpec)] == [((0, 25),)] * 3

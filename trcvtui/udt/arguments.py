@@ -37,13 +37,17 @@ def add_udt(parser: AnyParser) -> dict[str, AnyParser]:
 def _add_type(parser: argparse.ArgumentParser, formats: Sequence[str] = (), twice: bool = False) -> None:
     parser.add_argument("file", metavar="FILE", help="the file that declares the type")
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
-    layout = {"default": "baosky", "help": "default: baosky", **one}
+    layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
-        layout["help"] = "and another --layout; --type, --byte-order, --text may be given twice, too"
+        layout += "; twice: ours and theirs, as of --type and of every option down to --string-even"
     parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
-    parser.add_argument("--layout", metavar="NAME", **layout)
+    parser.add_argument("--layout", metavar="NAME", help=layout, **one)
     parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout", **one)
     parser.add_argument("--text", metavar="FORM", help="of STRING: s7, cstr or nul; default as above", **one)
+    parser.add_argument("--pointer-size", metavar="4|8", help="bytes of a pointer; default: 8", **one)
+    parser.add_argument(
+        "--string-even", metavar="yes|no", help="whether a STRING of odd size takes one byte more", **one
+    )
     parser.add_argument(
         "--constant", metavar="NAME=VALUE", action="append", default=[], help="such as GVL.MAX=10"
     )
@@ -53,7 +57,7 @@ def _add_type(parser: argparse.ArgumentParser, formats: Sequence[str] = (), twic
         dest="others",
         action="append",
         default=[],
-        help="types and constants FILE uses; repeatable",
+        help="a file of types and constants that FILE uses; repeatable",
     )
     if formats:
         parser.add_argument("--format", choices=formats, default=formats[0], help=f"default: {formats[0]}")

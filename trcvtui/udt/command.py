@@ -7,19 +7,22 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.udt.formats import read_file, read_files
-from trcvtui.udt.joining import KNOWN_TYPE, unknown_constant
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.joining import KNOWN_TYPE, unknown_constant, unknown_name
+from trcvtui.udt.layout import Layout, lay_out
 from trcvtui.udt.notes import notes_of
+from trcvtui.udt.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Type
 
 EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
+# What a message calls the fields of a choice that have no option's name in it.
+OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
 
 
 def show(args: Namespace) -> str:
@@ -99,14 +102,42 @@ def json_text(record: dict[str, object]) -> str:
 
 def layout_of(args: Namespace) -> Layout:
     """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
-    rules = rules_for(args.layout, args.byte_order, args.text)
+    choice = choice_of_options(args)
+    choice.rules()  # the arguments come first
     types = types_of(args)
     name, type_ = named_type(types, args.type, args)
+    rules, told = rules_of(choice, types, name)
     layout = lay_out(type_, rules, name)
-    for note in notes_of(types, name, type_, rules):
-        if sys.stderr is not None:  # the shell's 2>&-
-            sys.stderr.write(f"note: {one_line(note)}\n")
+    tell([*told, *notes_of(types, name, type_, rules)])
     return layout
+
+
+def choice_of_options(args: Namespace) -> LayoutChoice:
+    """Return what the options say of the layout; raise UserError for one that says nothing known."""
+    return LayoutChoice(*(_option(field, getattr(args, field)) for field in LayoutChoice._fields))
+
+
+def _option(field: str, text: str | None) -> Any:
+    return (
+        None
+        if text is None
+        else choice_of(field, text, OPTION_NAMES.get(field, f"--{field.replace('_', '-')}"))
+    )
+
+
+def rules_of(choice: LayoutChoice, types: TypeSet, name: str) -> tuple[LayoutRules, list[str]]:
+    """Return the rules for a type, and a note where its source decided on the layout."""
+    own = types.layout(name)
+    if choice.layout is not None or not own:
+        return choice.rules(), []
+    return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+
+
+def tell(notes: Iterable[str]) -> None:
+    """Write notes on stderr, which may be closed (the shell's 2>&-)."""
+    for note in notes:
+        if sys.stderr is not None:
+            sys.stderr.write(f"note: {one_line(note)}\n")
 
 
 def types_of(args: Namespace) -> TypeSet:
@@ -140,33 +171,43 @@ def asked_for(problem: Problem) -> Problem:
     """Return the problem with the option that mends it, where a name of another file is unknown."""
     if problem.expected == KNOWN_TYPE:
         return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
-    name = problem.found[1:-1]
+    name = unknown_name(problem)
     if problem.expected == unknown_constant(name):
+        if problem.found != f"'{name}'":  # several values, or none
+            return replace(problem, expected=f"one number: --constant {name}=VALUE")
         expected = f"a known constant: --constant {name}=VALUE, or --with FILE that declares it"
         return replace(problem, expected=expected)
     return problem
 
 
 def _two_layouts(args: Namespace) -> tuple[Layout, Layout]:
-    columns = [
-        _pair("--layout", args.layout, "baosky"),
-        _pair("--byte-order", args.byte_order, None),
-        _pair("--text", args.text, None),
-        _pair("--type", args.type, None),
-    ]
-    sides = list(zip(*columns, strict=True))
-    rules = [rules_for(layout or "baosky", order, text) for layout, order, text, _ in sides]
+    sides = [Namespace(**side) for side in _sides(args)]
+    choices = [choice_of_options(side) for side in sides]
+    for choice in choices:
+        choice.rules()
     types = types_of(args)
-    found = [named_type(types, name, args) for *_, name in sides]
-    ours, theirs = (lay_out(type_, own, name) for own, (name, type_) in zip(rules, found, strict=True))
+    layouts: list[Layout] = []
+    notes: dict[str, None] = {}
+    for side, choice in zip(sides, choices, strict=True):
+        name, type_ = named_type(types, side.type, args)
+        rules, told = rules_of(choice, types, name)
+        layouts.append(lay_out(type_, rules, name))
+        notes |= dict.fromkeys(told)
+    tell(notes)
+    return layouts[0], layouts[1]
+
+
+def _sides(args: Namespace) -> tuple[dict[str, str | None], dict[str, str | None]]:
+    """Return what the options say for ours and for theirs: given once one counts for both."""
+    ours: dict[str, str | None] = {}
+    theirs: dict[str, str | None] = {}
+    for option in ("type", *LayoutChoice._fields):
+        given: list[str] = getattr(args, option)
+        if len(given) > 2:
+            found = f"{len(given)} of them"
+            raise mistake(f"--{option.replace('_', '-')}", found, "one for both sides, or one for each")
+        ours[option], theirs[option] = (given[0], given[-1]) if given else (None, None)
     return ours, theirs
-
-
-def _pair(option: str, given: Sequence[str], default: str | None) -> tuple[str | None, str | None]:
-    """Return what an option says for ours and theirs: given once it counts for both."""
-    if len(given) > 2:
-        raise mistake(option, f"{len(given)} of them", "one for both sides, or one for each")
-    return (given[0], given[-1]) if given else (default, default)
 
 
 def constants_of(given: Sequence[str]) -> dict[str, int]:

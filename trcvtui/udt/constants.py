@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import Number
+from trcvtui.udt.declared import Constant, Number
 from trcvtui.udt.formula import evaluate, plain_name
 
 DEEPEST = 12  # constants that are made of constants below them in the file
 MOST_LIKE = 64  # of one last name; with more of them none is meant
+MOST_TOLD = 4  # values or names in one message
 
 
 class _Entry(NamedTuple):
@@ -26,6 +27,11 @@ class _Entry(NamedTuple):
     number: Number
     offset: int
     scope: str
+    where: str = ""
+
+    def __str__(self) -> str:
+        """Return the name as a message has it, with its place where it is known."""
+        return f"{self.name} ({self.where})" if self.where else self.name
 
 
 class _Found(NamedTuple):
@@ -36,18 +42,17 @@ class _Found(NamedTuple):
 class Constants:
     """All constants of a set of types; a name is known whole or by its end: `Lib.GVL.MAX`, `GVL.MAX`."""
 
-    def __init__(
-        self, given: Mapping[str, int] | None = None, declared: Iterable[tuple[str, Number]] = ()
-    ) -> None:
+    def __init__(self, given: Mapping[str, int] | None = None, declared: Iterable[Constant] = ()) -> None:
         self.whole: dict[str, list[_Entry]] = {}
         self.by_end: dict[str, list[_Entry]] = {}
         self.found: dict[tuple[str, str], _Found] = {}
-        self.depth = 0
+        self.path: list[_Entry] = []  # what is being worked out, the outermost first
+        self.reasons: dict[str, str] = {}
         self.is_first = True
         for name, number in (given or {}).items():
             self._add(name, 0, number)
-        for name, declared_number in declared:
-            self._add(name, 1, declared_number)
+        for constant in declared:
+            self._add(constant.name, 1, constant.number, where=constant.where)
 
     def add_values(self, enumeration: str, values: Iterable[tuple[str, Number | None]]) -> None:
         """Let the values of an enumeration be constants: `E.VALUE`, `E#VALUE`."""
@@ -73,10 +78,19 @@ class Constants:
 
         return evaluate(number, look_up)
 
-    def _add(self, name: str, layer: int, number: Number, offset: int = 0, scope: str = "") -> None:
+    def reason(self, name: str) -> str:
+        """Return why a name that files declare has no value, such as `which is 1 and 2 (b.st:3:1)`.
+
+        "" where nobody declares it.
+        """
+        return self.reasons.get(name.casefold(), "")
+
+    def _add(
+        self, name: str, layer: int, number: Number, offset: int = 0, scope: str = "", where: str = ""
+    ) -> None:
         name = plain_name(name)
         key = name.casefold()
-        entry = _Entry(name, tuple(key.split(".")), layer, number, offset, scope)
+        entry = _Entry(name, tuple(key.split(".")), layer, number, offset, scope, where)
         self.whole.setdefault(key, []).append(entry)
         self.by_end.setdefault(entry.parts[-1], []).append(entry)
 
@@ -84,11 +98,20 @@ class Constants:
         key = name.casefold()
         if (key, scope) not in self.found:
             self.found[key, scope] = _Found(None, (name,))  # a constant made of itself is unknown
-            self.depth += 1
-            if self.depth <= DEEPEST:
+            if len(self.path) < DEEPEST:
                 self.found[key, scope] = self._work_out(name, self._meant(key, scope))
-            self.depth -= 1
+            else:
+                self.reasons.setdefault(key, f"which comes after {DEEPEST} others in a chain of constants")
+        else:
+            self._note_circle(key)
         return self.found[key, scope]
+
+    def _note_circle(self, key: str) -> None:
+        names = [entry.name.casefold() for entry in self.path]
+        if key in names:
+            circle = self.path[names.index(key) :]
+            told = ", ".join(map(str, [*circle[:MOST_TOLD], circle[0].name]))
+            self.reasons.setdefault(key, f"which is made of itself: {told}")
 
     def _meant(self, key: str, scope: str) -> list[_Entry]:
         own = self.whole.get(f"{scope}.{key}".casefold()) if scope else None
@@ -102,17 +125,34 @@ class Constants:
         return _of_first_layer([entry for entry in like if _is_end(entry.parts, parts)])
 
     def _work_out(self, name: str, entries: list[_Entry]) -> _Found:
-        values: set[int] = set()
+        values: dict[int, _Entry] = {}
         for entry in entries:
             unknown: list[str] = []
+            self.path.append(entry)
             try:
                 value = self.value(entry.number, unknown, entry.scope)
             except UserError:
                 value = None
+                self.reasons.setdefault(name.casefold(), f"which does not work out: {entry}")
+            self.path.pop()
             if value is None:
                 return _Found(None, tuple(dict.fromkeys(unknown))[:MOST_LIKE] or (name,))
-            values.add(value + entry.offset)
-        return _Found(values.pop(), ()) if len(values) == 1 else _Found(None, (name,))
+            values.setdefault(value + entry.offset, entry)
+        if len(values) == 1:
+            return _Found(values.popitem()[0], ())
+        if values:
+            self.reasons.setdefault(name.casefold(), f"which is {_both(name, values)}")
+        return _Found(None, (name,))
+
+
+def _both(name: str, values: Mapping[int, _Entry]) -> str:
+    """Return the values of one name with who says so."""
+    told = []
+    for value, entry in list(values.items())[:MOST_TOLD]:
+        own = "" if entry.name.casefold() == name.casefold() else entry.name
+        at = ", ".join(part for part in (own, entry.where) if part)
+        told.append(f"{value} ({at})" if at else str(value))
+    return " and ".join(told)
 
 
 def _of_first_layer(entries: list[_Entry]) -> list[_Entry]:

@@ -110,9 +110,21 @@ class Declaration(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+class Constant(NamedTuple):
+    """A constant that a file declares, and where."""
+
+    name: str
+    number: Number
+    where: str = ""
+
+
 class Declarations(NamedTuple):
-    """All of a file: its types in order, the mistakes that belong to no type, and constants it declares."""
+    """All of a file: its types in order, the mistakes that belong to no type, and constants it declares.
+
+    `layout` is the layout that the source itself stands for (a TIA source: s7-standard), "" for none.
+    """
 
     types: tuple[Declaration, ...]
     problems: tuple[Problem, ...] = ()
-    constants: tuple[tuple[str, Number], ...] = ()
+    constants: tuple[Constant, ...] = ()
+    layout: str = ""

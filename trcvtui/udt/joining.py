@@ -67,6 +67,7 @@ class Joining:
         self.types: dict[str, Type] = {}
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
+        self.notes: dict[str, dict[str, None]] = {}
 
     def declare(self, declaration: Declaration) -> None:
         key = declaration.name.casefold()
@@ -180,12 +181,20 @@ class Joining:
 
     def build_range(self, spec: RangeSpec, user: str) -> Type | None:
         base = self.look_up(spec.base, user)[0]
-        limits = self.limits(spec.low, spec.high, user)
+        unknown = self.unknown_in(spec.low, spec.high)
+        limits = None if unknown else self.limits(spec.low, spec.high, user)
         if isinstance(base, Subrange):
             base = base.base
         if base is not None and not (isinstance(base, Elementary) and base.kind in WHOLE):
             self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", "an integer type such as INT"))
             return None
+        if base is not None and unknown:
+            text = f"{base.name}({_number_text(spec.low)}..{_number_text(spec.high)})"
+            told = (
+                f"{spec.base.where}: {text} without a known {', '.join(unknown)} is laid out as {base.name}"
+            )
+            self.notes.setdefault(user, {})[told] = None
+            return base
         if base is None or limits is None:
             return None
         low, high = base.limits
@@ -258,7 +267,10 @@ class Joining:
         if row is not None and not (reference.name.upper() in VENDOR_NAMES and self.is_declared(key)):
             return row, 0
         if key in self.types:
-            return self.types[key], self.depths[key]
+            type_ = self.types[key]
+            if not isinstance(type_, Struct | Union | Enumeration):  # no name of its own in the user's type
+                self.notes.setdefault(user, {}).update(self.notes.get(key, {}))
+            return type_, self.depths[key]
         if key in self.known:
             return self.known[key][1], 0
         if key in self.bad or key in self.broken:
@@ -330,8 +342,20 @@ class Joining:
             self.refuse(user, *refused.problems)
             return None
         for name in unknown:
-            self.refuse(user, Problem(number.where, f"'{name}'", unknown_constant(name)))
+            reason = self.constants.reason(name)
+            found = f"'{name}', {reason}" if reason else f"'{name}'"
+            self.refuse(user, Problem(number.where, found, unknown_constant(name)))
         return value
+
+    def unknown_in(self, *numbers: Number) -> list[str]:
+        """Return the names in numbers that have no value; a number that is wrong in itself has none."""
+        unknown: list[str] = []
+        for number in numbers:
+            try:
+                self.constants.value(number, unknown)
+            except UserError:
+                return []
+        return list(dict.fromkeys(unknown))
 
     def quietly(self, number: Number, scope: str) -> int | None:
         try:
@@ -346,6 +370,16 @@ class Joining:
 def unknown_constant(name: str) -> str:
     """Return what is expected in place of a constant that nobody declares."""
     return KNOWN_CONSTANT.format(name)
+
+
+def unknown_name(problem: Problem) -> str:
+    """Return the name of the type or constant that a problem says is unknown."""
+    name, reason, _ = problem.found[1:].rpartition("', which ")
+    return name if reason else problem.found[1:-1]
+
+
+def _number_text(number: Number) -> str:
+    return number.text if isinstance(number, Formula) else str(number)
 
 
 def references(spec: Spec) -> Iterator[Reference]:

@@ -14,9 +14,15 @@ def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list
     found = {f"{name}: {note}": None for note in types.notes.get(name.casefold(), ())}
     for inner in _named(type_, set()):
         own = inner.name or name
-        for note in (*types.notes.get(own.casefold(), ()), *_packing(inner, rules)):
+        for note in (*types.notes.get(own.casefold(), ()), *_empty(inner), *_packing(inner, rules)):
             found[f"{own}: {note}"] = None
     return list(found)
+
+
+def _empty(type_: Struct | Union | Enumeration) -> Iterator[str]:
+    if not isinstance(type_, Enumeration) and not type_.members and type_.base is None:
+        word = "UNION" if isinstance(type_, Union) else "STRUCT"
+        yield f"an empty {word}: 0 bytes here; a partner's compiler may refuse it or give it a byte"
 
 
 def _packing(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 from trcvtui.errors import mistake
 from trcvtui.udt.types import (
@@ -23,6 +23,7 @@ from trcvtui.udt.types import (
 DEFAULT_LAYOUT = "baosky"
 BYTE_ORDERS = {"little": "<", "big": ">"}
 POINTER_SIZES: Final = (4, 8)
+YES_OR_NO: Final = {"yes": True, "no": False}
 
 _T = TypeVar("_T")
 
@@ -178,7 +179,23 @@ def rules_for(
     enum_base: str | None = None,
 ) -> LayoutRules:
     """Return the rules of a layout by name, its settings replaced by what is given; refuse unknown ones."""
-    rules = _known("layout", LAYOUT_ALIASES.get(layout, layout), LAYOUTS, [*LAYOUTS, *LAYOUT_ALIASES])
+    rules = settled(layout, byte_order, text, pointer_size, string_even)
+    if enum_base is not None:
+        rules = replace(rules, enum_base=_known("enum base", enum_base.upper(), INTEGERS).name)
+    return rules
+
+
+def settled(
+    layout: str | LayoutRules,
+    byte_order: str | None = None,
+    text: str | None = None,
+    pointer_size: int | None = None,
+    string_even: bool | None = None,
+) -> LayoutRules:
+    """Return the rules of a layout, or these, with the settings that are given."""
+    rules = layout
+    if isinstance(rules, str):
+        rules = _known("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, [*LAYOUTS, *LAYOUT_ALIASES])
     if byte_order is not None:
         _known("byte order", byte_order, BYTE_ORDERS)
         rules = replace(rules, byte_order=byte_order)
@@ -192,11 +209,45 @@ def rules_for(
         rules = replace(rules, pointer_size=pointer_size)
     if string_even is not None:
         rules = replace(rules, string_even=string_even)
-    if enum_base is not None:
-        rules = replace(rules, enum_base=_known("enum base", enum_base.upper(), INTEGERS).name)
     return rules
 
 
+class LayoutChoice(NamedTuple):
+    """What somebody chose of a layout; None is left to the one who is asked, or to the layout itself."""
+
+    layout: str | None = None
+    byte_order: str | None = None
+    text: str | None = None
+    pointer_size: int | None = None
+    string_even: bool | None = None
+
+    def rules(self, own: str | LayoutRules = DEFAULT_LAYOUT) -> LayoutRules:
+        """Return the rules chosen; `own` where no layout is. Raise UserError for an unknown name."""
+        return settled(own if self.layout is None else self.layout, *self[1:])
+
+    def __str__(self) -> str:
+        """Return it as a line has it: `layout=packed byte_order=big`."""
+        given = zip(self._fields, self, strict=True)
+        return " ".join(f"{name}={choice_text(value)}" for name, value in given if value is not None)
+
+
+def choice_text(value: str | int | bool) -> str:
+    """Return the value of a choice as a line has it."""
+    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
+
+
+def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
+    """Return the value of one field of a choice from its text; raise UserError with what it can be."""
+    return _known(where or name, text, _CHOICES[name])
+
+
+_CHOICES: Final[dict[str, dict[str, str | int | bool]]] = {
+    "layout": {name: name for name in (*LAYOUTS, *LAYOUT_ALIASES)},
+    "byte_order": {name: name for name in BYTE_ORDERS},
+    "text": {name: name for name in TEXT_FORMS},
+    "pointer_size": {str(size): size for size in POINTER_SIZES},
+    "string_even": dict(YES_OR_NO),
+}
 INTEGERS: Final = {row.name: row for row in ELEMENTARY.values() if row.kind in (Kind.INTEGER, Kind.BITS)}
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.declared import Declarations, Spec
-from trcvtui.udt.joining import KNOWN, Joining
+from trcvtui.udt.joining import KNOWN, Joining, unknown_name
 from trcvtui.udt.joining import MOST_NESTED as MOST_NESTED
 from trcvtui.udt.types import Type
 
@@ -21,6 +21,7 @@ from trcvtui.udt.types import Type
 class TypeSet:
     """The types of one or more files; `types`, `broken`, `notes` and `twice` by casefolded name.
 
+    `layouts` are those that the sources of types stand for (TIA: s7-standard), by casefolded name, too.
     `problems` are those of all files in order. `unknown_constants` are the names to ask for, `twice` the
     places of a type that is declared more than once, `notes` what is to be shown beside a type.
     """
@@ -32,6 +33,7 @@ class TypeSet:
     unknown_constants: tuple[str, ...] = ()
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     twice: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    layouts: Mapping[str, str] = field(default_factory=dict)
     constants: Constants = field(default_factory=Constants, compare=False, repr=False)
 
     def names(self) -> list[str]:
@@ -40,14 +42,17 @@ class TypeSet:
 
     def named(self, name: str, where: str = "type") -> Type:
         """Return a type by name (in any case); raise UserError if it is bad, with all that is, or unknown."""
-        key = name.casefold()
-        for known in (key, key.rpartition(".")[2]):  # `A.B.T` of a NAMESPACE is declared as T (udt.md 5)
+        for known in _keys(name):
             if known in self.types:
                 return self.types[known][1]
             if known in self.broken:
                 raise UserError(self.broken[known])
         known = ", ".join(self.names()[:8]) or "no type"
         raise mistake(where, f"'{name}'", f"a type of {self.where}: {known}")
+
+    def layout(self, name: str) -> str:
+        """Return the layout that the source of a type stands for, "" for none."""
+        return next((self.layouts.get(key, "") for key in _keys(name) if key in self.types), "")
 
     def only(self) -> str:
         """Return the name of the only type; raise UserError when there are none, several or bad ones."""
@@ -57,6 +62,11 @@ class TypeSet:
             return self.names()[0]
         found = f"{len(self.types)} types: {', '.join(self.names()[:8])}" if self.types else "no type"
         raise mistake(self.where, found, "one type, or its name" if self.types else "TYPE ... END_TYPE")
+
+
+def _keys(name: str) -> tuple[str, str]:
+    key = name.casefold()
+    return key, key.rpartition(".")[2]  # `A.B.T` of a NAMESPACE is declared as T (udt.md 5)
 
 
 NO_TYPES = TypeSet("the project", {}, {}, ())
@@ -90,10 +100,20 @@ def join(
         broken={key: tuple(bad) for key, bad in joining.bad.items() if key not in types},
         problems=problems,
         unknown_constants=tuple(
-            [p.found[1:-1] for p in problems if p.expected.startswith(f"{KNOWN}constant")]
+            [unknown_name(p) for p in problems if p.expected.startswith(f"{KNOWN}constant")]
         ),
-        notes={key: declared.notes for key, declared in joining.declared.items() if declared.notes},
+        notes={
+            key: notes
+            for key, declared in joining.declared.items()
+            if (notes := (*declared.notes, *joining.notes.get(key, ())))
+        },
         twice={key: tuple(places) for key, places in joining.places.items() if len(places) > 1},
+        layouts={
+            key: file.layout
+            for file in files
+            for declared in (file.types if file.layout else ())
+            if joining.declared[key := declared.name.casefold()] is declared
+        },
         constants=known,
     )
 

@@ -115,7 +115,8 @@ def _declarations(path: Path) -> Declarations:
     suffix = os.path.splitext(path)[1]
     reader = READERS.get(suffix.lower())
     if reader is None:
-        raise mistake(str(path), f"suffix '{suffix}'", "a file of type " + ", ".join(READERS))
+        found = "Is a directory" if os.path.isdir(path) else f"suffix '{suffix}'"
+        raise mistake(str(path), found, "a file of type " + ", ".join(READERS))
     text = decode_text(_content(path))
     if "\0" in text[:2]:
         found = "zero bytes, as in UTF-16 without a byte order mark"

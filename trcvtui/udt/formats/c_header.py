@@ -12,6 +12,7 @@ from typing import Any
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.declared import (
     ArraySpec,
+    Constant,
     Declaration,
     Declarations,
     EnumSpec,
@@ -45,7 +46,11 @@ def read_c(text: str, name: str) -> Declarations:
     reader = _Reader(source)
     for node in parsed(CParser, source):
         reader.outer(node)
-    return Declarations(tuple(reader.types), tuple(source.problems), tuple(reader.constants.items()))
+    return Declarations(
+        tuple(reader.types),
+        tuple(source.problems),
+        tuple(map(Constant, reader.constants, reader.constants.values())),
+    )
 
 
 class _Reader:

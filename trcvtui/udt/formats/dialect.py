@@ -16,6 +16,8 @@ class Dialect(NamedTuple):
     has_objects: bool = False
     # `(* (* *) *)`: whether a comment in a comment is one; where that does not work out, it is none.
     nests_comments: bool = True
+    # The layout that a source of this dialect stands for, "" for none.
+    layout: str = ""
 
 
 IEC = Dialect()

@@ -22,6 +22,7 @@ from trcvtui.udt.declared import (
 )
 from trcvtui.udt.formats.xml_source import Element
 from trcvtui.udt.formats.xml_types import bounds, deeper, text_type
+from trcvtui.udt.rules import S7
 
 TYPE = "SW.Types.PlcStruct"
 MOST_DIMENSIONS = 8
@@ -46,7 +47,7 @@ def read_openness(root: Element) -> Declarations:
             types.append(_declaration(struct))
         except UserError as refused:
             problems.extend(refused.problems)
-    return Declarations(tuple(types), tuple(problems))
+    return Declarations(tuple(types), tuple(problems), layout=S7.name)
 
 
 def _declaration(element: Element) -> Declaration:

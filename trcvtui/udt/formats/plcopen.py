@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.declared import (
     ArraySpec,
+    Constant,
     Declaration,
     Declarations,
     EnumSpec,
@@ -117,12 +118,12 @@ def _constants(list_: Element) -> Declarations:
     plain = _plain_text(list_)
     if plain is not None:
         return qualified(read_inside(plain), list_.get("name"))
-    found: list[tuple[str, Number]] = []
+    found: list[Constant] = []
     for variable in list_.all("variable") if list_.get("constant").strip() in ("true", "1") else ():
         value = variable.at("initialValue", "simpleValue")
         whole = parse_integer(value.get("value")) if value else None
         if whole is not None and variable.get("name"):
-            found.append((variable.get("name"), whole))
+            found.append(Constant(variable.get("name"), whole, variable.where))
     return qualified(Declarations((), (), tuple(found)), list_.get("name"))
 
 

@@ -6,9 +6,10 @@ from trcvtui.errors import mistake
 from trcvtui.udt.declared import Declarations
 from trcvtui.udt.formats.dialect import Dialect
 from trcvtui.udt.formats.st import read_st
+from trcvtui.udt.rules import S7
 
-TIA = Dialect(has_header=True)
-SIMATIC_SD = Dialect()
+TIA = Dialect(has_header=True, layout=S7.name)
+SIMATIC_SD = Dialect(layout=S7.name)
 
 
 def read_tia(text: str, name: str) -> Declarations:

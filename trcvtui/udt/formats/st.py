@@ -9,11 +9,12 @@ import re
 from bisect import bisect_right
 
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import Declaration, Declarations, Number, Reference, Spec, StructSpec
+from trcvtui.udt.declared import Constant, Declaration, Declarations, Reference, Spec, StructSpec
 from trcvtui.udt.formats.dialect import IEC, Dialect
 from trcvtui.udt.formats.st_cursor import CLOSERS, OPENERS
 from trcvtui.udt.formats.st_spec import SpecParser, encoded
 from trcvtui.udt.formats.st_tokens import Shape, Source, Token
+from trcvtui.udt.rules import S7
 
 ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
 # TIA: what stands between the name of a type and STRUCT, each up to the end of its line.
@@ -32,7 +33,7 @@ OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as sta
 
 # Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
 _PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""
-_OPTIMISED = r"""(?i)S7_Optimized_Access\s*:=\s*['"]TRUE['"]"""
+_ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
 
 
 def read_st(text: str, name: str, first_line: int = 1, dialect: Dialect = IEC) -> Declarations:
@@ -57,7 +58,8 @@ class Parser(SpecParser):
     def __init__(self, source: Source, dialect: Dialect = IEC) -> None:
         super().__init__(source, dialect)
         self.types: list[Declaration] = []
-        self.constants: list[tuple[str, Number]] = []
+        self.constants: list[Constant] = []
+        self.layout = dialect.layout
         self.since = 0  # the first token behind the last declaration: pragmas from here on belong to the next
         self.ends = _block_ends(source.tokens)
 
@@ -79,7 +81,7 @@ class Parser(SpecParser):
                 self.advance()
                 self.skip_to(*self.starts())
                 self.accept("END_TYPE")
-        return Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants))
+        return Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
 
     def starts(self) -> tuple[str, ...]:
         """Return the words with which reading can go on behind something unknown."""
@@ -145,7 +147,10 @@ class Parser(SpecParser):
             raise self.refusal("STRUCT or UNION behind EXTENDS", first)
         if isinstance(spec, StructSpec):
             spec = spec._replace(base=base, pack=self.pack(pragmas, first))
-        if any(re.search(_OPTIMISED, text) for text in pragmas):
+        access = [found[1].upper() for text in pragmas if (found := re.search(_ACCESS, text))]
+        if access:
+            self.layout = S7.name
+        if "TRUE" in access:
             self.notes.append(OPTIMISED)
         return spec
 
@@ -224,7 +229,7 @@ class Parser(SpecParser):
             if self.accept(":="):
                 number = self.number()
                 if self.sees(";") or self.at == end:
-                    self.constants.extend((name.name, number) for name in names)
+                    self.constants.extend(Constant(name.name, number, self.where(name)) for name in names)
         except UserError:
             pass  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
         self.skip_until(end, ";")

@@ -44,5 +44,5 @@ def qualified(read: Declarations, list_: str) -> Declarations:
     """Return constants also as `GVL.NAME`, as bounds name them."""
     if not list_:
         return read
-    both = tuple((f"{list_}.{name}", number) for name, number in read.constants)
+    both = tuple(constant._replace(name=f"{list_}.{constant.name}") for constant in read.constants)
     return read._replace(constants=(*read.constants, *both))

@@ -75,7 +75,7 @@ class BenchApp(App[None]):
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
         self._told_unsaved = 0
-        self._early_keys: list[events.Key] | None = []
+        self._early_keys: list[events.Key | events.Paste] | None = []
         for theme in THEMES.values():
             self.register_theme(theme)
         theme = THEMES[self._settings.theme]
@@ -100,11 +100,11 @@ class BenchApp(App[None]):
 
     async def on_event(self, event: events.Event) -> None:
         """Obey a key at once; those typed before everything is there are kept for the moment it is."""
-        if isinstance(event, events.Key) and not event.is_forwarded:
+        if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             if self._early_keys is not None:
                 self._early_keys.append(event)
                 return
-            if self._obeys_at_once() and await obey(self, event):
+            if await obey(self, event):
                 return
         await super().on_event(event)
 
@@ -120,14 +120,9 @@ class BenchApp(App[None]):
             self.main.prompt.complain(first + (f" (and {len(more)} more: ? lists all)" if more else ""))
         _quiet_collector()
 
-    async def _obey_early(self, event: events.Key) -> None:
-        if not self._obeys_at_once() or not await obey(self, event):
+    async def _obey_early(self, event: events.Key | events.Paste) -> None:
+        if not await obey(self, event):
             await super().on_event(event)
-
-    def _obeys_at_once(self) -> bool:
-        return self.screen in (self.main, self.scenarios, self.lab) or getattr(
-            self.screen, "OBEYS_AT_ONCE", False
-        )
 
     # -- pictures and lines -------------------------------------------------------------------------
 

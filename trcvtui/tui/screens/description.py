@@ -55,7 +55,6 @@ class DescriptionText(LineView):
 class DescriptionScreen(ModalScreen[None]):
     """Closed by escape; ← → walk the other descriptions of the project."""
 
-    OBEYS_AT_ONCE: ClassVar[bool] = True
     BINDINGS: ClassVar = [
         Binding("right", "other(1)", show=False),
         Binding("left", "other(-1)", show=False),

@@ -170,7 +170,6 @@ class FramingList(LineView):
 class FramingScreen(ModalScreen[tuple[str, ...]]):
     """Answers with the bench lines to give, none when it is left."""
 
-    OBEYS_AT_ONCE: ClassVar[bool] = True
     BINDINGS: ClassVar = [
         Binding("enter", "apply", show=False),
         Binding("r", "again", show=False),

@@ -52,7 +52,6 @@ ACTIONS: Final = {
 class RaceScreen(Screen[None]):
     """Head with the dialects, table of scans, the chosen scan in full."""
 
-    OBEYS_AT_ONCE: ClassVar[bool] = True
     BINDINGS: ClassVar = [
         *[Binding(str(digit), f"dialect({digit})", show=False) for digit in range(1, len(NAMES) + 1)],
         Binding("n", "difference(1)", show=False),

@@ -70,7 +70,6 @@ class YankList(LineView):
 class YankScreen(ModalScreen[tuple[Format, str] | None]):
     """Answers with the chosen format and its text; letters choose at once, `y` again takes the first."""
 
-    OBEYS_AT_ONCE: ClassVar[bool] = True  # for keys that are typed faster than this is drawn
     BINDINGS: ClassVar = [
         *[Binding(letter, f"take('{letter}')", show=False) for letter in LETTERS],
         Binding("y,enter", "take_chosen", show=False),

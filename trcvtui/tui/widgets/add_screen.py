@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import ClassVar, Final
+from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -15,13 +15,14 @@ from trcvtui.plc.project import Project
 from trcvtui.tui.add_described import AddField
 from trcvtui.tui.add_fields import TITLES, fields_of, first_name, kinds_of, line_of
 from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.keystrokes import TypedField
 from trcvtui.tui.validity import fault_of
 
 KEYS_LINE: Final = "tab field · ↑↓ choose · enter add · esc leave"
 HINT: Final = 30
 
 
-class ChoiceField(Input):
+class ChoiceField(TypedField):
     """One field; up and down walk through what is known to fit."""
 
     BINDINGS: ClassVar = [
@@ -30,9 +31,17 @@ class ChoiceField(Input):
     ]
 
     def __init__(self, key: str, choices: tuple[str, ...], value: str) -> None:
-        super().__init__(value=value, compact=True, select_on_focus=False)
+        super().__init__(value)
         self.key = key
         self._choices = choices
+
+    async def action_submit(self) -> None:
+        """Take the form."""
+        cast("AddScreen", self.screen).take()
+
+    async def follow(self) -> None:
+        """Let the form have the fields that this one asks for."""
+        await cast("AddScreen", self.screen).follow(self)
 
     def action_choose(self, step: int) -> None:
         """Take the next known value, the first one where something else stands."""
@@ -118,33 +127,37 @@ class AddScreen(ModalScreen[str]):
         self._line.set_class(bool(fault), "-bad")
 
     async def on_input_changed(self, event: Input.Changed) -> None:
-        """Judge while typing; another kind has other fields."""
+        """Judge while typing."""
         event.stop()
-        project = self._project()
-        if event.input is self._kind_field:
-            if event.value in kinds_of(project) and event.value != self.kind:
-                self.kind, self._given, self._block = event.value, {}, ""
-                await self._lay_out()
-        elif self._asks_otherwise(event.input, project):
-            self._given = {field.key: field.value for field in self._fields}
-            self._block = event.value
-            await self._lay_out()
-            self.set_focus(next(field for field in self._fields if field.key == "block"))
-        else:
+        if isinstance(event.input, ChoiceField) and event.input.is_attached:
+            await self.follow(event.input)
             self._judge()
 
-    def _asks_otherwise(self, field: Input, project: Project) -> bool:
+    async def follow(self, field: ChoiceField) -> None:
+        """Lay out other fields for another kind, or another block; what has been typed stays."""
+        project = self._project()
+        if field is self._kind_field:
+            if field.value in kinds_of(project) and field.value != self.kind:
+                self.kind, self._given, self._block = field.value, {}, ""
+                await self._lay_out()
+        elif self._asks_otherwise(field, project):
+            self._given = {field.key: field.value for field in self._fields}
+            self._block = field.value
+            at = field.cursor_position
+            await self._lay_out()
+            block = next(field for field in self._fields if field.key == "block")
+            block.cursor_position = at
+            self.set_focus(block)
+
+    def _asks_otherwise(self, field: ChoiceField, project: Project) -> bool:
         """Return whether the block that has just been chosen has other fields."""
-        if not isinstance(field, ChoiceField) or field.key != "block":
-            return False
-        if field.value not in project.dialect.blocks:
+        if field.key != "block" or field.value not in project.dialect.blocks:
             return False
         keys = [spec.key for spec in fields_of(self.kind, project, field.value)]
         return keys != [shown.key for shown in self._fields[1:]]
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
+    def take(self) -> None:
         """Give the command, where it would be taken."""
-        event.stop()
         if not fault_of(self.line, self._project()):
             self.dismiss(self.line)
 

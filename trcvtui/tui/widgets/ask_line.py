@@ -9,16 +9,18 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal
 from textual.widget import Widget
-from textual.widgets import Input, Static
+from textual.widgets import Static
+
+from trcvtui.tui.keystrokes import TypedField
 
 
-class AskInput(Input):
+class AskInput(TypedField):
     """What is typed."""
 
     BINDINGS: ClassVar = [Binding("escape", "drop", show=False)]
 
     def __init__(self, line: AskLine) -> None:
-        super().__init__(id="ask", compact=True, select_on_focus=False)
+        super().__init__(id="ask")
         self._line = line
 
     async def action_submit(self) -> None:

@@ -78,7 +78,6 @@ class ChoiceList(LineView, inherit_bindings=False):
 class ChoiceScreen(ModalScreen[str | None]):
     """Answers with the name of the choice, None when it is left."""
 
-    OBEYS_AT_ONCE: ClassVar[bool] = True
     BINDINGS: ClassVar = [
         Binding("enter", "take", show=False),
         Binding("down", "move(1)", show=False, priority=True),
@@ -104,11 +103,9 @@ class ChoiceScreen(ModalScreen[str | None]):
         self._list.set_title(None, self._title, "↑↓ enter")
         yield self._list
 
-    def on_key(self, event: events.Key) -> None:
+    def take_letter(self, letter: str) -> None:
         """Narrow the list by what is typed."""
-        if event.is_printable and event.character:
-            event.stop()
-            self._narrow(self._list.typed + event.character)
+        self._narrow(self._list.typed + letter)
 
     def _narrow(self, typed: str) -> None:
         self._list.narrow(typed)

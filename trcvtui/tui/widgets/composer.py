@@ -11,6 +11,7 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.tui.cuts import Cuts, cuts_of
+from trcvtui.tui.keystrokes import TypedField
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.validity import fault_of
@@ -22,14 +23,14 @@ OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every
 EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
 
 
-class Field(Input):
+class Field(TypedField):
     """One line of input without a frame; enter sends, escape gives the focus back to the pane."""
 
     KEYS: ClassVar = (("enter", "send"), ("tab", "next"), ("shift+tab", "mode"), ("esc", "leave"))
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
 
     def __init__(self, send: Callable[[], None], id: str, placeholder: str, classes: str = "") -> None:
-        super().__init__(id=id, placeholder=placeholder, classes=classes, compact=True, select_on_focus=False)
+        super().__init__(id=id, placeholder=placeholder, classes=classes)
         self._send = send
 
     async def action_submit(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import ClassVar, Final
+from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -12,18 +12,23 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.keystrokes import TypedField
 from trcvtui.udt.literals import parse_integer
 
 MOST_FIELDS: Final = 32
 NAME: Final = 34
 
 
-class NumberField(Input):
+class NumberField(TypedField):
     """The value of one constant; empty: it stays unknown."""
 
     def __init__(self, name: str) -> None:
-        super().__init__(placeholder="whole number", compact=True, select_on_focus=False)
+        super().__init__(placeholder="whole number")
         self.constant = name
+
+    async def action_submit(self) -> None:
+        """Go on in the form."""
+        cast("ConstantsForm", self.screen).go_on(self)
 
     @property
     def number(self) -> int | None:
@@ -88,11 +93,10 @@ class ConstantsForm(ModalScreen[dict[str, int]]):
         event.stop()
         self._judge()
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
+    def go_on(self, field: NumberField) -> None:
         """Go to the next empty field; behind the last one, end with what was given."""
-        event.stop()
         empty = [field for field in self._fields if not field.value.strip()]
-        if event.input.value.strip() and empty:
+        if field.value.strip() and empty:
             self.set_focus(empty[0])
             return
         given = {field.constant: field.number for field in self._fields if field.value.strip()}

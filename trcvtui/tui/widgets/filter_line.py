@@ -11,8 +11,10 @@ from textual.containers import Horizontal
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
+from trcvtui.tui.keystrokes import TypedField
 
-class FilterInput(Input):
+
+class FilterInput(TypedField):
     """The words of the filter; up and down go on moving in the list."""
 
     BINDINGS: ClassVar = [
@@ -22,7 +24,7 @@ class FilterInput(Input):
     ]
 
     def __init__(self, line: FilterLine) -> None:
-        super().__init__(id="filter", compact=True, select_on_focus=False)
+        super().__init__(id="filter")
         self._line = line
 
     async def action_submit(self) -> None:

@@ -12,19 +12,20 @@ from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
 from trcvtui.tui.formatting import plain
+from trcvtui.tui.keystrokes import TypedField
 from trcvtui.udt.byte_search import Wanted, wanted
 
 HINT = '29 00 · "abc" · =1234 · =1.5'
 
 
-class FindInput(Input):
+class FindInput(TypedField):
     """The field; enter looks, escape leaves."""
 
     KEYS: ClassVar = (("enter", "find"), ("esc", "leave"))
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
 
     def __init__(self, line: FindLine) -> None:
-        super().__init__(compact=True, placeholder=HINT, select_on_focus=True)
+        super().__init__(placeholder=HINT)
         self._line = line
 
     async def action_submit(self) -> None:
@@ -63,6 +64,7 @@ class FindLine(Horizontal):
             await self.mount(Static("/", id="find-mark", markup=False), self._field, self._about)
         self.display = True
         self.screen.set_focus(self._field)
+        self._field.action_select_all()
 
     def close(self) -> None:
         """Close the line and go back to the bytes."""

@@ -10,10 +10,11 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.suggester import Suggester
 from textual.widget import Widget
-from textual.widgets import Input, Static
+from textual.widgets import Static
 
 from trcvtui.rig.picture import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
+from trcvtui.tui.keystrokes import TypedField
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
@@ -60,7 +61,7 @@ class EchoLine(LineView, can_focus=False):
         return row((": ", "dim"), (clip(self._line, self.line_width - 6), ""), mark)
 
 
-class PromptInput(Input):
+class PromptInput(TypedField):
     """The open command line."""
 
     KEYS: ClassVar = (("enter", "send"), ("tab", "complete"), ("↑↓", "earlier lines"), ("esc", "close"))
@@ -72,7 +73,7 @@ class PromptInput(Input):
     ]
 
     def __init__(self, prompt: Prompt, suggester: Suggester) -> None:
-        super().__init__(compact=True, suggester=suggester, select_on_focus=False)
+        super().__init__(suggester=suggester)
         self._prompt = prompt
 
     def action_recall(self, step: int) -> None:
@@ -84,7 +85,7 @@ class PromptInput(Input):
         self._prompt.complete()
 
     async def action_submit(self) -> None:
-        """Send what stands there now: a key typed after enter is not part of it."""
+        """Send what stands there now."""
         self._prompt.submit()
 
     def on_hide(self, event: events.Hide) -> None:

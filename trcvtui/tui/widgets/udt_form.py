@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar, Final
+from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
@@ -14,6 +14,7 @@ from textual.widgets import Input, Static
 from trcvtui.errors import UserError
 from trcvtui.plc.project import Project
 from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.keystrokes import TypedField
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.validity import fault_of
@@ -26,17 +27,16 @@ NAME, TYPE = 24, 14
 KEYS_LINE: Final = "tab member · enter take · esc leave"
 
 
-class MemberField(Input):
+class MemberField(TypedField):
     """One member; what it holds is written into the payload, nothing where it is empty."""
 
     def __init__(self, leaf: Leaf, value: str) -> None:
-        super().__init__(
-            value=value,
-            placeholder="''" if isinstance(leaf.type, Text) else "0",
-            compact=True,
-            select_on_focus=False,
-        )
+        super().__init__(value, placeholder="''" if isinstance(leaf.type, Text) else "0")
         self.leaf = leaf
+
+    async def action_submit(self) -> None:
+        """Take the form."""
+        cast("UdtForm", self.screen).take()
 
     @property
     def written(self) -> str:
@@ -130,9 +130,8 @@ class UdtForm(ModalScreen[str]):
         event.stop()
         self._judge()
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
+    def take(self) -> None:
         """Take the payload, where every member may stand so."""
-        event.stop()
         if not self._fault(self.payload):
             self.dismiss(self.payload)
 

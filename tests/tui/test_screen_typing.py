@@ -1,0 +1,171 @@
+"""Typing fast: letters and Backspaces in one burst, in every field of every screen that there is."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from textual import events
+from textual.screen import Screen
+from textual.widgets import Input
+
+import trcvtui.tui
+from tests.tui.looking import WIDE
+from tests.tui.on_a_bench import BenchLooker, on_a_bench
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.plc.project_file import load_project
+from trcvtui.rig.scenario_files import Found
+from trcvtui.tui.keystrokes import TypedField
+from trcvtui.tui.lab import Lab
+from trcvtui.tui.library import Library
+from trcvtui.tui.screens.description import DescriptionScreen
+from trcvtui.tui.screens.framings import FramingScreen
+from trcvtui.tui.screens.help import HelpScreen
+from trcvtui.tui.screens.lab import LabScreen
+from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.screens.race import RaceScreen
+from trcvtui.tui.screens.scenarios import ScenariosScreen
+from trcvtui.tui.screens.yank import YankScreen
+from trcvtui.tui.widgets.add_screen import AddScreen, ChoiceField
+from trcvtui.tui.widgets.choice_screen import ChoiceScreen
+from trcvtui.tui.widgets.constants_form import ConstantsForm
+from trcvtui.tui.widgets.message_list import MessagesScreen
+from trcvtui.tui.widgets.problems_screen import ProblemsScreen
+from trcvtui.tui.widgets.trial_screen import TrialScreen
+from trcvtui.tui.widgets.udt_form import UdtForm, form_of
+from trcvtui.tui.yank import subject_of
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def modules_of_the_screen() -> None:
+    for module in pkgutil.walk_packages(trcvtui.tui.__path__, "trcvtui.tui."):
+        importlib.import_module(module.name)
+
+
+def all_of(base: type) -> set[type]:
+    """Return the classes of this package that derive from one."""
+    modules_of_the_screen()
+    found, waiting = set(), [base]
+    while waiting:
+        for kind in waiting.pop().__subclasses__():
+            waiting.append(kind)
+            if kind.__module__.startswith("trcvtui."):
+                found.add(kind)
+    return found
+
+
+def described() -> list[ConnectConfig]:
+    project = load_project(CONFIGS / "s7-iso-active.toml")
+    return list(project.connects)
+
+
+def udt_form(looker: BenchLooker) -> UdtForm:
+    form = form_of("Telegram {}", "udt", looker.app.scene)
+    assert form is not None
+    return form
+
+
+# How each screen is opened; a new one without a line here fails the test below.
+OPENED: dict[type, Callable[[BenchLooker], Screen[object] | None]] = {
+    MainScreen: lambda looker: None,
+    AddScreen: lambda looker: AddScreen(lambda: looker.app.scene.project, "peer", {}),
+    UdtForm: udt_form,
+    ConstantsForm: lambda looker: ConstantsForm(["GVL.MAX", "GVL.MIN"], "a file"),
+    MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.scene.project),
+    TrialScreen: lambda looker: TrialScreen(looker.app.scene, looker.app.submit),
+    ProblemsScreen: lambda looker: ProblemsScreen(["one"]),
+    ChoiceScreen: lambda looker: ChoiceScreen("Types", [("abd", ""), ("xyz", "")], ""),
+    YankScreen: lambda looker: YankScreen(subject_of(looker.app.scene, False, None), "c"),
+    HelpScreen: lambda looker: HelpScreen(looker.app.scene, None),
+    DescriptionScreen: lambda looker: DescriptionScreen(described(), described()[0].name, {}),
+    FramingScreen: lambda looker: FramingScreen(looker.app.scene),
+    LabScreen: lambda looker: LabScreen(looker.app.scene, Lab(looker.app.scene), lambda line: None),
+    RaceScreen: lambda looker: RaceScreen(looker.app.scene, lambda line: None, None),
+    ScenariosScreen: lambda looker: ScenariosScreen(
+        looker.app.scene, lambda line: None, Library(Found((), False), None)
+    ),
+}
+
+BACK = "\x7f"
+
+
+def burst(text: str) -> list[events.Key]:
+    names = {
+        BACK: "backspace",
+        "\r": "enter",
+        "\t": "tab",
+        " ": "space",
+        "=": "equals_sign",
+        "\x15": "ctrl+u",
+    }
+    return [events.Key(names.get(letter, letter), letter) for letter in text]
+
+
+async def at_once(looker: BenchLooker, *keys: events.Event) -> None:
+    for key in keys:
+        looker.app.post_message(key)
+    await looker.settle()
+
+
+async def opened(looker: BenchLooker, kind: type) -> None:
+    screen = OPENED[kind](looker)
+    if screen is not None:
+        await looker.app.push_screen(screen)
+    assert type(looker.app.screen) is kind
+
+
+def test_every_screen_is_typed_into_here() -> None:
+    assert {kind for kind in all_of(Screen) if kind not in OPENED} == set()
+
+
+def test_every_field_is_a_typed_field() -> None:
+    assert {kind for kind in all_of(Input) if not issubclass(kind, TypedField)} == set()
+
+
+@pytest.mark.parametrize("kind", OPENED, ids=lambda kind: kind.__name__)
+async def test_what_is_typed_in_one_burst_stands_there_in_its_order(kind: type) -> None:
+    async with on_a_bench(WIDE) as looker:
+        await opened(looker, kind)
+        for field in looker.app.screen.query(Input):
+            for around in field.ancestors_with_self:
+                around.display = True
+            looker.app.screen.set_focus(field)
+            field.value = ""
+            await at_once(looker, *burst(f"ab{BACK}c 12{BACK}{BACK}{BACK}{BACK}3x{BACK}4"))
+            assert field.value == "a34", field
+            await at_once(looker, events.Paste("pasted"), *burst(f"{BACK}{BACK}!"))
+            assert field.value == "a34past!", field
+            field.value = ""
+
+
+async def test_a_list_is_narrowed_by_letters_and_backspaces_in_their_order() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await opened(looker, ChoiceScreen)
+        await at_once(looker, *burst(f"abc{BACK}d"))
+        screen = looker.app.screen
+        assert isinstance(screen, ChoiceScreen)
+        assert screen._list.typed == "abd"
+
+
+async def test_a_whole_form_in_one_burst_with_the_key_that_opens_it_and_the_line_typed_after_it() -> None:
+    async with on_a_bench(WIDE) as looker:
+        shift_tab = events.Key("shift+tab", None)
+        name = burst(f"\x15C8{BACK}9\t\t\t\x152{BACK}7001\rT")
+        await at_once(
+            looker, *burst("A"), shift_tab, *burst(f"\x15conm{BACK}nect\t"), *name, *burst(f"x{BACK}y")
+        )
+        line = "add connect C9 ActiveEstablished=false LocalAddress=127.0.0.1 LocalPort=7001"
+        assert looker.lines == [line]
+        assert looker.app.main.prompt._input.value == "trigger y"  # type: ignore[union-attr]
+
+
+async def test_another_block_in_one_burst_keeps_what_is_typed_behind_it() -> None:
+    async with on_a_bench(WIDE) as looker:
+        await at_once(looker, *burst(f"A\t\x15TSEND_D{BACK}C\tC1{BACK}2"))
+        form = looker.app.screen
+        assert isinstance(form, AddScreen)
+        assert {f.key: f.value for f in form.query(ChoiceField)}["connect"].endswith("C2")

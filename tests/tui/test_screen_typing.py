@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from textual import events
@@ -46,7 +47,7 @@ def modules_of_the_screen() -> None:
         importlib.import_module(module.name)
 
 
-def all_of(base: type) -> set[type]:
+def all_of(base: type[Any]) -> set[type[Any]]:
     """Return the classes of this package that derive from one."""
     modules_of_the_screen()
     found, waiting = set(), [base]
@@ -70,7 +71,7 @@ def udt_form(looker: BenchLooker) -> UdtForm:
 
 
 # How each screen is opened; a new one without a line here fails the test below.
-OPENED: dict[type, Callable[[BenchLooker], Screen[object] | None]] = {
+OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     MainScreen: lambda looker: None,
     AddScreen: lambda looker: AddScreen(lambda: looker.app.scene.project, "peer", {}),
     UdtForm: udt_form,
@@ -111,7 +112,7 @@ async def at_once(looker: BenchLooker, *keys: events.Event) -> None:
     await looker.settle()
 
 
-async def opened(looker: BenchLooker, kind: type) -> None:
+async def opened(looker: BenchLooker, kind: type[Any]) -> None:
     screen = OPENED[kind](looker)
     if screen is not None:
         await looker.app.push_screen(screen)
@@ -127,7 +128,7 @@ def test_every_field_is_a_typed_field() -> None:
 
 
 @pytest.mark.parametrize("kind", OPENED, ids=lambda kind: kind.__name__)
-async def test_what_is_typed_in_one_burst_stands_there_in_its_order(kind: type) -> None:
+async def test_what_is_typed_in_one_burst_stands_there_in_its_order(kind: type[Any]) -> None:
     async with on_a_bench(WIDE) as looker:
         await opened(looker, kind)
         for field in looker.app.screen.query(Input):

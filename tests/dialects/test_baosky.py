@@ -46,6 +46,7 @@ def test_the_switches_have_the_names_and_defaults_of_the_design() -> None:
         "second_client": "reject",
         "check_remote_ip": "true",
         "check_remote_port": "false",
+        "backlog": "128",
         "small_buffers": "false",
     }
 
@@ -93,6 +94,7 @@ def test_a_switch_reaches_its_rule(name: str, value: object, field: str, expecte
         ("second_client", "replace", "second_client", "replace"),
         ("check_remote_ip", False, "check_remote_ip", False),
         ("check_remote_port", True, "check_remote_port", True),
+        ("backlog", 2, "backlog", 2),
         ("small_buffers", True, "small_buffers", True),
     ],
 )

@@ -119,8 +119,8 @@ CASES = {
 }
 
 
-# What no STATUS shows: configs/scenarios/siemens/switch-NAME.toml looks at the bytes.
-ON_THE_WIRE = {"iso_tpdu_default"}
+# What no STATUS shows: configs/scenarios/siemens/switch-NAME.toml looks at the wire.
+ON_THE_WIRE = {"iso_tpdu_default", "backlog"}
 
 
 def test_every_switch_has_a_case() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
@@ -87,4 +87,13 @@ class Block(Protocol):
 
     def leave(self, reason: str) -> None:
         """Be gone: deleted, or made anew by a download. A running job leaves its lock behind."""
+        ...
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """A block that receives on a connection."""
+
+    def would_read(self, inputs: Inputs) -> bool:
+        """Return whether this instance receives on the connection as soon as it is called."""
         ...

@@ -158,10 +158,10 @@ class ConnectionPart:
         return [Outcome(condition, cause) for condition in self._course.rebuilding]
 
     def _go_on_connecting(self) -> Outcome:
-        is_second = self._course.second_lags and self._connection.is_up
+        is_second = self._course.second_lags and self._connection.stands_for(self._claim)
         failed = self._connection.step(self._env.scan, self._env.now)
         lags = is_second and self._connection.since_scan == self._env.scan
-        if self._connection.is_up and self.waits and not lags:
+        if self.waits and not lags and self._connection.stands_for(self._claim):
             return self._connected()
         if failed is not None:
             return self._set_up_failed(failed)

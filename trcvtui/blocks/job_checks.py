@@ -44,9 +44,14 @@ def refuse(
     return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
 
 
+def fits(env: Environment, data: DataArea | None, wish: Wish) -> bool:
+    """Return whether DATA, LEN and the CONNECT's other users let such a job start, buffers aside."""
+    return wish.rival is None and _misfit(env, data, wish) is None
+
+
 def reserve(env: Environment, data: DataArea | None, wish: Wish, direction: Direction, claim: Claim) -> bool:
     """Take the direction for a job that starts in the next call; False: that call would refuse it."""
-    if _misfit(env, data, wish) is not None or wish.rival is not None or env.resources.buffers.is_full:
+    if not fits(env, data, wish) or env.resources.buffers.is_full:
         return False
     return direction.take(claim) is None
 

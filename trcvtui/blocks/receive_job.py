@@ -16,7 +16,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import Wish, refuse, reserve, rival_of
+from trcvtui.blocks.job_checks import Wish, fits, refuse, reserve, rival_of
 from trcvtui.blocks.job_checks import changed as area_changed
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
@@ -85,11 +85,19 @@ class ReceiveJob:
         wish, receiving = self._wish(length, adhoc), self._connection.receiving
         refused = self._unfit or refuse(self._env, self._data, wish, receiving, self.claim, self._connect)
         if refused is not None:
-            return self.check_loss() or refused
+            # A whole frame stays until there is a buffer for it, also when the partner has gone.
+            has_to_wait = refused.condition is Condition.NO_BUFFER and self._is_whole(wish)
+            return refused if has_to_wait else self.check_loss() or refused
         assert self._data is not None
         self._asked = length, self._data.shape
         self._start(wish.length or self._data.size, wish.adhoc)
         return self._collect() or self.receiving()
+
+    def _is_whole(self, wish: Wish) -> bool:
+        """Return whether the stack holds what would end such a job at once."""
+        size = self._data.size if self._data is not None else 0
+        least = 1 if wish.adhoc or self._is_message_oriented else wish.length or size
+        return self._connection.unread() >= least
 
     def _wish(self, length: int, adhoc: bool) -> Wish:
         if length in self._area.adhoc_lens:
@@ -97,6 +105,13 @@ class ReceiveJob:
         least = self._data.text_lens.received if self._data is not None else 0
         rival = rival_of(self._env, self._connection, self.claim)
         return Wish(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
+
+    def would_read(self, inputs: Inputs) -> bool:
+        """Return whether EN_R asks for a job that can start, now or when another reader lets go."""
+        if not inputs.en_r or self._unfit is not None:
+            return False
+        wish = self._wish(inputs.len, inputs.adhoc)
+        return fits(self._env, self._data, wish) and not self._connection.receiving.is_orphaned(self.claim)
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the receive side for the job that begins in the next call; False: it would be refused."""

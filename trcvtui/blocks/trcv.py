@@ -34,13 +34,17 @@ class Trcv:
         shown = self._link.next_shown()
         if shown is not None:
             return shown
-        if self._link.is_new():
+        if self._link.is_new(self.job.claim):
             return CONNECTED
         if self._link.is_known():
             return self._receive(inputs)
         if not inputs.en_r:
             return NO_LINK
         return self._not_connected()
+
+    def would_read(self, inputs: Inputs) -> bool:
+        """Return whether this instance receives on the connection as soon as it is called."""
+        return self.job.would_read(inputs)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""

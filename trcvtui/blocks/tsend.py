@@ -31,7 +31,7 @@ class Tsend:
         shown = self._link.next_shown()
         if shown is not None and not req_rose:
             return shown
-        self._link.is_new()
+        self._link.is_new(self.job.claim)
         if self._link.is_known():
             return self._send(inputs, req_rose)
         return (

@@ -11,7 +11,7 @@ from typing import Final
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects.baosky_status import STATUS
 from trcvtui.dialects.baosky_udp import UDP_STATUS
-from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
+from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue
 from trcvtui.net.policy import Policy
 
 SECOND: Final = 1_000_000_000  # ns
@@ -77,6 +77,7 @@ SWITCHES: Final = (
     ),
     Switch("check_remote_ip", "bool", True, "a passive CONNECT takes RemoteAddress only (0.0.0.0: anyone)"),
     Switch("check_remote_port", "bool", False, "a passive CONNECT takes clients from RemotePort only"),
+    BACKLOG,
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 and 80A8 come in seconds"),
 )
 
@@ -108,6 +109,7 @@ def _policy(chosen: Mapping[str, SwitchValue]) -> Policy:
         check_remote_ip=bool(chosen["check_remote_ip"]),
         check_remote_port=bool(chosen["check_remote_port"]),
         second_client=str(chosen["second_client"]),
+        backlog=int(chosen["backlog"]),
         small_buffers=bool(chosen["small_buffers"]),
         user_timeout=bool(chosen["user_timeout"]),
     )

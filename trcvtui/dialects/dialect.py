@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
@@ -26,6 +27,17 @@ class Switch:
     values: tuple[str, ...] = ()
     least: int = 0
     most: int = 1_000_000
+
+
+# Every vendor's listeners have a queue. Linux cuts one that is longer than net.core.somaxconn without a word.
+BACKLOG: Final = Switch(
+    "backlog",
+    "count",
+    128,
+    "clients that wait at a listener; who comes when it is full gets no answer, and tries again by himself",
+    least=1,
+    most=4096,
+)
 
 
 def codes_of(rows: Iterable[StatusRow]) -> dict[str, dict[Condition, int]]:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
 from trcvtui.blocks.rules import AreaRules, NotConnected, Rules
-from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
+from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens_blocks import ALL
 from trcvtui.dialects.siemens_secure import SECURE_SET_UP
 from trcvtui.dialects.siemens_status import STATUS
@@ -81,6 +81,7 @@ SWITCHES: Final = (
         least=128,
         most=65531,
     ),
+    BACKLOG,
     Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
 )
 
@@ -177,6 +178,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
             retry_ns=int(chosen["retry"]),
             pauses_behind_idle=True,
             attempt_limit_ns=int(chosen["attempt_limit"]),
+            backlog=int(chosen["backlog"]),
             small_buffers=bool(chosen["small_buffers"]),
             tpdu_default=int(chosen["iso_tpdu_default"]),
             narrow_tsaps=cpu.narrow_tsaps,

@@ -2,8 +2,10 @@
 
 Rule 1: `step` does at most one thing a scan, whoever asks first; the others read the same answer.
 Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
-Rule 3: a FIN never overtakes bytes: while somebody receives, the incarnation ends behind the last of them.
-A sender that meets the loss first knows it at once; the connection is doomed until the receiver has read on.
+Rule 3: a FIN never overtakes bytes: while somebody receives, or is about to (`readers`), the incarnation
+ends after the last of them. A sender that meets the loss first knows it at once; the connection is doomed
+until the receiver has read on.
+Rule 4: who comes after the partner's FIN or RST is his successor, and waits; nobody resets him.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ class Connection:
         self.receiving = Direction()
         self.sending = Direction()
         self.keeping = Direction()  # blocks that build it, and hold it
+        self.readers: dict[str, Callable[[], bool]] = {}  # instance -> would it read what is there?
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self.doom: ConnectionLoss | None = None  # known, but somebody still reads what came before it
         self.since_scan = 0  # the scan in which the state last changed to connected
@@ -68,6 +71,24 @@ class Connection:
     def is_up(self) -> bool:
         """Return whether the connection stands, as far as anybody knows."""
         return self.state is State.CONNECTED and self.doom is None
+
+    def stands_for(self, claim: Claim) -> bool:
+        """Return whether the connection stands for this instance: a reader has it to the last byte."""
+        return self.is_up or (self.state is State.CONNECTED and self._reads(claim))
+
+    def _reads(self, claim: Claim | None) -> bool:
+        """Return whether this instance receives, or would as soon as it is called."""
+        if claim is None:
+            return False
+        would = self.readers.get(claim.instance)
+        return self.receiving.holds(claim) or (would is not None and would())
+
+    def _others_read(self, asking: Claim | None) -> bool:
+        """Return whether anybody else receives, or would as soon as he is called, whatever the call order."""
+        if self.receiving.is_anybodys_but(asking):
+            return True
+        own = "" if asking is None else asking.instance
+        return any(name != own and would() for name, would in self.readers.items())
 
     @property
     def local(self) -> Endpoint | None:
@@ -100,7 +121,7 @@ class Connection:
             case State.CREATED:
                 return self._prepare(now)
             case State.CONNECTED:
-                self._end_if_doomed()
+                self.end_if_doomed()
                 return None
             case _ if self.set_up.listener is not None:
                 return self._adopt(self.set_up.accept(), now)
@@ -160,27 +181,31 @@ class Connection:
 
     def service(self) -> bool:
         """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""
+        if self.end_if_doomed():
+            return True
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
             return False
         if self._policy.second_client == "queue":
             return False
-        if self._is_over():
-            return True
         before = self.incarnation
         for _ in range(ACCEPTS_A_SCAN):
+            if self._is_over():
+                return True
             got = self.set_up.accept()
             # When a newcomer could not be taken over, nobody is left: the next step adopts whoever waits.
-            if not isinstance(got, Accepted) or not self._second_client(got):
+            if not isinstance(got, Accepted):
+                break
+            if self._is_over():  # between the look and the accept
+                self.set_up.keep(got)
+                return True
+            if not self._second_client(got):
                 break
         return self.state is not State.CONNECTED or self.incarnation != before
 
     def _is_over(self) -> bool:
-        """Return whether the partner has ended the connection: who comes behind that is his successor."""
-        seen = self._kernel.loss(self.handle) if self.handle is not None and self.doom is None else None
-        if seen is not None:
-            self.doom = self._loss_of(seen.fault)
-        return self.doom is not None
+        """Return whether the partner has ended the connection by now, also after the last poll."""
+        return self.doom is not None or (self.handle is not None and self._kernel.renew(self.handle))
 
     def _second_client(self, client: Accepted) -> bool:
         if self._policy.second_client == "reject":
@@ -198,6 +223,11 @@ class Connection:
         """Read at most len(into) bytes; a loss is answered behind the last queued byte, and releases."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
+        if got is WOULD_BLOCK and self.doom is not None:
+            self._kernel.renew(
+                self.handle
+            )  # what doomed it came after the poll, and bytes perhaps before that
+            got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
             return WOULD_BLOCK if self.doom is None else self._lose(self.doom)
         if isinstance(got, int):
@@ -213,6 +243,9 @@ class Connection:
         """Take one message; what there is no room for is gone. A loss is answered behind the last message."""
         assert self.handle is not None
         got = self._kernel.recv_from(self.handle, into)
+        if got is WOULD_BLOCK and self.doom is not None:
+            self._kernel.renew(self.handle)
+            got = self._kernel.recv_from(self.handle, into)
         if isinstance(got, Datagram):
             self._took(got.size, instance)
             return got
@@ -229,9 +262,9 @@ class Connection:
     def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
         """Look for a loss without consuming data; release the connection when there is one.
 
-        While somebody else than `asking` receives, the loss is left to him (rule 3).
+        While somebody else than `asking` receives, or is about to, the loss is left to him (rule 3).
         """
-        if self.handle is None or self.receiving.is_anybodys_but(asking):
+        if self.handle is None or self._others_read(asking):
             return None
         return self._look_for_loss(self.handle, asking)
 
@@ -243,19 +276,22 @@ class Connection:
 
     def _found(self, loss: ConnectionLoss, asking: Claim | None = None) -> ConnectionLoss:
         """Release the connection, or leave that to whoever else still reads."""
-        if not self.receiving.is_anybodys_but(asking):
+        if not self._others_read(asking):
             return self._lose(loss)
         self.doom = loss
         return loss
 
-    def _end_if_doomed(self) -> None:
-        if self.doom is not None and not self.receiving.is_anybodys_but(None):
-            self._lose(self.doom)
+    def end_if_doomed(self) -> bool:
+        """Release a doomed connection that nobody reads any more; return whether it was one."""
+        if self.doom is None or self._others_read(None):
+            return False
+        self._lose(self.doom)
+        return True
 
     def lost(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
         """Return how that incarnation ended, None while it stands; to its receiver it stands to the last."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
-            if self.doom is None or self.receiving.holds(asking):
+            if self.doom is None or self._reads(asking):
                 return None
             return self._found(self.doom)
         return self._losses.of(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))

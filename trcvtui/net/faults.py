@@ -183,6 +183,10 @@ class FaultyKernel:
         """Return whether the last poll saw something, or a client still waits behind a planned fault."""
         return self.inner.readable(handle) or handle in self._held
 
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
+        return self.inner.renew(handle)
+
     def _readable_ones(self) -> Collection[Handle]:
         return [handle for handle in self._owners if self.inner.readable(handle)]
 

@@ -105,6 +105,13 @@ class Kernel(Protocol):
         """Return whether the last poll saw data, a FIN, an error or a waiting client on the handle."""
         ...
 
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now.
+
+        FIN, RST or an error: nothing is consumed.
+        """
+        ...
+
     def socket(self, owner: str) -> Handle | Fault:
         """Make a TCP socket."""
         ...

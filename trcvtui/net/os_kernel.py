@@ -98,6 +98,16 @@ class OsKernel(DatagramCalls):
             return handle in self._ready
         return bool(self._look(handle, IN))
 
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
+        sock = self._sockets.get(handle)
+        if sock is None:
+            return True
+        mask = self._look(handle, IN)
+        if mask and handle in self._polled:
+            self._ready[handle] = mask
+        return bool(mask & GONE) or (not RDHUP and self._peeks_the_end(handle, sock))
+
     def _look(self, handle: int, mask: int) -> int:
         """Return the events of one handle now."""
         seen = look_at({handle: mask | RDHUP}) if handle in self._sockets else []

@@ -54,6 +54,10 @@ class Direction:
         """Return whether an instance that is still there works here, other than this one."""
         return any(held is not claim and not held.is_orphan for held in self._claims)
 
+    def is_orphaned(self, claim: Claim) -> bool:
+        """Return whether an instance that is gone keeps this one out."""
+        return any(held.is_orphan and held.priority == claim.priority for held in self._claims)
+
     def holds(self, claim: Claim | None) -> bool:
         """Return whether this claim is held."""
         return claim in self._claims

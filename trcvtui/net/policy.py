@@ -16,6 +16,7 @@ class Policy:
     check_remote_ip: bool = True
     check_remote_port: bool = False
     second_client: str = "reject"
+    backlog: int = 128  # clients that the listener's queue holds
     small_buffers: bool = False
     tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP who tells no size
     narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 behind it, then ASCII

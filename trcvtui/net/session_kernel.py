@@ -120,6 +120,15 @@ class SessionKernel:
             return self.inner.readable(handle)
         return self._has_news(stream) or self.inner.readable(handle)
 
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
+        is_gone = self.inner.renew(handle)
+        stream = self._streams.get(handle)
+        if stream is None or is_gone:
+            return is_gone
+        stream.pump()  # the partner's last word may stand inside the session
+        return stream.is_over or stream.end is not None
+
     @staticmethod
     def _has_news(stream: Stream) -> bool:
         return stream.session.has_data or stream.is_over or stream.session.ended is not None

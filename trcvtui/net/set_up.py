@@ -26,7 +26,6 @@ from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.notes import What
 from trcvtui.net.policy import Policy
 
-BACKLOG: Final = 4
 ACCEPTS_A_SCAN: Final = 16  # a flood of clients costs bounded work a scan
 PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
 
@@ -84,6 +83,7 @@ class SetUp:
         self._deadline = 0
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
+        self._successor: Accepted | None = None  # accepted while the partner before him was ending
 
     @property
     def has_been_up(self) -> bool:
@@ -152,7 +152,7 @@ class SetUp:
         return f"{local} is not for every user: IsoPort sets another"
 
     def _listen(self, handle: Handle) -> StepFault | None:
-        fault = self._kernel.listen(handle, BACKLOG)
+        fault = self._kernel.listen(handle, self._policy.backlog)
         if fault is not None:
             return StepFault(Stage.BIND, fault)  # EADDRINUSE of listen is a taken port too (3.1)
         fault = self._kernel.poll_add(handle)
@@ -224,12 +224,19 @@ class SetUp:
 
     def accept(self) -> Accepted | StepFault | None:
         """Take the next client that may be the partner; others are reset (decision 21)."""
+        if self._successor is not None:
+            client, self._successor = self._successor, None
+            return client
         for _ in range(ACCEPTS_A_SCAN):
             got = self._accept_any()
             if not isinstance(got, Accepted) or not self._is_wrong_partner(got.peer):
                 return got
             self.turn_away(got, What.WRONG_PARTNER)
         return None
+
+    def keep(self, client: Accepted) -> None:
+        """Keep an accepted client as the next partner: the one before him has ended in the same moment."""
+        self._successor = client
 
     def _accept_any(self) -> Accepted | StepFault | None:
         if self.listener is None or not self._kernel.readable(self.listener):
@@ -279,6 +286,9 @@ class SetUp:
         fault = None
         self.is_withdrawn = False
         self._identities.give_back(self._holder)
+        if self._successor is not None:
+            self._kernel.abort(self._successor.handle)
+            self._successor = None
         if self.listener is not None:
             fault = self._kernel.close(self.listener)
             self.listener = self.local = None

@@ -99,6 +99,15 @@ class SimKernel:
         socket = self._sockets.get(handle)
         return socket is not None and not socket.polled and socket.is_readable
 
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
+        socket = self._sockets.get(handle)
+        if socket is None:
+            return True
+        if socket.polled and socket.is_readable:
+            self._seen[handle] = socket.is_gone
+        return socket.is_gone
+
     def poll_add(self, handle: Handle) -> Fault | None:
         """Put the handle into the poll set."""
         socket = self._sockets.get(handle)

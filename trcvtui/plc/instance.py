@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from trcvtui.blocks import parameters
-from trcvtui.blocks.block import Binding
+from trcvtui.blocks.block import Binding, Reader
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.registry import new_block
@@ -98,6 +98,8 @@ class Instance:
     def fresh(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
         self._block = new_block(self.block_name, self._bound)
+        if isinstance(self._bound, Binding) and isinstance(self._block, Reader):
+            self._bound.connection.readers[self.name] = self._would_read
         self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
         self.outputs, self.edge = self._show(NOT_CALLED)
@@ -161,6 +163,12 @@ class Instance:
             return False
         return self._take(outcome) or first
 
+    def _would_read(self) -> bool:
+        """Return whether the block receives as soon as it is called; a pin that blinks may be TRUE then."""
+        pins = self.inputs | dict.fromkeys(self._blinking, True)
+        inputs = Inputs(**{pin.lower(): value for pin, value in pins.items()})  # type: ignore[arg-type]
+        return isinstance(self._block, Reader) and self._block.would_read(inputs)
+
     def _freeze(self) -> Inputs:
         values = {pin.lower(): value for pin, value in self.inputs.items()}
         if self._stream is not None:
@@ -205,6 +213,8 @@ class Instance:
 
     def leave(self, reason: str) -> None:
         """Drop the running job; its lock on the connection stays behind."""
+        if isinstance(self._bound, Binding):
+            self._bound.connection.readers.pop(self.name, None)
         self._block.leave(reason)
 
     def _show(self, outcome: Outcome) -> Shown:

@@ -255,7 +255,7 @@ class Runtime:
         return [
             name
             for handle, name in stirred.items()
-            if name in connections and connections[name].handle != handle
+            if name in connections and (connections[name].handle != handle or connections[name].doom)
         ]
 
     # -- commands --------------------------------------------------------------------------------------------

@@ -37,7 +37,7 @@ class Trcv:
             return self._lost(loss)
         if loss is not None:
             self._link.end([])  # nobody was asked to receive
-        self._link.is_new()
+        self._link.is_new(self.job.claim)
         if not inputs.en_r and not (self.job.running and self._course.en_r_keeps_job):
             self.job.abandon("EN_R fell")
             self.job.let_go()
@@ -45,6 +45,10 @@ class Trcv:
             return _IDLE
         shown = self._receive(inputs) if self._link.is_known() else self._no_link()
         return self._told.shown(shown, inputs)
+
+    def would_read(self, inputs: Inputs) -> bool:
+        """Return whether this instance receives on the connection as soon as it is called."""
+        return self.job.would_read(inputs)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""

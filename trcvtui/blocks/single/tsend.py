@@ -31,7 +31,7 @@ class Tsend:
             return self._lost(loss)
         if loss is not None:
             self._link.end([])  # nobody was asked to send
-        self._link.is_new()
+        self._link.is_new(self.job.claim)
         if self.job.running:
             return self._shown(self.job.go_on(), Condition.RUNNING)
         if not rose:

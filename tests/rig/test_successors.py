@@ -1,0 +1,301 @@
+"""Devices that open a connection for each message: every complete frame arrives, whatever the call order."""
+
+from __future__ import annotations
+
+import random
+from itertools import permutations
+from pathlib import Path
+
+import pytest
+
+from trcvtui.net.notes import BytesDropped, ConnectionNote, What
+from trcvtui.plc.project_file import read_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.bench import parse_line
+
+KERNELS = ("sim", "live")
+SIZE = 8
+Block = tuple[str, str]  # block, name
+RECEIVER: Block = ("TRCV_C", "R")
+SENDER: Block = ("TSEND_C", "S")
+INNER: tuple[Block, ...] = (("TCON", "B"), ("TRCV", "R"), ("TSEND", "S"))
+ORDERS = [(RECEIVER,), (SENDER, RECEIVER), (RECEIVER, SENDER), *permutations(INNER)]
+
+
+class Line:
+    """A bench with these blocks on C1, in call order, and devices that come one after the other."""
+
+    def __init__(
+        self, *blocks: Block, kernel: str = "sim", slow: str = "", dialect: str = "baosky", **options: object
+    ) -> None:
+        document = {
+            "dialect": dialect,
+            "options": options,
+            "task": [{"name": "MAIN"}, {"name": "SLOW", "interval": "T#70ms"}],
+            "data": [{"name": name, "type": f"ARRAY[1..{SIZE}] OF BYTE"} for name in ("rx", "tx")],
+            "connect": [{"name": "C1", "LocalAddress": "127.0.0.1"}],
+            "instance": [
+                {"block": block, "name": name, "connect": "C1", "task": "SLOW" if name == slow else "MAIN"}
+                | ({"data": "rx" if "RCV" in block else "tx"} if "RCV" in block or "SEND" in block else {})
+                for block, name in blocks
+            ],
+            "peer": [{"name": f"P{n}", "active": True, "remote": "@C1"} for n in range(1, 7)],
+        }
+        self.bench = Bench(read_project(document, "line", Path()), kernel)
+        self.names = [name for _, name in blocks]
+        self.received: list[bytes] = []
+        self.shown: dict[str, list[str]] = {name: [] for name in self.names}
+        for block, name in blocks:
+            if block.endswith("_C"):
+                self.do(f"set {name} CONT=1")
+            if block == "TCON":
+                self.do(f"pulse {name} REQ")
+            if "RCV" in block:
+                self.do(f"set {name} EN_R=1")
+
+    def do(self, *lines: str) -> None:
+        for line in lines:
+            command = parse_line(line, self.bench.project, "test")
+            assert command is not None
+            assert self.bench.do(command) == "", line
+
+    def run(self, scans: int) -> None:
+        for _ in range(scans):
+            self.bench.step()
+            for out in self.bench.runtime.called:
+                self.shown[out.instance].append(f"{out.status:04X}" + "!" * out.error)
+                if out.done and out.block.startswith("TRCV"):
+                    self.received.append(self.bench.runtime.data("rx"))
+
+    def device(self, peer: str, number: int, end: str = "close") -> None:
+        """Connect, send one frame, and be gone."""
+        self.do(f"peer {peer} connect", f"peer {peer} send hex {frame(number).hex()}", f"peer {peer} {end}")
+
+    def walk(self, name: str) -> str:
+        return " ".join(self.shown[name])
+
+    def dropped(self) -> int:
+        events = [line.event for line in self.bench.runtime.ledger]
+        return sum(event.size for event in events if isinstance(event, BytesDropped))
+
+    def turned_away(self) -> int:
+        events = [line.event for line in self.bench.runtime.ledger]
+        return sum(isinstance(event, ConnectionNote) and event.what is What.SECOND_CLIENT for event in events)
+
+    def close(self) -> None:
+        self.bench.close()
+        assert self.bench.leaks() == ()
+
+
+def frame(number: int) -> bytes:
+    return number.to_bytes(SIZE, "big")
+
+
+def frames(count: int) -> list[bytes]:
+    return [frame(number) for number in range(1, count + 1)]
+
+
+@pytest.mark.parametrize("end", ["close", "rst"])
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("blocks", ORDERS, ids=lambda blocks: "-".join(name for _, name in blocks))
+def test_six_devices_in_one_scan_and_six_frames(blocks: tuple[Block, ...], kernel: str, end: str) -> None:
+    line = Line(*blocks, kernel=kernel)
+    line.run(5)
+    for number in range(1, 7):
+        line.device(f"P{number}", number, end)
+    line.run(50)
+    assert line.received == frames(6)
+    assert (line.dropped(), line.turned_away()) == (0, 0)
+    line.close()
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("blocks", ORDERS[:3], ids=["R", "S-R", "R-S"])
+def test_the_call_order_changes_nothing_that_the_receiver_shows(
+    blocks: tuple[Block, ...], kernel: str
+) -> None:
+    line = Line(*blocks, kernel=kernel)
+    line.run(5)
+    line.device("P1", 1)
+    line.run(8)
+    assert line.walk("R").partition("7004")[2] == " 7006 7008 80C5! 7002 7002 7002 7002"
+    line.close()
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_successor_waits_and_is_the_next_partner_while_the_first_frame_is_read(kernel: str) -> None:
+    line = Line(RECEIVER, kernel=kernel)
+    line.run(5)
+    line.device("P1", 1)
+    line.do("peer P2 connect", f"peer P2 send hex {frame(2).hex()}")
+    line.run(12)
+    assert line.walk("R").endswith("7004 7006 7008 80C5! 7002 7004 7006 7008 7006 7006 7006 7006")
+    assert line.bench.peers["P2"].state == "connected"
+    line.close()
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_who_comes_while_the_first_stands_is_a_second_client_as_ever(kernel: str) -> None:
+    line = Line(RECEIVER, kernel=kernel)
+    line.run(5)
+    line.do("peer P1 connect", "peer P2 connect")
+    line.run(4)
+    assert (line.bench.peers["P1"].state, line.bench.peers["P2"].state) == ("connected", "reset")
+    line.close()
+
+
+@pytest.mark.parametrize("policy", ["reject", "replace", "queue"])
+def test_a_successor_waits_whatever_becomes_of_second_clients(policy: str) -> None:
+    line = Line(SENDER, RECEIVER, second_client=policy)
+    line.run(5)
+    for number in range(1, 4):
+        line.device(f"P{number}", number)
+    line.run(30)
+    assert line.received == frames(3)
+    line.close()
+
+
+@pytest.mark.parametrize("slow", ["S", "R"])
+@pytest.mark.parametrize("blocks", ORDERS[1:3], ids=["S-R", "R-S"])
+def test_tasks_of_different_intervals_lose_nothing(blocks: tuple[Block, ...], slow: str) -> None:
+    line = Line(*blocks, slow=slow)
+    line.run(30)
+    for number in range(1, 7):
+        line.device(f"P{number}", number)
+        line.run(2)
+    line.run(300)
+    assert line.received == frames(6)
+    line.close()
+
+
+def test_a_sender_that_sends_meets_the_loss_at_once_and_the_receiver_has_every_frame() -> None:
+    line = Line(SENDER, RECEIVER)
+    line.run(5)
+    line.device("P1", 1)
+    line.run(1)
+    line.do("pulse S REQ")
+    line.run(6)
+    assert line.walk("S").endswith("7004 80C5! 7002 7002 7002 7002 7002")
+    assert line.walk("R").endswith("7004 7006 7008 80C5! 7002 7002 7002")
+    assert line.received == frames(1)
+    line.close()
+
+
+def test_en_r_that_rises_in_the_scan_of_the_fin_receives_though_the_sender_is_called_before() -> None:
+    line = Line(SENDER, RECEIVER)
+    line.do("set R EN_R=0")
+    line.run(5)
+    line.do("peer P1 connect")
+    line.run(3)
+    line.do(f"peer P1 send hex {frame(1).hex()}", "peer P1 close", "set R EN_R=1")
+    line.run(5)
+    assert line.received == frames(1)
+    line.close()
+
+
+@pytest.mark.parametrize("blocks", ORDERS[:3], ids=["R", "S-R", "R-S"])
+def test_a_receiver_that_does_not_want_keeps_no_dead_connection(blocks: tuple[Block, ...]) -> None:
+    line = Line(*blocks)
+    line.do("set R EN_R=0")
+    line.run(5)
+    line.device("P1", 1)
+    line.run(4)
+    assert line.walk("R").endswith("7004 7002 7002 7002")
+    assert line.dropped() == SIZE
+    line.close()
+
+
+@pytest.mark.parametrize("pins", ["R1 LEN=9", "R1 CONT=0"])
+def test_two_receivers_that_cannot_receive_keep_no_dead_connection(pins: str) -> None:
+    line = Line(SENDER, ("TRCV_C", "R1"), ("TRCV_C", "R2"))
+    line.do(f"set {pins}", "set R2 LEN=9")
+    line.run(5)
+    line.device("P1", 1)
+    line.run(4)
+    assert line.walk("R2").endswith("80A5! 7002 7002") or line.walk("R2").endswith("7002 7002 7002")
+    assert line.dropped() == SIZE
+    line.close()
+
+
+def test_a_receiver_kept_out_by_another_takes_over_what_that_one_leaves() -> None:
+    line = Line(("TRCV_C", "R1"), ("TRCV_C", "R2"))
+    line.run(5)
+    line.do("peer P1 connect")
+    line.run(3)
+    assert line.walk("R2").endswith("80C3!")
+    line.do("set R1 EN_R=0")
+    line.do(f"peer P1 send hex {frame(1).hex()}", "peer P1 close")
+    line.run(6)
+    assert line.received == frames(1)
+    line.close()
+
+
+def test_a_whole_frame_waits_for_a_buffer_though_its_sender_has_gone() -> None:
+    line = Line(SENDER, RECEIVER)
+    line.run(5)
+    line.do("fault buffer times=3")
+    line.device("P1", 1)
+    line.run(9)
+    assert line.walk("R").endswith("7004 80A7! 80A7! 80A7! 7006 7008 80C5! 7002 7002")
+    line.close()
+
+
+def test_an_adhoc_receiver_takes_what_came_before_the_fin() -> None:
+    line = Line(SENDER, RECEIVER)
+    line.do("set R ADHOC=1")
+    line.run(5)
+    for number in range(1, 4):
+        line.do(
+            f"peer P{number} connect", f"peer P{number} send hex 0{number} 0{number}", f"peer P{number} close"
+        )
+    line.run(20)
+    assert [data[:2] for data in line.received] == [bytes([n, n]) for n in (1, 2, 3)]
+    line.close()
+
+
+def test_part_of_a_frame_after_whole_ones_is_80a6_and_the_successor_is_served() -> None:
+    line = Line(SENDER, RECEIVER)
+    line.run(5)
+    line.do("peer P1 connect", f"peer P1 send hex {frame(1).hex()} 01 02", "peer P1 close")
+    line.device("P2", 2)
+    line.run(14)
+    assert "7008 7006 80A6! 80C5! 7002 7004 7006 7008 80C5!" in line.walk("R")
+    assert line.received == frames(2)
+    line.close()
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_who_comes_when_the_queue_is_full_comes_again_by_itself(kernel: str) -> None:
+    line = Line(RECEIVER, kernel=kernel, backlog=1)
+    line.run(5)
+    line.do("peer P1 connect", "peer P2 connect", "peer P3 connect")
+    assert [line.bench.peers[f"P{n}"].state for n in (1, 2, 3)] == ["connected", "connected", "connecting"]
+    line.close()
+
+
+def test_a_thousand_devices_one_after_the_other_and_a_thousand_frames_in_order() -> None:
+    for blocks in ORDERS[:3]:
+        line = Line(*blocks)
+        line.run(5)
+        call_all(line, 1000, random.Random(13))
+        assert line.received == frames(1000)
+        assert (line.dropped(), line.turned_away()) == (0, 0)
+        line.close()
+
+
+def call_all(line: Line, count: int, dice: random.Random) -> None:
+    """Let one device after the other connect, send and close, 0 to 60 ms apart; each waits for the stack."""
+    sent = pause = 0
+    device = line.bench.peers["P1"]
+    for _ in range(20 * count):
+        while sent < count and not pause:
+            if device.state not in ("connected", "connecting"):
+                line.do("peer P1 connect")
+            if device.state == "connecting":
+                break
+            sent, pause = sent + 1, dice.randint(0, 6)
+            line.do(f"peer P1 send hex {frame(sent).hex()}", "peer P1 close")
+        line.run(1)
+        pause = max(0, pause - 1)
+        if len(line.received) == count:
+            return

@@ -18,6 +18,7 @@ from trcvtui.net.os_addresses import interface_addresses
 from trcvtui.net.os_kernel import OsKernel
 from trcvtui.net.policy import Policy
 from trcvtui.net.set_up import SetUp, Stage
+from trcvtui.net.work import Work
 
 
 def test_asking_for_the_addresses_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,6 +47,7 @@ def test_a_system_without_such_a_list_leaves_the_address_to_bind(monkeypatch: py
         lambda name: None,
         Identities(),
         lambda *note: None,
+        Work(),
     )
     assert set_up.create() is None
     failed = set_up.prepare(0)

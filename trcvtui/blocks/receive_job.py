@@ -20,7 +20,7 @@ from trcvtui.blocks.job_checks import Wish, fits, refuse, reserve, rival_of
 from trcvtui.blocks.job_checks import changed as area_changed
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import WOULD_BLOCK, Datagram, Endpoint
+from trcvtui.net.answers import Datagram, Endpoint, WouldBlock
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
@@ -157,13 +157,13 @@ class ReceiveJob:
             self.complete = self.adhoc or have == self.need
             self.last_bytes = self._env.now
             return None
-        return None if got is WOULD_BLOCK else got
+        return None if isinstance(got, WouldBlock) else got
 
     def _collect_message(self) -> ConnectionLoss | None:
         """Take one message, whole (siemens.md 4.2): it ends the job, whatever its length."""
         got = self._connection.receive_message(self._view, self._instance)
         if not isinstance(got, Datagram):
-            return None if got is WOULD_BLOCK else got
+            return None if isinstance(got, WouldBlock) else got
         self._first_offset = self._span_offset = self._connection.bytes_received - got.size
         self._next_offset = self._connection.bytes_received
         self.have, self.whole, self._source = got.size, got.whole, got.source

@@ -21,7 +21,7 @@ from trcvtui.blocks.job_checks import Wish, changed, refuse, reserve, rival_of
 from trcvtui.blocks.losses import shown
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.receive_job import OUTCOMES_KEPT
-from trcvtui.net.answers import WOULD_BLOCK, Fault, WouldBlock
+from trcvtui.net.answers import Fault, WouldBlock
 from trcvtui.net.connection_loss import ConnectionLoss
 from trcvtui.net.datagram_connection import DatagramConnection
 
@@ -137,7 +137,7 @@ class SendJob:
             self._unsent = self._unsent[got:]
             self.last_bytes = self._env.now
             return None
-        return None if got is WOULD_BLOCK else got
+        return None if isinstance(got, WouldBlock) else got
 
     def _send(self) -> int | WouldBlock | Fault | ConnectionLoss:
         if self._address is not None and isinstance(self._connection, DatagramConnection):

@@ -8,12 +8,17 @@ from typing import Final
 
 
 class WouldBlock(Enum):
-    """The answer "not now": nothing to read, no room to write, no verdict yet."""
+    """The answer "not now": nothing to read, no room to write, no verdict yet.
+
+    HELD_BACK: something to read may be there, but this scan has done its part for it (net/work.py).
+    """
 
     WOULD_BLOCK = "WOULD_BLOCK"
+    HELD_BACK = "HELD_BACK"
 
 
 WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK
+HELD_BACK: Final = WouldBlock.HELD_BACK
 
 
 @dataclass(frozen=True, slots=True)

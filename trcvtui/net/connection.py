@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from trcvtui.net.answers import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.answers import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection_loss import ConnectionLoss, Losses, LossKind, loss_of
 from trcvtui.net.connection_state import State as State
@@ -24,7 +24,7 @@ from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, Connection
 from trcvtui.net.ownership import Claim, Direction
 from trcvtui.net.policy import Policy
 from trcvtui.net.resources import Resources
-from trcvtui.net.set_up import ACCEPTS_A_SCAN, SetUp, Stage, StepFault
+from trcvtui.net.set_up import SetUp, Stage, StepFault
 
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 
@@ -54,7 +54,9 @@ class Connection:
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.handle: Handle | None = None
-        self.set_up = SetUp(config, kernel, policy, resolve, resources.identities, self._note_set_up)
+        self.set_up = SetUp(
+            config, kernel, policy, resolve, resources.identities, self._note_set_up, resources.work
+        )
         self._kernel = kernel
         self._resources = resources
         self._policy = policy
@@ -189,9 +191,7 @@ class Connection:
         if self._policy.second_client == "queue":
             return False
         before = self.incarnation
-        for _ in range(ACCEPTS_A_SCAN):
-            if self._is_over():
-                return True
+        while not self._is_over():  # accept ends when the scan has done its part (net/work.py)
             got = self.set_up.accept()
             # When a newcomer could not be taken over, nobody is left: the next step adopts whoever waits.
             if not isinstance(got, Accepted):
@@ -201,6 +201,8 @@ class Connection:
                 return True
             if not self._second_client(got):
                 break
+        else:
+            return True
         return self.state is not State.CONNECTED or self.incarnation != before
 
     def _is_over(self) -> bool:
@@ -249,6 +251,8 @@ class Connection:
         if isinstance(got, Datagram):
             self._took(got.size, instance)
             return got
+        if got is HELD_BACK:
+            return WOULD_BLOCK
         seen = Loss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
         loss = self.doom or (self._loss_of(seen.fault) if seen else None)
         return WOULD_BLOCK if loss is None else self._lose(loss)

@@ -12,6 +12,9 @@ from typing import Final, NamedTuple
 
 TPKT_VERSION: Final = 3
 TPKT_HEADER: Final = 4  # bytes: version, reserved, length of the whole
+CODE_AT: Final = 5  # where the code of the TPDU stands in a TPKT
+LONGEST_HEADER: Final = 255  # bytes of a TPDU without data: its length indicator has one byte
+NO_LIMIT: Final = 1 << 62
 LEAST_TPKT: Final = 7
 DATA_HEADER: Final = 3  # bytes of a DT that count against the negotiated size
 LAST: Final = 0x80  # of the message: the EOT mark of a DT
@@ -97,6 +100,8 @@ class TpktReader:
     """Puts TPDUs together from bytes that come in any pieces; behind `Malformed` nothing more is read."""
 
     def __init__(self) -> None:
+        self.agreed: int | None = None  # bytes of a DT, where both ends have told
+        self.stopped_short = False  # a TPDU that is complete may wait here
         self._held = bytearray()
         self._is_lost = False
 
@@ -105,16 +110,20 @@ class TpktReader:
         """Return how many bytes of a TPKT that is not complete are kept."""
         return len(self._held)
 
-    def feed(self, data: bytes | memoryview) -> list[Tpdu]:
-        """Take bytes and return the TPDUs that they complete, in order."""
+    def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> list[Tpdu]:
+        """Take bytes and return the TPDUs that they complete, in order, at most so many."""
         if self._is_lost:
             return []
         self._held += data
+        self.stopped_short = False
         found: list[Tpdu] = []
         begin = 0
         while not self._is_lost and len(self._held) - begin >= TPKT_HEADER:
+            if len(found) == most:
+                self.stopped_short = True
+                break
             size = int.from_bytes(self._held[begin + 2 : begin + 4], "big")
-            wrong = _wrong_tpkt(self._held[begin], size)
+            wrong = _wrong_tpkt(self._held[begin], size) or self._too_large(begin, size)
             if wrong:
                 found.append(Malformed(wrong))
             elif len(self._held) - begin < size:
@@ -128,6 +137,17 @@ class TpktReader:
         else:
             del self._held[:begin]
         return found
+
+    def _too_large(self, begin: int, size: int) -> str:
+        """Return what is wrong with a TPKT larger than agreed; its header is enough to know."""
+        tpdu = size - TPKT_HEADER
+        if self.agreed is None or tpdu <= self.agreed:
+            return ""
+        if self._held[begin + CODE_AT : begin + CODE_AT + 1] == bytes([Code.DT]):
+            return f"a DT of {tpdu} bytes, {self.agreed} are agreed"
+        if tpdu <= LONGEST_HEADER:  # it may be a TPDU that carries no data
+            return ""
+        return f"a TPKT of {size} bytes, TPDUs of {self.agreed} are agreed"
 
 
 def _wrong_tpkt(version: int, size: int) -> str:

@@ -105,7 +105,9 @@ class DatagramConnection(Connection):
         write: Callable[[Note], None],
     ) -> None:
         super().__init__(config, kernel, resources, policy, resolve, write)
-        self._way = DatagramSetUp(config, kernel, policy, resolve, resources.identities, self._note_set_up)
+        self._way = DatagramSetUp(
+            config, kernel, policy, resolve, resources.identities, self._note_set_up, resources.work
+        )
         self.set_up = self._way
         self._resolve = resolve
 

@@ -3,7 +3,8 @@
 Rule 1: bytes in, bytes out: `feed` takes what came, `take_output` gives what must be sent.
 Rule 2: at most one message is put together, up to `cap` bytes, and complete ones wait, MESSAGES_WAITING or
 `cap` bytes of them: who does not take them must not feed more (`wants_more`). What is longer than the cap is
-counted on; a message of more than CAPS caps ends the connection.
+counted on; a message of more than CAPS caps ends the connection, and so does one in more pieces than the cap
+has bytes, or in too many empty ones.
 Rule 3: whatever cannot be right ends the connection with its reason; nothing raises.
 """
 
@@ -16,6 +17,7 @@ from typing import Final
 
 from trcvtui.net.cotp import (
     DATA_HEADER,
+    NO_LIMIT,
     Code,
     Connect,
     Data,
@@ -37,6 +39,7 @@ SIZE_CODES: Final = range(2, 17)  # 4 bytes, of which 1 is data, to 65536; the m
 NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size (A19)
 MESSAGES_WAITING: Final = 4
 CAPS: Final = 16
+EMPTY_PIECES: Final = 64  # DTs without a byte in one message: nobody has a reason to send one
 NO_SUCH_TSAP: Final = "no CONNECT has the TSAP"
 REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connection
 
@@ -80,11 +83,11 @@ class IsoOnTcp:
         self.request: Connect | None = None  # the partner's CR, until it is answered
         self._settings = settings
         self._most = settings.not_told - DATA_HEADER
-        self._agreed: int | None = None  # bytes of a DT, where both ends have told
         self._reader = TpktReader()
         self._output = bytearray()
         self._collected = bytearray()
         self._whole = 0
+        self._pieces = self._empty_pieces = 0  # DTs of the message
         self._finished = 0  # messages, empty ones too
         self._has_begun = False  # a message whose last DT has not come
         self._ignored = 0
@@ -121,11 +124,23 @@ class IsoOnTcp:
         """Return how many bytes are kept: complete messages, and what is not complete yet."""
         return self._reader.held + len(self._collected) + self._waiting()
 
-    def feed(self, data: bytes | memoryview) -> None:
-        """Take bytes of the stream."""
-        for tpdu in self._reader.feed(data):
+    def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
+        """Take bytes of the stream, and at most so many TPDUs of them; return how many were taken."""
+        tpdus = self._reader.feed(data, most)
+        for tpdu in tpdus:
             if self.phase is not Phase.ENDED:
                 self._take(tpdu)
+        return len(tpdus)
+
+    @property
+    def has_backlog(self) -> bool:
+        """Return whether TPDUs wait here that may be taken now."""
+        return self._reader.stopped_short and self.wants_more
+
+    @property
+    def is_dear(self) -> bool:
+        """Return False: a handshake of two TPDUs costs nothing."""
+        return False
 
     @property
     def partner_is_done(self) -> bool:
@@ -255,14 +270,14 @@ class IsoOnTcp:
 
     def _begin(self, size_code: int | None) -> None:
         self.phase = Phase.UP
-        self._agreed = 1 << size_code if size_code is not None else None
+        agreed = self._reader.agreed = 1 << size_code if size_code is not None else None
         own = 1 << self._settings.size_code
-        self._most = (self._agreed or min(self._settings.not_told, own)) - DATA_HEADER
+        self._most = (agreed or min(self._settings.not_told, own)) - DATA_HEADER
 
     def _take_data(self, piece: Data) -> None:
-        size = len(piece.payload) + DATA_HEADER
-        if self._agreed is not None and size > self._agreed:  # a CPU ends the connection (siemens.md 5.2)
-            self._end("EPROTO", f"a DT of {size} bytes, {self._agreed} are agreed")
+        size, agreed = len(piece.payload) + DATA_HEADER, self._reader.agreed
+        if agreed is not None and size > agreed:  # it came in one piece with the CC
+            self._end("EPROTO", f"a DT of {size} bytes, {agreed} are agreed")
         else:
             self._collect(piece)
 
@@ -271,8 +286,11 @@ class IsoOnTcp:
         self._collected += piece.payload[: max(room, 0)]
         self._whole += len(piece.payload)
         self._has_begun = not piece.is_last
-        if self._whole > CAPS * self._settings.cap:
-            self._end("EPROTO", f"a message of more than {CAPS * self._settings.cap} bytes")
+        self._pieces += 1
+        self._empty_pieces += not piece.payload
+        endless = self._endless()
+        if endless:
+            self._end("EPROTO", endless)
             return
         if not piece.is_last:
             return
@@ -280,7 +298,17 @@ class IsoOnTcp:
         if self._whole:  # an empty message is none (siemens.md 5.2)
             self._messages.append(Message(bytes(self._collected), self._whole))
         self._collected.clear()
-        self._whole = 0
+        self._whole = self._pieces = self._empty_pieces = 0
+
+    def _endless(self) -> str:
+        """Return in words how the message is longer than any that may come."""
+        cap = self._settings.cap
+        if self._whole > CAPS * cap:
+            return f"a message of more than {CAPS * cap} bytes"
+        if self._empty_pieces > EMPTY_PIECES:
+            return f"a message with more than {EMPTY_PIECES} empty DTs"
+        # One byte in each, the longest message that there is room for has as many pieces as bytes.
+        return f"a message in more than {cap} DTs" if self._pieces > cap + EMPTY_PIECES else ""
 
     def _end(self, error: str, detail: str) -> None:
         if self.ended is None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, NewType, Protocol
 
+from trcvtui.net.answers import HELD_BACK as HELD_BACK
 from trcvtui.net.answers import WOULD_BLOCK as WOULD_BLOCK
 from trcvtui.net.answers import Datagram as Datagram
 from trcvtui.net.answers import Endpoint as Endpoint

@@ -28,6 +28,11 @@ class What(StrEnum):
     REPLACED = "replaced by a second client"
     OPTION_REFUSED = "option refused"
     RELEASED = "released"
+    TPDUS_WAIT = "TPDUs wait"  # these: a partner asks for more work than one scan does (net/work.py)
+    RECORDS_WAIT = "TLS records wait"
+    CLIENTS_WAIT = "clients wait"
+    HANDSHAKES_WAIT = "handshakes wait"
+    LONG_HANDSHAKE = "a handshake is long"
 
 
 @dataclass(frozen=True, slots=True)

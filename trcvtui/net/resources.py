@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from trcvtui.net.identities import Identities
 from trcvtui.net.kernel import Fault
+from trcvtui.net.work import Work
 
 TakeFault = Callable[[str, str], Fault | None]
 
@@ -97,11 +98,14 @@ class ConnectionBudget:
 
 
 class Resources:
-    """The three resources of one PLC, and which CONNECTs have bytes on the way to a partner."""
+    """The resources of one PLC, the work of its scans, and which CONNECTs have bytes on the way."""
 
-    def __init__(self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget) -> None:
+    def __init__(
+        self, queue: JobQueue, buffers: BufferPool, budget: ConnectionBudget, work: Work | None = None
+    ) -> None:
         self.queue = queue
         self.buffers = buffers
         self.budget = budget
+        self.work = work or Work()
         self.identities = Identities()
         self.unsettled: dict[str, None] = {}

@@ -47,8 +47,21 @@ class Session(Protocol):
         """Return how many bytes are kept, read and unread."""
         ...
 
-    def feed(self, data: memoryview) -> None:
-        """Take bytes that the partner has sent."""
+    def feed(self, data: memoryview, most: int = ...) -> int:
+        """Take bytes that the partner has sent, and do at most `most` units of work on what is here.
+
+        Return how many units it was (net/work.py). Nothing is lost: what was not looked at is a backlog.
+        """
+        ...
+
+    @property
+    def has_backlog(self) -> bool:
+        """Return whether a feed of nothing would go on: something waits here that was not looked at."""
+        ...
+
+    @property
+    def is_dear(self) -> bool:
+        """Return whether the next step is one of a handshake that costs real time."""
         ...
 
     @property

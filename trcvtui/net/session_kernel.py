@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Final, Protocol, runtime_checkable
 
 from trcvtui.net.kernel import (
+    HELD_BACK,
     WOULD_BLOCK,
     Accepted,
     Datagram,
@@ -26,9 +27,11 @@ from trcvtui.net.kernel import (
     SocketOptions,
     WouldBlock,
 )
+from trcvtui.net.notes import What
 from trcvtui.net.session import Settings
 from trcvtui.net.shared_listener import CLIENTS_QUEUED, ENDED, IGNORED, Choosing, Listener, Member, Told
 from trcvtui.net.stream import Stream
+from trcvtui.net.work import Party, Work
 
 # Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
 # from one who is not there.
@@ -53,6 +56,7 @@ class SessionKernel:
     """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
 
     `polls`: clients go into the poll set before they are accepted; False: nobody here has one.
+    `work`: the bound that others share; None: one of its own.
     """
 
     def __init__(
@@ -61,8 +65,11 @@ class SessionKernel:
         clock: Callable[[], int],
         told: Told,
         polls: bool = True,
+        work: Work | None = None,
     ) -> None:
         self.inner = inner
+        self._work = work or Work()
+        self._begins = work is None  # else its owner says when a scan begins
         self._clock = clock
         self._told = told
         self._polls = polls
@@ -90,16 +97,31 @@ class SessionKernel:
 
     def poll(self) -> None:
         """Take the readiness of every handle, and go on with every session that has news."""
+        if self._begins:
+            self._work.begin(self._clock())
         self.inner.poll()
-        for listener in set(self._listeners.values()):
+        for listener in self._in_turn():
             listener.poll(self._clock())
         for handle, stream in self._streams.items():
-            if self.inner.readable(handle):
+            if stream.has_backlog or self.inner.readable(handle):
                 stream.pump()
             else:
                 stream.flush()
             stream.watch(self._clock())
             self._tell(handle, stream)
+
+    def _in_turn(self) -> list[Listener]:
+        """Return the listeners, another one first in each scan: one scan may have one handshake for all."""
+        listeners = list(dict.fromkeys(self._listeners.values()))
+        first = self._work.scan % len(listeners) if listeners else 0
+        return listeners[first:] + listeners[:first]
+
+    def _party(self, handle: Handle, settings: Settings) -> Party:
+        return Party(
+            self._work,
+            self._owners.get(handle, ""),
+            What.TPDUS_WAIT if settings.is_message_oriented else What.RECORDS_WAIT,
+        )
 
     def _tell(self, handle: Handle, stream: Stream) -> None:
         """Tell what was passed over, and why the session has ended."""
@@ -191,7 +213,8 @@ class SessionKernel:
             fault = self.inner.listen(handle, max(backlog, CLIENTS_QUEUED))
             if fault is not None:
                 return fault
-            joined = Listener(self.inner, handle, self._told, self._polls)
+            party = Party(self._work, self._owners.get(handle, ""), What.CLIENTS_WAIT)
+            joined = Listener(self.inner, handle, self._told, self._polls, party)
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:
                 self._ports[end] = joined
@@ -227,6 +250,7 @@ class SessionKernel:
             return got
         self._streams[got.handle] = got
         self._owners[got.handle] = member.owner
+        got.party = self._party(got.handle, member.settings)
         return Accepted(got.handle, got.peer)
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
@@ -246,8 +270,9 @@ class SessionKernel:
             verdict = self.inner.connect_result(handle)
             if verdict is not None:
                 return verdict
-            session = self._wanted[handle].new(is_active=True)
-            stream = self._streams[handle] = Stream(self.inner, handle, end, session, self._clock())
+            wanted, since = self._wanted[handle], self._clock()
+            place = handle, end, wanted.new(is_active=True), since, self._party(handle, wanted)
+            stream = self._streams[handle] = Stream(self.inner, *place)
         stream.pump()
         if stream.session.is_up:
             del self._connecting[handle]
@@ -268,6 +293,8 @@ class SessionKernel:
         got = stream.read(into)
         if got is not None:
             return len(got.data)
+        if stream.is_held_back:
+            return HELD_BACK
         if stream.end is not None:
             return stream.end
         return 0 if stream.is_over else WOULD_BLOCK
@@ -278,7 +305,9 @@ class SessionKernel:
         if stream is None:
             return self.inner.recv_from(handle, into)
         got = stream.read(into)
-        return WOULD_BLOCK if got is None else Datagram(len(got.data), stream.peer, got.whole)
+        if got is None:
+            return HELD_BACK if stream.is_held_back else WOULD_BLOCK
+        return Datagram(len(got.data), stream.peer, got.whole)
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
         """Write what the stack takes now and return how many bytes of the data that is."""

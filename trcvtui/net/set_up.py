@@ -25,8 +25,8 @@ from trcvtui.net.kernel import (
 from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.notes import What
 from trcvtui.net.policy import Policy
+from trcvtui.net.work import ACCEPT, Party, Work
 
-ACCEPTS_A_SCAN: Final = 16  # a flood of clients costs bounded work a scan
 PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
 
 
@@ -64,6 +64,7 @@ class SetUp:
         resolve: Callable[[str], int | None],
         identities: Identities,
         note: Callable[[What, Endpoint | None, str], None],
+        work: Work,
     ) -> None:
         self.config = config
         self.listener: Handle | None = None
@@ -72,6 +73,7 @@ class SetUp:
         self.remote: Endpoint | None = None
         self.is_withdrawn = False  # somebody wants it closed who may not, before it has been established
         self.is_closing = False  # a block is still showing that it closes the endpoint
+        self._clients = Party(work, config.name, What.CLIENTS_WAIT)
         self._holder = Holder(config)
         self._identities = identities
         self._kernel = kernel
@@ -227,12 +229,11 @@ class SetUp:
         if self._successor is not None:
             client, self._successor = self._successor, None
             return client
-        for _ in range(ACCEPTS_A_SCAN):
-            got = self._accept_any()
-            if not isinstance(got, Accepted) or not self._is_wrong_partner(got.peer):
-                return got
+        got = self._accept_any()
+        while isinstance(got, Accepted) and self._is_wrong_partner(got.peer):
             self.turn_away(got, What.WRONG_PARTNER)
-        return None
+            got = self._accept_any()
+        return got
 
     def keep(self, client: Accepted) -> None:
         """Keep an accepted client as the next partner: the one before him has ended in the same moment."""
@@ -241,8 +242,12 @@ class SetUp:
     def _accept_any(self) -> Accepted | StepFault | None:
         if self.listener is None or not self._kernel.readable(self.listener):
             return None
+        if self._clients.left <= 0:
+            self._clients.wait()
+            return None
         got = self._kernel.accept(self.listener)
         if isinstance(got, Accepted):
+            self._clients.spend(ACCEPT)
             return got
         return StepFault(Stage.ACCEPT, got) if isinstance(got, Fault) else None
 

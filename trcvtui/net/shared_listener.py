@@ -3,7 +3,8 @@
 Several CONNECTs may share one port: the client's first message says which of them it wants (siemens.md 5.2).
 Rule 1: at most CLIENTS_WAITING clients are unfinished at a time, each for HANDSHAKE_LIMIT at most; as many
 wait for each CONNECT.
-Rule 2: who says nothing delays nobody: the newest client takes the place of the oldest silent one.
+Rule 2: the work of a scan is bounded (net/work.py): who is not accepted yet waits in the stack.
+Rule 3: who says nothing delays nobody: the newest client takes the place of the oldest silent one.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from typing import Final, Protocol, runtime_checkable
 from trcvtui.net.kernel import Accepted, Fault, Handle, Kernel
 from trcvtui.net.session import Session, Settings
 from trcvtui.net.stream import Stream
+from trcvtui.net.work import ACCEPT, Party
 
 CLIENTS_WAITING: Final = 16
 CLIENTS_QUEUED: Final = 64  # in the stack, between two polls
-CLIENTS_A_POLL: Final = 64
 HANDSHAKE_LIMIT: Final = 5_000_000_000  # ns
 Told = Callable[[str, str, str, str], None]  # CONNECT, what happened, the client, why
 DROPPED: Final = "client dropped"
@@ -63,8 +64,9 @@ class Member:
 class Listener:
     """One real listener with its members, and the clients that have not finished their handshake."""
 
-    def __init__(self, kernel: Kernel, handle: Handle, told: Told, polls: bool) -> None:
+    def __init__(self, kernel: Kernel, handle: Handle, told: Told, polls: bool, party: Party) -> None:
         self.handle = handle
+        self._party = party
         self.members: dict[Handle, Member] = {}
         self.clients: list[Stream] = []
         self._kernel = kernel
@@ -73,17 +75,19 @@ class Listener:
 
     def poll(self, now: int) -> None:
         """Take new clients and go on with the handshakes."""
-        for _ in range(CLIENTS_A_POLL):
-            if not self._kernel.readable(self.handle):
+        for client in tuple(self.clients):  # who has come before goes on before
+            self._go_on(client, now)
+        while self._kernel.readable(self.handle):
+            if self._party.left <= 0:
+                self._party.wait()
                 break
             got = self._kernel.accept(self.handle)
             if not isinstance(got, Accepted):
                 if isinstance(got, Fault):
                     self._any_member().ready.append(got)
                 break
+            self._party.spend(ACCEPT)
             self._welcome(got, now)
-        for client in tuple(self.clients):
-            self._go_on(client, now)
 
     def _make_room(self) -> None:
         if len(self.clients) >= CLIENTS_WAITING:
@@ -97,14 +101,17 @@ class Listener:
             self._any_member().ready.append(fault)
             return
         session = self._any_member().settings.new(is_active=False)
-        newest = Stream(self._kernel, got.handle, got.peer, session, now)
+        newest = Stream(self._kernel, got.handle, got.peer, session, now, self._party)
         self._make_room()
         self.clients.append(newest)
         self._go_on(newest, now)  # who has something to say is never the one that gives way
 
     def _go_on(self, client: Stream, now: int) -> None:
-        client.pump()
         session = client.session
+        if session.is_dear and not client.has_spoken and self._kernel.loss(client.handle) is not None:
+            client.take_last_words()
+        else:
+            client.pump()
         for remark in session.take_remarks():
             self._told(self._any_member().owner, IGNORED, str(client.peer), remark)
         if isinstance(session, Choosing) and session.has_asked:

@@ -1,6 +1,7 @@
 """One TCP stream with a session on it: reads the kernel into the session, writes the session's bytes out.
 
-Rule 1: one call moves a bounded number of bytes; what the stack does not take waits here, a message at most.
+Rule 1: a scan moves a bounded number of bytes, in a bounded number of steps (net/work.py); what has been read
+and not looked at comes before what the stack has. What the stack does not take waits here, a message at most.
 Rule 2: a message that the partner has begun ends within MESSAGE_LIMIT, or the session does.
 """
 
@@ -9,7 +10,9 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Handle, Kernel, WouldBlock
+from trcvtui.net.notes import What
 from trcvtui.net.session import Message, Session
+from trcvtui.net.work import READ, Party
 
 PIECE: Final = 64 * 1024  # bytes of one read
 PIECES_A_CALL: Final = 4
@@ -17,9 +20,16 @@ MESSAGE_LIMIT: Final = 30_000_000_000  # ns; only while the session takes bytes
 
 
 class Stream:
-    """A session at work. `fault` is what the kernel said last; None with `is_over`: the partner's FIN."""
+    """A session at work. `fault` is what the kernel said last; None with `is_over`: the partner's FIN.
 
-    def __init__(self, kernel: Kernel, handle: Handle, peer: Endpoint, session: Session, since: int) -> None:
+    `party` pays for what is done with the partner's bytes. `is_held_back`: not all was looked at.
+    """
+
+    def __init__(
+        self, kernel: Kernel, handle: Handle, peer: Endpoint, session: Session, since: int, party: Party
+    ) -> None:
+        self.party = party
+        self.is_held_back = False
         self.handle = handle
         self.peer = peer
         self.session = session
@@ -40,23 +50,68 @@ class Stream:
 
     def pump(self) -> None:
         """Read what has come, as far as the session takes it, and answer."""
-        scratch = memoryview(_SCRATCH)
         for _ in range(PIECES_A_CALL):
             if self.is_over or not self.session.wants_more or len(self._output) > PIECE:
+                self.is_held_back = False
                 break
-            got = self._kernel.recv(self.handle, scratch)
-            if isinstance(got, WouldBlock):
+            self.is_held_back = True
+            if not self._may_go_on():
                 break
-            if isinstance(got, Fault):
-                self.fault, self.is_over = got, True
-            elif got == 0:
-                self.session.partner_closed()
-                self.is_over = True
-            else:
-                self.has_spoken = True
-                self.session.feed(scratch[:got])
-                self.is_over = self.session.partner_is_done
+            if self.session.has_backlog:
+                self._feed(_NOTHING)
+            elif not self._read():
+                self.is_held_back = False
+                break
         self.flush()
+
+    @property
+    def has_backlog(self) -> bool:
+        """Return whether there is work that no news of the stack tells of."""
+        return not self.is_over and self.session.has_backlog
+
+    def _may_go_on(self) -> bool:
+        """Return whether this scan has time for one more step."""
+        if self.party.left <= 0:
+            self.party.wait(str(self.peer))
+            return False
+        if self.session.is_dear and not self.party.work.may_shake:
+            self.party.wait(str(self.peer), What.HANDSHAKES_WAIT)
+            return False
+        return True
+
+    def _read(self) -> bool:
+        """Read one piece from the stack; return whether there was one, and the stream goes on."""
+        got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
+        if isinstance(got, WouldBlock):
+            return False
+        if isinstance(got, Fault):
+            self.fault, self.is_over = got, True
+        elif got == 0:
+            self.session.partner_closed()
+            self.is_over = True
+        else:
+            self.has_spoken = True
+            self.party.spend(READ)
+            self._feed(memoryview(_SCRATCH)[:got])
+        return not self.is_over
+
+    def _feed(self, data: memoryview) -> None:
+        session, party = self.session, self.party
+
+        def step() -> int:
+            return session.feed(data, max(1, party.left))
+
+        party.spend(party.work.shake(party, str(self.peer), step) if session.is_dear else step())
+        self.is_over = session.partner_is_done
+
+    def take_last_words(self) -> None:
+        """Take what a partner has left who went before he could have had an answer: no step is worth it."""
+        got = self._kernel.recv(self.handle, memoryview(_SCRATCH))
+        if isinstance(got, int) and got:
+            self.has_spoken = True
+            self.session.feed(memoryview(_SCRATCH)[:got], 0)
+        self.session.partner_closed()
+        self.is_over = True
 
     def read(self, into: memoryview) -> Message | None:
         """Take what the session has, after a look at the stream when it has nothing."""
@@ -81,7 +136,7 @@ class Stream:
         """End a message that has begun and does not end."""
         session = self.session
         number = session.unfinished if session.is_up and session.wants_more else 0
-        if not number or number != self._unfinished:
+        if not number or number != self._unfinished or self.is_held_back:  # nobody pays for our own pace
             self._unfinished, self._begun = number, now
         elif now - self._begun >= MESSAGE_LIMIT:
             self.too_slow(f"a message that has not ended in {MESSAGE_LIMIT // 1_000_000_000} s")
@@ -148,3 +203,4 @@ class Stream:
 
 
 _SCRATCH = bytearray(PIECE)
+_NOTHING = memoryview(b"")

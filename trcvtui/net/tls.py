@@ -2,6 +2,7 @@
 
 Rule 1: bytes in, bytes out; whatever comes, nothing raises: what cannot be right ends the session.
 Rule 2: at most CAP bytes wait here, read or unread: who does not take them must not feed more (`wants_more`).
+One feed reads as many records as it may; the others wait in front of the library (`has_backlog`).
 Rule 3: nobody is believed whose certificate was not verified, unless the project says so in plain words.
 """
 
@@ -17,9 +18,11 @@ from trcvtui.files import check_readable
 from trcvtui.net.session import Ended, Message
 from trcvtui.net.tls_errors import ended_of
 from trcvtui.net.tls_words import Credentials, TlsError
+from trcvtui.net.work import HANDSHAKE as HANDSHAKE_UNITS
 
 CAP: Final = 128 * 1024  # bytes
 PIECE: Final = 16 * 1024  # what one record carries at most
+NO_LIMIT: Final = 1 << 62
 CONTEXTS_KEPT: Final = 256
 # What a record begins with; only a server may refuse with its first.
 HANDSHAKE: Final = 0x16
@@ -37,6 +40,7 @@ class Tls:
         self.is_up = False
         self.partner_is_done = False
         self._has_fed = False
+        self._stopped_short = False  # records may wait that were not read
         self._first_bytes = (HANDSHAKE, ALERT) if is_active else (HANDSHAKE,)
         self._plain = bytearray()
         self._incoming = ssl.MemoryBIO()
@@ -71,15 +75,31 @@ class Tls:
         """Return how many bytes are kept, read and unread."""
         return len(self._plain) + self._incoming.pending
 
-    def feed(self, data: bytes | memoryview) -> None:
-        """Take bytes of the stream."""
-        if self.ended is None and not self.partner_is_done:
-            if not self._has_fed and data and data[0] not in self._first_bytes:
-                self._end(Ended(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
-                return
+    def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
+        """Take bytes of the stream, and read at most so many records; return the units of work (net/work.py).
+
+        most=0: only the first byte is looked at.
+        """
+        if self.ended is not None or self.partner_is_done:
+            return 0
+        if not self._has_fed and data and data[0] not in self._first_bytes:
+            self._end(Ended(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
+            return 0
+        if data:
             self._has_fed = True
             self._incoming.write(data)
-            self._go_on()
+        self._stopped_short = True
+        return self._go_on(most) if most else 0
+
+    @property
+    def has_backlog(self) -> bool:
+        """Return whether records wait that may be read now."""
+        return self._stopped_short and len(self._plain) < CAP and self.wants_more
+
+    @property
+    def is_dear(self) -> bool:
+        """Return whether the next step is one of the handshake."""
+        return not self.is_up
 
     def partner_closed(self) -> None:
         """Note the end of the stream: without the partner's close_notify somebody may have cut it."""
@@ -87,7 +107,7 @@ class Tls:
             return
         self._incoming.write_eof()
         if self.is_up:
-            self._go_on()
+            self._go_on(1)
         elif self._has_fed:
             self._end(Ended(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
 
@@ -117,8 +137,6 @@ class Tls:
 
     def read(self, into: memoryview) -> Message | None:
         """Put the next bytes into `into`."""
-        if not self._plain:
-            self._go_on()
         size = min(len(self._plain), len(into))
         if not size:
             return None
@@ -146,11 +164,14 @@ class Tls:
 
     # -- the library ----------------------------------------------------------------------------------------
 
-    def _go_on(self) -> None:
+    def _go_on(self, most: int) -> int:
+        """Take the next step of the handshake, or read at most so many records; return the units."""
+        units = 0
         if not self.is_up:
             self._shake_hands()
-        if self.is_up:
-            self._decrypt()
+            units = HANDSHAKE_UNITS
+        self._stopped_short = False
+        return units + (self._decrypt(most - units) if self.is_up else 0)
 
     def _shake_hands(self) -> None:
         if self.ended is not None or self._engine is None:
@@ -163,24 +184,30 @@ class Tls:
         except _RAISED as problem:
             self._end(ended_of(problem))
 
-    def _decrypt(self) -> None:
-        """Read records until there is none, or enough."""
+    def _decrypt(self, most: int) -> int:
+        """Read records until there is none, or enough; return how many."""
         assert self._engine is not None
-        while self.ended is None and not self.partner_is_done and len(self._plain) < CAP:
+        count = 0
+        while self.ended is None and not self.partner_is_done:
+            if len(self._plain) >= CAP or count >= most:
+                self._stopped_short = True
+                break
+            count += 1
             try:
                 got = self._engine.read(PIECE)
             except ssl.SSLWantReadError:
-                return
+                break
             except ssl.SSLZeroReturnError:
                 got = b""
             except ssl.SSLEOFError:
                 self._end(Ended(TlsError.TRUNCATED, "the stream ended without a close_notify"))
-                return
+                break
             except _RAISED as problem:
                 self._end(ended_of(problem))
-                return
+                break
             self._plain += got
             self.partner_is_done = not got
+        return count
 
     def _end(self, ended: Ended) -> None:
         if self.ended is None:

@@ -21,6 +21,7 @@ from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.datagram_connection import connection_of
 from trcvtui.net.kernel import Handle
+from trcvtui.net.notes import ConnectionNote, What
 from trcvtui.net.resources import Resources
 from trcvtui.net.serial_line import SerialPorts
 from trcvtui.net.session_kernel import Stirring
@@ -76,6 +77,8 @@ class Runtime:
         self._project = project
         self._kernel = kernel
         self._resources = resources
+        resources.work.set_interval(self.interval_ns)
+        resources.work.said = self._work_waits
         self._env = Environment(project.rules, resources, self.ledger.write)
         self._commands: deque[Command] = deque()
         self._resolve = self._resolver(resolve_peer)
@@ -209,10 +212,17 @@ class Runtime:
         self._env.scan += 1
         self._env.now = now
         self.ledger.scan, self.ledger.t_ns = self._env.scan, now
+        self._resources.work.begin(now)
         self._read_inputs()
         self._execute_program()
         self._write_outputs()
         self._service_communication()
+
+    def _work_waits(self, connect: str, what: What, partner: str, why: str) -> None:
+        """Tell that a partner has asked for more work than one scan does; once an episode."""
+        connection = self._connections.get(connect)
+        incarnation = connection.incarnation if connection else 0
+        self.ledger.write(ConnectionNote(connect, incarnation, what, peer=partner, detail=why))
 
     def _read_inputs(self) -> None:
         while self._commands:

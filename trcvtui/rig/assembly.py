@@ -18,12 +18,14 @@ from trcvtui.net.serial_line import SerialPort, SerialSettings
 from trcvtui.net.serial_ports import FaultyPort, SimSerialPort
 from trcvtui.net.session_kernel import SessionKernel
 from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.work import Work
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.project import InstanceDecl, MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.plc.runtime import Runtime
 from trcvtui.plc.tls_words import CertificateDecl
 from trcvtui.rig import bench_words as words
+from trcvtui.rig import clock
 from trcvtui.rig.bench_instances import after
 from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.checking import Checking
@@ -48,11 +50,14 @@ class Bench:
         self._sim = _simulated(project) if kernel == "sim" else None
         self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
         self._faulty = FaultyKernel(self._kernel, self.plan)
+        now_ns = clock.now_ns if self._sim is None else lambda: self.now  # what handshakes are measured by
+        self._work, self._peers_work = Work(now_ns), Work(now_ns)
         self._has_sessions = any(config.session is not None for config in project.connects)
         plc_kernel = self._with_sessions() if self._has_sessions else self._faulty
         self.runtime = Runtime(
             project, plc_kernel, self._resources(project), self._peer_port, self._serial_port
         )
+        self._peers_work.set_interval(self.runtime.interval_ns)
         self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
         self._links = [link_of(decl, project) for decl in project.peers]
@@ -74,12 +79,14 @@ class Bench:
 
     def _with_sessions(self) -> SessionKernel:
         """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else."""
-        return SessionKernel(self._faulty, lambda: self.now, self._of_a_session)
+        return SessionKernel(self._faulty, lambda: self.now, self._of_a_session, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
-        return SessionKernel(self._kernel, lambda: self.now, self._of_a_session, polls=False)
+        return SessionKernel(
+            self._kernel, lambda: self.now, self._of_a_session, polls=False, work=self._peers_work
+        )
 
     def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
         port = OsSerialPort(settings) if self._sim is None else SimSerialPort()
@@ -100,6 +107,7 @@ class Bench:
             JobQueue(project.rules.queue, self.plan.take),
             BufferPool(project.rules.buffers, self.plan.take),
             ConnectionBudget(project.connection_limit),
+            self._work,
         )
 
     def _listening_end(self, connect: str) -> Endpoint | None:
@@ -135,6 +143,7 @@ class Bench:
 
     def step_peers(self) -> None:
         """Let every peer take what has arrived and send what is due."""
+        self._peers_work.begin(self.now)
         for acting in self._self_acting:
             acting.step(self.now)
         for check in self._checks.values():

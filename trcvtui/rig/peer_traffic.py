@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle, Kernel
+from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle, Kernel, WouldBlock
 from trcvtui.plc.ledger import Event, PeerSent
 from trcvtui.rig.bench_words import PeerSend
 from trcvtui.rig.inbox import Inbox
@@ -51,7 +51,7 @@ class PeerTraffic:
         """Read what has arrived; return how the connection has ended, None while it stands."""
         for _ in range(MOST_READS):
             got = self._kernel.recv(handle, self._buffer)
-            if got is WOULD_BLOCK:
+            if isinstance(got, WouldBlock):
                 return None
             if isinstance(got, Fault):
                 return got

@@ -324,3 +324,36 @@ def test_no_bytes_make_it_raise(certificates: Certificates, noise: bytes, is_act
     session.say_goodbye()
     assert not session.is_up
     assert (read(session), session.has_data) == (b"", False)
+
+
+# -- the work of one scan ----------------------------------------------------------------------------------
+
+
+def test_a_feed_reads_as_many_records_as_it_may_and_the_rest_is_a_backlog(
+    up: tuple[Session, Session],
+) -> None:
+    client, server = up
+    records = b"".join(client.encode(bytes([n])) for n in range(10))
+    assert server.feed(memoryview(records), 4) == 4
+    assert (server.has_backlog, read(server)) == (True, bytes(range(4)))
+    assert server.feed(memoryview(b""), 4) == 4
+    assert server.feed(memoryview(b""), 4) == 3  # the last look finds none
+    assert (server.has_backlog, read(server)) == (False, bytes(range(4, 10)))
+
+
+def test_what_waits_behind_a_full_buffer_is_read_when_there_is_room(up: tuple[Session, Session]) -> None:
+    client, server = up
+    fed(server, b"".join(client.encode(bytes(16384)) for _ in range(CAP // 16384 + 1)))
+    assert (server.has_backlog, len(read(server, CAP)), server.has_backlog) == (False, CAP, True)
+    assert (server.feed(memoryview(b""), 9), len(read(server, CAP))) == (2, 16384)
+
+
+def test_the_end_stands_behind_a_backlog(up: tuple[Session, Session]) -> None:
+    client, server = up
+    last = b"".join(client.encode(b"x") for _ in range(5))
+    client.say_goodbye()
+    seen = []
+    for came in (last + client.take_output(), b""):
+        server.feed(memoryview(came), 3)
+        seen.append((read(server), server.partner_is_done))
+    assert seen == [(b"xxx", False), (b"xx", True)]

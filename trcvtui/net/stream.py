@@ -74,7 +74,7 @@ class Stream:
         if self.party.left <= 0:
             self.party.wait(str(self.peer))
             return False
-        if self.session.is_dear and not self.party.work.may_shake:
+        if self.session.is_dear and not self.party.work.may_shake():
             self.party.wait(str(self.peer), What.HANDSHAKES_WAIT)
             return False
         return True

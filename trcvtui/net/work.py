@@ -142,7 +142,6 @@ class Work:
 
     # -- handshakes ------------------------------------------------------------------------------------
 
-    @property
     def may_shake(self) -> bool:
         """Return whether the next step of a handshake fits into the tenth, or is the first of the scan."""
         return not self._steps or self._shaken + self._longest <= self._interval // HANDSHAKE_PART

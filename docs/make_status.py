@@ -26,7 +26,8 @@ def page(dialects: tuple[Dialect, ...]) -> str:
     """Return the atlas of dialects that have one table."""
     first = dialects[0]
     found = with_scenarios(explain([first], None, None), {first.name: scenarios_of(first.shelf)})
-    return as_page("; ".join(dialect.title for dialect in dialects), found, "../")
+    follows = [(dialect.name, dialect.follows) for dialect in dialects if dialect.follows]
+    return as_page("; ".join(dialect.title for dialect in dialects), found, "../", follows)
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ PROJECTS = ("s7-pair.toml", "s7-sender.toml", "s7-receiver.toml", "s7-single-act
 LEGACY = ("s7-legacy-sender.toml", "s7-legacy-receiver.toml")
 OPTIONS = (
     (),
-    ("options.cont_mode=oneshot",),
+    ("options.cont_mode=manual",),
     ("options.teardown_before_error=true", "options.status_0001_always=true", "options.rcv_lag=false"),
     ("options.silent_connect=true", "options.en_r_falls=drops", "options.retry=T#30ms"),
 )
@@ -77,3 +77,33 @@ def test_what_shows_is_always_in_the_table_and_one_thing_at_a_time(
         assert all(edge.error == (Condition(edge.condition) in ERROR) for edge in edges)
         bench.close()
         assert bench.leaks() == ()
+
+
+@pytest.mark.parametrize("project", ["s7-sender.toml", "s7-pair.toml"])
+def test_by_the_manual_of_the_s7_1200_busy_lasts_from_the_edge_of_req_to_done_or_error(project: str) -> None:
+    """Every edge while BUSY is 0 raises it in that scan, or is answered there; DONE or ERROR alone end it."""
+    edges = done = 0
+    for seed in range(8):
+        draw = random.Random(f"busy {project} {seed}")
+        bench = Bench(load_project(CONFIGS / project, ("options.cont_mode=manual",)), "sim")
+        again = "connect" if bench.project.peers[0].active else "listen"
+        pins = ["REQ=0", "REQ=1"] * 4 + ["CONT=0", "CONT=1", "COM_RST=1", "LEN=0", "LEN=9"]
+        lines = [f"set TSEND_C_1 {pin}" for pin in pins] + [f"peer P1 {again}"] * 4 + ["peer P1 close"]
+        if project == "s7-pair.toml":
+            lines += [f"set TRCV_C_1 {pin}" for pin in ("EN_R=1", "EN_R=0", "CONT=1", "CONT=0")]
+        before, req = bench.runtime.outputs("TSEND_C_1"), False
+        for _ in range(4 * SCANS):
+            command = parse_line(draw.choice(lines), bench.project, "random")
+            assert command is not None
+            bench.do(command)
+            bench.step()
+            now, was_req = bench.runtime.outputs("TSEND_C_1"), req
+            req = bool(bench.runtime.inputs("TSEND_C_1")["REQ"])
+            is_edge, is_answered = req and not was_req, now.busy or now.done or now.error
+            assert is_answered or not (before.busy or is_edge)
+            edges += is_edge and not before.busy
+            done += now.done
+            before = now
+        bench.close()
+    assert edges > 200
+    assert done > 50

@@ -247,3 +247,39 @@ def test_older_instructions_have_len_0_in_the_place_of_adhoc() -> None:
     told.do("peer P1 send hex 01 02 03", "run 200")
     assert "stuck: 3 of 8 bytes are here" in told.of("TRCV_C_1").why
     assert "LEN=0, which is ad hoc here, would have delivered these 3 bytes" in said(told, "TRCV_C_1")
+
+
+# -- cont_mode manual: REQ and EN_R connect, too ------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("project", "instance", "lines", "why", "check"),
+    [
+        (
+            "s7-sender", "TSEND_C_1", ("run 2",), "CONT is 0 and REQ has not risen",
+            "`pulse TSEND_C_1 REQ` connects, sends and disconnects; `set TSEND_C_1 CONT=1` connects, too",
+        ),
+        (
+            "s7-sender", "TSEND_C_1", ("set TSEND_C_1 REQ=1", "run 30"), "CONT is 0 and REQ has not risen",
+            "REQ stays 1: set it to 0 first; an edge connects, sends and disconnects",
+        ),
+        (
+            "s7-receiver", "TRCV_C_1", ("run 2",), "CONT and EN_R are 0",
+            "`set TRCV_C_1 EN_R=1` connects, receives and disconnects; `set TRCV_C_1 CONT=1` connects, too",
+        ),
+        (
+            "s7-receiver", "TRCV_C_1", ("set TRCV_C_1 EN_R=1", "run 1"), "EN_R is 1 without a connection", "",
+        ),
+    ],
+)  # fmt: skip
+def test_an_s7_1200_without_a_connection_is_told_what_connects(
+    project: str, instance: str, lines: tuple[str, ...], why: str, check: str
+) -> None:
+    advice = shipped(project, *lines, old="s7-1500", new="s7-1200").of(instance)
+    assert why in advice.why
+    assert not check or any(line.startswith(check) for line in advice.checks), advice.checks
+
+
+def test_the_close_of_a_job_with_cont_0_is_told_by_its_cause() -> None:
+    told = shipped("s7-sender", "pulse TSEND_C_1 REQ", "run 12", old="s7-1500", new="s7-1200")
+    assert told.then("TSEND_C_1", Condition.CLOSING).why.startswith("CONT was 0 when REQ rose")

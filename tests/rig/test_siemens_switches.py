@@ -8,7 +8,8 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.dialects.siemens import S7_1200, S7_1500, SWITCHES
-from trcvtui.dialects.switches import format_value
+from trcvtui.dialects.siemens_legacy import S7_1200_LEGACY
+from trcvtui.dialects.switches import defaults, format_value
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_script
@@ -67,8 +68,8 @@ CASES = {
         SENDER,
         "TSEND_C_1",
         "pulse TSEND_C_1 REQ; run 9",
-        "oneshot",
-        "7001 7002{2} 0001b 7005b 0000d 7003 0003 7000",
+        "manual",
+        "7001b 7002b{2} 0001b 7005b 0000d 7003 0003 7000",
     ),
     "com_rst_autoclear": (
         SENDER,
@@ -151,21 +152,93 @@ def test_a_failed_tcon_is_silent_too_and_goes_on_until_the_partner_listens() -> 
     assert "0000d" in later and "!" not in later
 
 
-def test_one_shot_receives_one_frame_without_cont_and_closes_when_en_r_is_gone() -> None:
+# -- cont_mode manual, the default of the S7-1200 --------------------------------------------------------
+
+MANUAL = "options.cont_mode=manual"
+FRAME = "peer P1 send hex 01 02 03 04 05 06 07 08"
+
+
+def test_the_s7_1200_follows_its_own_manual_the_others_the_status_sequences() -> None:
+    for dialect, request_connects in ((S7_1200, True), (S7_1500, False), (S7_1200_LEGACY, False)):
+        course = dialect.answer(defaults(dialect)).course
+        assert course.request_connects is request_connects, dialect.name
+        assert course.en_r_keeps_job is not request_connects, dialect.name
+    today = S7_1200.answer({"cont_mode": "level", "en_r_falls": "keeps"}).course
+    assert today == S7_1500.answer({}).course
+
+
+def test_the_older_word_oneshot_still_means_that_the_request_connects() -> None:
+    script = "pulse TSEND_C_1 REQ; run 9"
+    older = shown(SENDER, "TSEND_C_1", script, "options.cont_mode=oneshot")
+    assert older == shown(SENDER, "TSEND_C_1", script, MANUAL)
+
+
+def test_busy_is_1_from_the_edge_to_done_also_while_an_edge_that_came_early_waits() -> None:
+    script = "set TSEND_C_1 CONT=1; run 2; pulse TSEND_C_1 REQ; run 6; set TSEND_C_1 CONT=0; run 3"
+    assert shown(SENDER, "TSEND_C_1", script, MANUAL) == (
+        "7001 7002 7002b 0001b 7005b 0000d 7004{2} 7003 0003 7000"
+    )
+
+
+def test_an_edge_in_the_scan_in_which_cont_falls_sends_first() -> None:
+    script = "set TSEND_C_1 CONT=1; run 4; set TSEND_C_1 CONT=0 REQ=1; run 5"
+    assert shown(SENDER, "TSEND_C_1", script, MANUAL) == "7001 7002{2} 7004 7005b 0000d 7003 0003 7000"
+
+
+def test_a_request_ends_with_its_error_and_disconnects_unless_cont_was_1() -> None:
+    script = "peer P1 close; pulse TSEND_C_1 REQ; run 6"
+    assert shown(SENDER, "TSEND_C_1", script, MANUAL) == "7001b 7002b{2} 80C5! 7003 7000"
+    kept = shown(SENDER, "TSEND_C_1", "set TSEND_C_1 CONT=1; " + script, MANUAL)
+    assert kept == "7001b 7002b{2} 80C5! 7001 7002"
+
+
+def test_a_job_that_is_refused_at_its_edge_ends_the_connection_too_when_cont_was_0() -> None:
+    script = "set TSEND_C_1 LEN=9; pulse TSEND_C_1 REQ; run 8"
+    assert shown(SENDER, "TSEND_C_1", script, MANUAL) == "7001b 7002b{2} 7004b 8088! 7003 0003 7000"
+
+
+def test_com_rst_in_a_job_is_its_error_and_the_connection_is_built_again_and_stays() -> None:
     script = (
-        "set TRCV_C_1 EN_R=1; run 3; peer P1 connect; run 3; set TRCV_C_1 EN_R=0; run 2;"
-        "peer P1 send hex 01 02 03 04 05 06 07 08; run 5"
+        "resize tx ARRAY[1..60000] OF BYTE; pulse TSEND_C_1 REQ; peer P1 stall; run 6;"
+        "set TSEND_C_1 COM_RST=1; run 6"
     )
-    assert shown(RECEIVER, "TRCV_C_1", script, "options.cont_mode=oneshot") == (
-        "7001 7002{2} 0001b 7006b{4} 0000d 7003 0003 7000{2}"
+    options = MANUAL, "options.small_buffers=true"
+    assert shown(SENDER, "TSEND_C_1", script, *options) == (
+        "7001b 7002b{2} 0001b 7005b{2} 80A7! 7003 7002 7004{3}"
     )
 
 
-def test_one_shot_ends_with_its_error_and_closes() -> None:
-    script = "peer P1 close; pulse TSEND_C_1 REQ; run 8"
-    assert shown(SENDER, "TSEND_C_1", script, "options.cont_mode=oneshot").startswith(
-        "7001 7002{2} 80C5! 7003"
+def test_com_rst_before_the_connection_stands_leaves_the_request_alone() -> None:
+    script = "pulse TSEND_C_1 REQ; run 2; set TSEND_C_1 COM_RST=1; run 7"
+    assert shown(SENDER, "TSEND_C_1", script, MANUAL) == "7001b 7002b{2} 0001b 7005b 0000d 7003 0003 7000"
+
+
+def test_en_r_that_falls_before_the_first_data_leaves_the_connection_and_the_bytes() -> None:
+    script = (
+        f"set TRCV_C_1 EN_R=1; run 3; peer P1 connect; run 2; set TRCV_C_1 EN_R=0; {FRAME}; run 3;"
+        "set TRCV_C_1 EN_R=1; run 1; set TRCV_C_1 EN_R=0; run 5"
     )
+    assert shown(RECEIVER, "TRCV_C_1", script, MANUAL) == (
+        "7001 7002{2} 0001b 7006b 7004{3} 7006b 0000d 7003 0003 7000{2}"
+    )
+
+
+def test_en_r_falls_keeps_lets_a_job_without_data_go_on_as_ever() -> None:
+    script = f"{CONNECT_PASSIVE}; set TRCV_C_1 EN_R=0; run 2; {FRAME}; run 4"
+    keeps = shown(RECEIVER, "TRCV_C_1", script, MANUAL, "options.en_r_falls=keeps")
+    assert keeps == "7001 7002{2} 0001b 7006b{4} 0000d 7004{3}"
+
+
+def test_cont_that_fell_in_a_job_counts_as_soon_as_en_r_ends_it() -> None:
+    script = f"{CONNECT_PASSIVE}; set TRCV_C_1 CONT=0; run 2; set TRCV_C_1 EN_R=0; run 3"
+    assert shown(RECEIVER, "TRCV_C_1", script, MANUAL) == "7001 7002{2} 0001b 7006b{4} 7003 0003 7000"
+
+
+def test_trcv_beside_it_keeps_to_the_same_rule_of_en_r() -> None:
+    script = "pulse TCON_1 REQ; set TRCV_1 EN_R=1; run 6; set TRCV_1 EN_R=0; run 2"
+    project = "s7-single-active.toml"
+    level, manual = shown(project, "TRCV_1", script), shown(project, "TRCV_1", script, MANUAL)
+    assert (level.split()[-1][:5], manual.split()[-1]) == ("7002b", "7000{2}")
 
 
 def test_a_trcv_that_is_refused_shows_it_each_call_or_once() -> None:

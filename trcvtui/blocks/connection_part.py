@@ -14,6 +14,7 @@ from enum import Enum, auto
 from trcvtui.blocks import closing
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.cont_level import ContLevel
 from trcvtui.blocks.course import Course
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.kept_off import KeptOff
@@ -36,7 +37,14 @@ class Phase(Enum):
 class ConnectionPart:
     """Show a connection's life on STATUS; `call` answers None when the job may decide."""
 
-    def __init__(self, env: Environment, connection: Connection, claim: Claim, has_addr: bool = True) -> None:
+    def __init__(
+        self,
+        env: Environment,
+        connection: Connection,
+        claim: Claim,
+        has_addr: bool = True,
+        level: ContLevel | None = None,
+    ) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
         self.waits = 0  # how many scans of 7002 have been shown since connecting began
@@ -49,6 +57,7 @@ class ConnectionPart:
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
         self.cont = False
+        self._level = level or ContLevel(None)
         self._com_rst = False
         self._close_wanted = False
         self._reset_wanted = False
@@ -70,7 +79,7 @@ class ConnectionPart:
     @property
     def is_closing(self) -> bool:
         """Return whether something of a close is still to be shown."""
-        return not self.cont and bool(self._script)
+        return not self.cont and (bool(self._script) or self._close_wanted)
 
     def call(
         self, cont: bool, com_rst: bool, asks: bool = False, job_error: Condition | None = None
@@ -88,7 +97,7 @@ class ConnectionPart:
         if rose:
             return self._start()
         if not cont:
-            return self._script.popleft() if self._script else _NO_JOB
+            return self._script.popleft() if self._script else self._level.idle
         return self._hold()
 
     def _hold(self) -> Outcome | None:
@@ -114,7 +123,7 @@ class ConnectionPart:
         self._close_wanted = self._reset_wanted = False
         if self._kept_off.begin():
             self.phase, self._queued = Phase.STARTING, False
-            return _CONT_ROSE
+            return self._begun()
         self._connection.keeping.hold(self._claim)
         if self._connection.state is not State.CLOSED:
             return self.wait("another block has opened the connection")
@@ -122,7 +131,10 @@ class ConnectionPart:
         self.phase, self._queued = Phase.STARTING, fault is None
         if fault is not None:
             return Outcome(Condition.QUEUE_FULL, cause_of(fault))
-        return _CONT_ROSE
+        return self._begun()
+
+    def _begun(self) -> Outcome:
+        return Outcome(Condition.CREATING, self._level.begins)
 
     def _go_on_kept_off(self) -> Outcome:
         refused = self._kept_off.look()
@@ -132,7 +144,11 @@ class ConnectionPart:
         if self._kept_off.rival:
             return self._wait_for("before the next attempt", detail=f"{self._kept_off.rival} works on it")
         begun = self._start()
-        return replace(begun, condition=Condition.ESTABLISHING) if begun is _CONT_ROSE else begun
+        return (
+            replace(begun, condition=Condition.ESTABLISHING)
+            if begun.condition is Condition.CREATING
+            else begun
+        )
 
     def _go_on_starting(self) -> Outcome:
         if not self._queued:
@@ -235,8 +251,8 @@ class ConnectionPart:
         self._reset_wanted = False
         if not self._connection.keeping.holds(self._claim):  # it never came to build it
             self.phase = Phase.IDLE
-            return _NO_JOB
-        cause = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
+            return self._level.idle
+        cause = self._level.ends_by
         fault = self._connection.queue_job() if self._has_connection() else None
         self._close_wanted = fault is not None
         if fault is not None:
@@ -297,6 +313,4 @@ def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> 
     return Outcome(course.of_set_up(failed.stage, failed.fault.error), cause)
 
 
-_NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)
-_CONT_ROSE = Outcome(Condition.CREATING, Cause(Why.INPUT, "CONT rose", pin="CONT", value=1))
 _CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the set-up has begun"))

@@ -36,7 +36,7 @@ class Course:
     `established`: the same of a connection that no job waits for.
     `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
     connection is an error of its own.
-    `en_r_keeps_job`: a receive job that runs goes on when EN_R falls.
+    `en_r_keeps_job`: a receive job that runs goes on when EN_R falls. `first_data_keeps_job`: with data.
     `second_lags`: where two blocks want a connection, the one that is called second in the scan that brings
     it up sees it one scan later, whichever of them has opened it.
     `reset`, `reset_ends_send`: what COM_RST shows, and the error before it that ends a running send job.
@@ -50,7 +50,7 @@ class Course:
     `teardown`: "closing" shows before the error of a loss that ends a job.
     `silent_connect`: an attempt to connect that fails shows no error.
     `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
-    `one_shot`: the request itself connects; CONT only keeps what stands behind its job.
+    `request_connects`: an edge of REQ or EN_R = 1 connects, too, and CONT says whether that outlives the job.
     `faults_once`: a receive job that every call refuses shows its error once, else with each call.
     `set_up`: the error of a set-up step.
     """
@@ -59,6 +59,7 @@ class Course:
     established: Condition | None = None
     waiting_req_sends: bool = False
     en_r_keeps_job: bool = False
+    first_data_keeps_job: bool = False
     second_lags: bool = False
     reset: tuple[Condition, ...] = (Condition.RESETTING, Condition.CLOSING, Condition.CLOSED)
     reset_ends_send: Condition | None = None
@@ -76,10 +77,14 @@ class Course:
     teardown: bool = False
     silent_connect: bool = False
     reset_closes: bool = False
-    one_shot: bool = False
+    request_connects: bool = False
     faults_once: bool = False
     set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
 
     def of_set_up(self, stage: Stage, error: str) -> Condition:
         """Return the condition of a set-up step that failed with that errno."""
         return self.set_up.get((stage, error)) or self.set_up[stage, ""]
+
+    def outlives_en_r(self, has_data: bool) -> bool:
+        """Return whether a receive job goes on although EN_R is 0."""
+        return self.en_r_keeps_job or (self.first_data_keeps_job and has_data)

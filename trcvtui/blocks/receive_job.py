@@ -120,6 +120,11 @@ class ReceiveJob:
             self._env, self._data, wish, self._connection.receiving, self.claim
         )
 
+    def outlives_en_r(self, reserved: bool = False) -> bool:
+        """Return whether a job goes on although EN_R is 0; `reserved`: it begins in this call."""
+        has_data = self.have > 0 or self.complete
+        return (self.running or reserved) and self._env.rules.course.outlives_en_r(has_data)
+
     def _changed(self, length: int) -> Outcome | None:
         """End the job when LEN or DATA is another than at its start."""
         assert self._asked is not None and self._data is not None

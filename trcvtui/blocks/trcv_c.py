@@ -5,8 +5,8 @@ from __future__ import annotations
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import ConnectionPart
-from trcvtui.blocks.cont_level import ContLevel
+from trcvtui.blocks.connection_part import ConnectionPart, Phase
+from trcvtui.blocks.cont_level import BY_EN_R, ContLevel
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.not_connected import StandingRequest, not_connected
 from trcvtui.blocks.outcome import Outcome
@@ -22,35 +22,42 @@ class TrcvC:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
         has_addr = bound.address is not None
-        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr)
         self._inputs: Inputs | None = None
         self._begins = False  # the job has had its first scan, and starts in this one
         self._course = bound.env.rules.course
         self._told = ToldOnce(self._course.faults_once, Condition.CONNECTED)
-        self._cont = ContLevel(self._course.one_shot, asks_by_level=True)
+        self._cont = ContLevel(BY_EN_R if self._course.request_connects else None)
+        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr, self._cont)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call, in the order of design 6, row 24: inputs, connection, loss, data."""
         # The usual scan, in short.
-        if inputs is self._inputs and self._part.stands() and not self._course.one_shot:
+        if inputs is self._inputs and self._part.stands() and not self._cont.is_due:
             return self._receive(inputs) if self._goes_on(inputs) else self._idle(None)
         self._inputs = inputs
         self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
-        cont = self._cont.level(inputs.cont, inputs.en_r, self.job.running, self._part.is_closing)
+        stood = self._part.phase is Phase.CONNECTED
+        cont = self._cont.level(inputs.cont, self._is_asked(inputs), self._part.is_closing)
         outcome = self._part.call(cont, inputs.com_rst, asks=inputs.en_r)
+        if stood and self._part.phase is not Phase.CONNECTED:
+            self._cont.count(inputs.cont)  # a reset begins it anew
         if outcome is not None:
             return self._while_not_receiving(inputs, outcome)
         return self._connected(inputs)
 
     def would_read(self, inputs: Inputs) -> bool:
         """Return whether this instance receives on the connection as soon as it is called."""
-        return (inputs.cont or self._course.one_shot) and self.job.would_read(inputs)
+        return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs)
 
     def _goes_on(self, inputs: Inputs) -> bool:
         """Return whether the job has this scan: EN_R is 1, or a job that has begun outlives it."""
-        has_begun = self.job.running or self._begins
-        return inputs.en_r or (has_begun and self._course.en_r_keeps_job)
+        return inputs.en_r or self.job.outlives_en_r(self._begins)
+
+    def _is_asked(self, inputs: Inputs) -> bool:
+        """Return whether a job runs, or EN_R waits for a connection."""
+        waits = self._begins or self._part.phase is not Phase.CONNECTED
+        return self._goes_on(inputs) and (self.job.running or waits)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""
@@ -90,6 +97,8 @@ class TrcvC:
         got = self.job.call(inputs)
         if not isinstance(got, Outcome):
             return self._lost(got)
+        if got.condition is Condition.RECEIVED:
+            self._cont.served()
         return self._told.shown(got, inputs) if self._course.faults_once else got
 
     def _idle(self, loss: ConnectionLoss | None) -> Outcome:
@@ -99,6 +108,8 @@ class TrcvC:
         return READY if loss is None else self._lost(loss)
 
     def _lost(self, loss: ConnectionLoss) -> Outcome:
+        assert self._inputs is not None
+        self._cont.count(self._inputs.cont)  # the connection is begun anew
         return self._part.lost(self.job.shown(loss), "the connection is gone")
 
 

@@ -57,6 +57,7 @@ class Dialect:
     `structures`: the connection descriptions that it takes, () all of them.
     `types`: in ST, those that its library brings along.
     `folder`: where its scenarios lie, when that has another name.
+    `follows`: the document that its course stands in, where dialects with one table differ in that.
     `words`: what it calls a condition whose neutral word is another vendor's.
     """
 
@@ -73,6 +74,7 @@ class Dialect:
     structures: tuple[str, ...] = ()
     folder: str = ""
     types: str = ""
+    follows: str = ""
     words: Mapping[str, str] = field(default_factory=dict)
 
     def label(self, condition: str) -> str:

@@ -6,6 +6,7 @@ One course for all of them; a dialect below it is its limits and its few differe
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -46,8 +47,9 @@ SWITCHES: Final = (
         "cont_mode",
         "choice",
         "level",
-        "CONT builds and closes the connection, or REQ and EN_R connect and CONT only keeps it (A9)",
-        ("level", "oneshot"),
+        "level: CONT builds and closes the connection; manual: REQ and EN_R build it too, and with CONT = 0 "
+        "it ends behind the job; oneshot is the older word for manual (A9)",
+        ("level", "manual", "oneshot"),
     ),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
     Switch(
@@ -60,9 +62,10 @@ SWITCHES: Final = (
     Switch(
         "en_r_falls",
         "choice",
-        "keeps",
-        "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped (A5)",
-        ("keeps", "drops"),
+        "by_cont_mode",
+        "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped; by cont_mode: "
+        "level keeps it, manual drops one that has no data yet (A5)",
+        ("by_cont_mode", "keeps", "drops"),
     ),
     Switch(
         "receive_faults",
@@ -190,11 +193,15 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
 
 def course(chosen: Mapping[str, SwitchValue]) -> Course:
     """Return what shows when (siemens.md 1), with these switch values."""
+    by_manual, en_r_falls = chosen["cont_mode"] != "level", chosen["en_r_falls"]
+    if en_r_falls == "by_cont_mode":
+        en_r_falls = "drops until data" if by_manual else "keeps"
     return Course(
         job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
         established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
         waiting_req_sends=True,  # 1.3, A4
-        en_r_keeps_job=chosen["en_r_falls"] == "keeps",  # 1.7
+        en_r_keeps_job=en_r_falls == "keeps",  # 1.7
+        first_data_keeps_job=en_r_falls == "drops until data",  # A5
         second_lags=bool(chosen["rcv_lag"]),  # 1.8
         reset=(Condition.CLOSING,),  # 1.9, A16
         reset_ends_send=Condition.RESET_IN_JOB,
@@ -206,7 +213,7 @@ def course(chosen: Mapping[str, SwitchValue]) -> Course:
         still_asked=Condition.STILL_ASKED,  # 1.9
         teardown=bool(chosen["teardown_before_error"]),  # A7
         silent_connect=bool(chosen["silent_connect"]),  # A15
-        one_shot=chosen["cont_mode"] == "oneshot",  # A9
+        request_connects=by_manual,  # A9
         faults_once=chosen["receive_faults"] == "once",
         set_up=SET_UP,
     )
@@ -220,17 +227,24 @@ WORDS: Final[Mapping[str, str]] = {
 }
 
 
-def _answer_of(cpu: Cpu, chosen: Mapping[str, SwitchValue]) -> Rules:
-    return answer({switch.name: switch.default for switch in SWITCHES} | dict(chosen), cpu)
+def with_default(name: str, value: SwitchValue) -> tuple[Switch, ...]:
+    """Return the switches with another default of one of them."""
+    return tuple(replace(one, default=value) if one.name == name else one for one in SWITCHES)
 
 
-def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
+def _answer_of(cpu: Cpu, switches: tuple[Switch, ...], chosen: Mapping[str, SwitchValue]) -> Rules:
+    return answer({switch.name: switch.default for switch in switches} | dict(chosen), cpu)
+
+
+def _dialect(
+    name: str, title: str, cpu: Cpu, follows: str, switches: tuple[Switch, ...] = SWITCHES
+) -> Dialect:
     return Dialect(
         name=name,
         title=title,
         blocks=ALL,
         status=STATUS,
-        switches=SWITCHES,
+        switches=switches,
         models={"CPU": cpu.connections},
         default_model="CPU",
         layout="s7-standard",
@@ -238,11 +252,19 @@ def _dialect(name: str, title: str, cpu: Cpu) -> Dialect:
         folder="siemens",
         words=WORDS,
         types=TDIAG_STATUS,
-        answer=partial(_answer_of, cpu),
+        follows=follows,
+        answer=partial(_answer_of, cpu, switches),
     )
 
 
-S7_1500: Final = _dialect("s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128))
+SEQUENCES: Final = "the document of the status sequences (cont_mode level)"
+S7_1500: Final = _dialect(
+    "s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128), SEQUENCES
+)
 S7_1200: Final = _dialect(
-    "s7-1200", "Siemens S7-1200, Open User Communication", Cpu(8192, 1472, 8, True, True)
+    "s7-1200",
+    "Siemens S7-1200, Open User Communication",
+    Cpu(8192, 1472, 8, True, True),
+    "the S7-1200 page on TSEND_C and TRCV_C (cont_mode manual)",
+    with_default("cont_mode", "manual"),
 )

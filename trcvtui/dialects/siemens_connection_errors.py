@@ -111,7 +111,7 @@ CONNECTION_ERRORS: Final = (
         True,
         "There is no such connection",
         (
-            "nobody has built it yet: no TCON, no _C block with CONT = 1",
+            "nobody has built it yet: no TCON, no _C block that CONT, REQ or EN_R asks",
             "it is closed already; T_DIAG behind TDISCON ends here, too",
         ),
         (
@@ -179,7 +179,7 @@ CONNECTION_ERRORS: Final = (
         True,
         "The other block let the connection go",
         (
-            "two _C blocks share a connection, and CONT of the other one fell",
+            "two _C blocks share a connection, and CONT of the other one ended it",
             "TDISCON or T_RESET worked on this block's connection",
             "another CONNECT of the same ID and the same description is just being built",
         ),

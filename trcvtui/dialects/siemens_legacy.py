@@ -9,8 +9,8 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.status import Reach, StatusRow
-from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
-from trcvtui.dialects.siemens import S7_1200, SWITCHES, WORDS, Cpu, answer
+from trcvtui.dialects.dialect import Dialect, SwitchValue, codes_of
+from trcvtui.dialects.siemens import S7_1200, SEQUENCES, WORDS, Cpu, answer, with_default
 from trcvtui.dialects.siemens_blocks import BOTH_C, RCV_C, SEND_C
 from trcvtui.dialects.siemens_connection_errors import LEGACY_ERRORS
 from trcvtui.dialects.siemens_status import STATUS
@@ -25,11 +25,8 @@ _NEWER_ID_ERROR: Final = 0x80C8  # 80A5 here
 _NOT_THESE: Final = frozenset({0x0001, 0x7005})  # of the _C blocks
 
 
-def _older(switch: Switch) -> Switch:
-    return replace(switch, default=True) if switch.name == "silent_connect" else switch
-
-
-LEGACY_SWITCHES: Final = tuple(_older(switch) for switch in SWITCHES)
+# cont_mode: the status sequences are of instructions V2.0, so they, and no later manual, tell of these.
+LEGACY_SWITCHES: Final = with_default("silent_connect", True)
 
 
 def _row(code: int, block: str) -> StatusRow:
@@ -162,5 +159,6 @@ S7_1200_LEGACY: Final = Dialect(
     structures=("TCON_Param",),  # 1.11
     folder="siemens-legacy",
     words=WORDS,
+    follows=SEQUENCES,
     answer=legacy_answer,
 )

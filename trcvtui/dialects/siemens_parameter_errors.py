@@ -52,7 +52,7 @@ PARAMETER_ERRORS: Final = (
         True,
         "No connection of this ID",
         (
-            "nobody has called TCON, or TSEND_C / TRCV_C with CONT = 1, for this connection",
+            "nobody has called TCON, or asked TSEND_C or TRCV_C to connect, for this connection",
             "TDISCON has taken the endpoint away before the reset came",
         ),
         (

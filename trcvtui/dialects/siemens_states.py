@@ -45,7 +45,8 @@ STATES: Final = (
         ),
         (
             "one scan only; the next shows 7005 (TSEND_C) or 7006 (TRCV_C)",
-            "no 0001 although REQ was pulsed: the pulse ended before the connection stood, so it is lost",
+            "no 0001 although REQ was pulsed: with cont_mode level a pulse that ends before that is lost",
+            "cont_mode manual keeps the first edge; BUSY is 1 from it on, and further ones do not count",
         ),
         Reach.REAL,
         "siemens.md 1.3, 1.6, 2.1, A2",
@@ -77,10 +78,12 @@ STATES: Final = (
         "The connection is closed",
         (
             "CONT fell while a connection stood; 7003 has shown before",
-            "CONT fell in a transfer: the transfer is lost with the connection",
+            "cont_mode level: CONT fell in a transfer, which is lost with the connection",
+            "cont_mode manual: the job has ended, and CONT was 0 at its edge of REQ, or has fallen since",
+            "cont_mode manual, TRCV_C: data has come, and CONT was 0 when the connection was begun",
         ),
         (
-            "one scan, then 7000: the connection can be built again with CONT",
+            "one scan, then 7000; cont_mode manual: 7001 where CONT or EN_R is 1, or REQ has risen",
             "the other block on this connection shows 80AA, one scan later if it is called first",
         ),
         Reach.REAL,
@@ -93,14 +96,15 @@ STATES: Final = (
         False,
         "No job, and no connection",
         (
-            "CONT is 0: REQ and EN_R mean nothing without it",
+            "CONT is 0; with cont_mode level REQ and EN_R mean nothing without it",
+            "cont_mode manual: EN_R is 0, or REQ has not risen since the last job ended the connection",
             "the program took CONT away, often in its own error handling",
             "an ordered close has ended: 7003 and 0003 stand before it",
         ),
         (
             "pin CONT: 1 builds the connection and keeps it, with REQ and EN_R at 0 as well",
             "what writes CONT: from the cross references of the tag, not from this call alone",
-            "a program made for instructions before 3.0 may expect REQ to connect: switch cont_mode",
+            "an S7-1200 lets REQ and EN_R connect, an S7-1500 only CONT: switch cont_mode",
         ),
         Reach.LOGIC,
         "siemens.md 1.1, 1.5, 2.1, 2.2, 4.3",
@@ -129,7 +133,7 @@ STATES: Final = (
         False,
         "Starting to build the connection",
         (
-            "CONT has just risen; this shows for one scan",
+            "CONT has just risen; cont_mode manual: or REQ has, or EN_R is 1; this shows for one scan",
             "the block builds a lost or refused connection again: 80A3, 80AA, 80C5 or 80C6 before it",
         ),
         (
@@ -205,7 +209,8 @@ STATES: Final = (
         False,
         "Closing the connection",
         (
-            "CONT fell: 0003 and 7000 follow",
+            "CONT fell: 0003 and 7000 follow; cont_mode manual: behind the job, if one waits or runs",
+            "cont_mode manual: a job has ended that had CONT = 0; behind an error without 0003",
             "COM_RST rose while connected: 7002 follows, and the connection is built again",
             "switch teardown_before_error: the scan before a loss is told with its code",
         ),
@@ -226,7 +231,7 @@ STATES: Final = (
         "Connected, nothing asked for",
         (
             "TSEND_C: no rising edge at REQ; a REQ that stays 1 sends once only",
-            "TRCV_C: EN_R is 0, so what arrives piles up unread in the socket",
+            "TRCV_C: EN_R is 0, so what arrives piles up unread in the socket; the connection stays",
             "TRCV_C: the other block on this connection closes it, 80AA follows",
         ),
         (
@@ -264,7 +269,7 @@ STATES: Final = (
         (
             "nothing has come: with EN_R at 1 this is the normal state of rest",
             "on TCP: LEN (0: the size of DATA) is larger than what the partner sends, so it is never full",
-            "EN_R fell, and the job goes on all the same until data is there",
+            "EN_R fell, and the job goes on: cont_mode level to its end, manual once a byte is here",
             "on TCP: an earlier frame was cut, so the stream is shifted",
         ),
         (

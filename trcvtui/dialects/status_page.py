@@ -11,12 +11,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from trcvtui.dialects.status_report import Explained, reach_text
 
 
-def as_page(title: str, found: Sequence[Explained], up: str) -> str:
-    """Return the page of these rows; `up` leads from the page to where file names start, such as `../`."""
+def as_page(title: str, found: Sequence[Explained], up: str, follows: Sequence[tuple[str, str]] = ()) -> str:
+    """Return the page of these rows; `up` leads from the page to where file names start, such as `../`.
+
+    `follows`: dialects, and the document that the course of each stands in.
+    """
     rows = sorted(
         found, key=lambda one: one.row.code
     )  # a code may have a row for some blocks, one for others
-    parts = [f"# STATUS atlas: {title}", _INTRODUCTION, _contents(rows), *(_card(one, up) for one in rows)]
+    documents = "\n".join(f"- `{name}` follows {document}." for name, document in follows)
+    head = [f"# STATUS atlas: {title}", _INTRODUCTION, *([documents] if documents else [])]
+    parts = [*head, _contents(rows), *(_card(one, up) for one in rows)]
     return "\n\n".join(parts) + "\n"
 
 

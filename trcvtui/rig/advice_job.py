@@ -137,9 +137,15 @@ def no_edge(e: Evidence) -> str:
 
 
 def cont_is_missing(e: Evidence) -> str:
-    """No job because CONT is 0."""
+    """No job because CONT is 0, and where REQ or EN_R connects, because that does not ask."""
     if e.pin("CONT") != 0 or e.condition != "no job":
         return ""
+    keeps = f"`set {e.instance} CONT=1` connects, too, and stays"
+    if e.cause.pin == "REQ":
+        first = "REQ stays 1: set it to 0 first; an edge" if e.pin("REQ") else f"`pulse {e.instance} REQ`"
+        return f"{first} connects, sends and disconnects; {keeps}"
+    if e.cause.pin == "EN_R":
+        return f"`set {e.instance} EN_R=1` connects, receives and disconnects; {keeps}"
     asked = [pin for pin in ("EN_R", "REQ") if e.pin(pin)]
     return f"CONT is 0{f' while {asked[0]} is 1' if asked else ''}: `set {e.instance} CONT=1`"
 

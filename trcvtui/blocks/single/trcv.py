@@ -38,7 +38,7 @@ class Trcv:
         if loss is not None:
             self._link.end([])  # nobody was asked to receive
         self._link.is_new(self.job.claim)
-        if not inputs.en_r and not (self.job.running and self._course.en_r_keeps_job):
+        if not inputs.en_r and not self.job.outlives_en_r():
             self.job.abandon("EN_R fell")
             self.job.let_go()
             self._told.forget()

@@ -25,12 +25,12 @@ class Turcv:
         self._env = bound.env
         self._port = bound.port
         self._unfit = wrong_structure(bound.address)
-        self._keeps = bound.env.rules.course.en_r_keeps_job
+        self._course = bound.env.rules.course
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a socket 80A1."""
         self._port.step(self._env.scan, self._env.now)
-        if not inputs.en_r and not (self.job.running and self._keeps):
+        if not inputs.en_r and not (self.job.running and self._course.outlives_en_r(self.job.have > 0)):
             self.job.abandon("EN_R fell")
             self.job.let_go()
             return _IDLE

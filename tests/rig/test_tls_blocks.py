@@ -97,6 +97,12 @@ class Desk:
         edges = [line.event for line in self.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
         return [f"{edge.status:04X}" for edge in edges if edge.status & 0x8000]
 
+    def unnamed(self) -> list[StatusEdge]:
+        """Return the ERRORs of a handshake or of a connection that do not name the call and the partner."""
+        edges = [line.event for line in self.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+        told = [edge for edge in edges if edge.error and edge.cause.call == "session"]
+        return [edge for edge in told if not (edge.cause.asked and edge.cause.peer)]
+
     def status(self) -> str:
         return f"{self.bench.runtime.outputs('X').status:04X}"
 
@@ -112,6 +118,7 @@ def desk_of(folder: Path, connect: str, block: str = RECEIVES) -> Iterator[Desk]
     desk = Desk(folder, connect, block)
     try:
         yield desk
+        assert desk.unnamed() == []
     finally:
         desk.bench.close()
     assert desk.bench.leaks() == ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import StrEnum
 from operator import attrgetter
@@ -26,6 +27,18 @@ class Why(StrEnum):
     OTHER_BLOCK = "other block"
 
 
+# What fails like a call and is none, though a plan can make it fail, or the kernel was asked before:
+# the call that took part, "" for none.
+TOOK_PART: Final = {
+    "budget": "",
+    "description": "",
+    "identity": "",
+    "address": "",
+    "session": "recv",  # it brought what the partner said, or refused to say
+    "attempt_limit": "connect",  # it had no answer
+}
+_ERRNO: Final = re.compile(r"E[A-Z0-9]+|EAI_[A-Z]+")
+
 # What fails like a call and is none; everything else is the kernel's own answer, or a planned fault's.
 NO_KERNEL_CALLS: Final = {
     "queue": (Why.RESOURCE, "the job queue is full"),
@@ -36,7 +49,7 @@ NO_KERNEL_CALLS: Final = {
     "session": (Why.PARTNER, "the handshake failed"),
     "address": (Why.PARAMETER, "the address cannot be used"),
     "resolve": (Why.WAITING, "nobody has listened there yet"),
-    "attempt_limit": (Why.WAITING, "no answer within the attempt's limit"),
+    "attempt_limit": (Why.WAITING, "connect had no answer within the attempt's limit"),
 }
 
 
@@ -59,12 +72,33 @@ class Cause:
     need: int | None = None
     detail: str = ""
 
+    @property
+    def asked(self) -> str:
+        """Return the call that took part, as `fault` names it; "" where none did."""
+        if self.call == "resolve" and not self.errno:  # `@NAME` of the bench
+            return ""
+        return TOOK_PART.get(self.call, self.call)
+
+    @property
+    def errno(self) -> str:
+        """Return the name of the errno that the call gave; "" where it gave none."""
+        if self.call == "session" or not _ERRNO.fullmatch(self.error):
+            return ""
+        return str(self.error)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel as a tuple: packed in a quarter of the time."""
         return type(self), _fields(self)
 
 
 _fields: Final = attrgetter(*Cause.__slots__)
+FULL: Final = Fault("send", "EAGAIN")  # what the kernel means when it takes no byte
+
+
+def full_cause(fault: Fault, name: str, need: int, peer: str) -> Cause:
+    """Return the cause of a send of which the stack took no byte: `fault` is FULL, or what a plan said."""
+    call, error, injected = fault.call, fault.error, fault.injected
+    return Cause(Why.BYTES, name, call=call, error=error, injected=injected, peer=peer, have=0, need=need)
 
 
 def cause_of(fault: Fault, peer: str = "") -> Cause:
@@ -72,4 +106,6 @@ def cause_of(fault: Fault, peer: str = "") -> Cause:
     why, name = NO_KERNEL_CALLS.get(fault.call, (Why.KERNEL, f"{fault.call} failed"))
     if fault.call == "resolve" and fault.error.startswith("EAI_"):  # the network's names, not `@NAME`
         why, name = Why.KERNEL, "nobody knows an address for the partner's name"
-    return Cause(why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer)
+    return Cause(
+        why, name, call=fault.call, error=fault.error, injected=fault.injected, peer=peer or fault.peer
+    )

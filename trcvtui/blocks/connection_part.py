@@ -307,7 +307,7 @@ def established(connection: Connection) -> Cause:
 def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:
     """Return what a failed step of the set-up shows."""
     peer = connection.set_up.remote if failed.stage is Stage.CONNECT else None
-    cause = cause_of(failed.fault, str(peer or ""))
+    cause = cause_of(failed.fault, failed.client or str(peer or ""))
     if failed.detail:
         cause = replace(cause, detail=failed.detail)
     return Outcome(course.of_set_up(failed.stage, failed.fault.error), cause)

@@ -13,7 +13,7 @@ from typing import Final
 
 from trcvtui.blocks.addressed import no_target, unfit
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.cause import FULL, Cause, Why, cause_of, full_cause
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
@@ -54,6 +54,7 @@ class SendJob:
         self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
         self._instance = bound.instance
         self._unsent = memoryview(b"")
+        self._refusal = FULL  # what the stack said when it took nothing
         self._incarnation = 0
         self._first_offset = 0
 
@@ -80,7 +81,7 @@ class SendJob:
         if not self.have:
             # Row 18: nothing of this job is on its way, so it can end; later it would cut the stream.
             self._end(done=False, reason="the send buffer is full")
-            return _full(self.need)
+            return self._full()
         return _sending(self.have, self.need)
 
     def _wish(self, length: int) -> Wish:
@@ -128,16 +129,30 @@ class SendJob:
 
     def _push(self) -> Outcome | ConnectionLoss | None:
         got = self._send()
+        if isinstance(got, WouldBlock) or (isinstance(got, Fault) and got.error == "EAGAIN"):
+            self._refusal = got if isinstance(got, Fault) else FULL
+            return None
         if isinstance(got, Fault):
             self._end(done=False, reason="the datagram was not taken")
             failed = UNREACHED.get(got.error, Condition.SEND_FAILED)
-            return Outcome(failed, cause_of(got, str(self._address)))
+            return Outcome(failed, cause_of(got, self._peer()))
         if isinstance(got, int):
             self.have += got
             self._unsent = self._unsent[got:]
             self.last_bytes = self._env.now
             return None
-        return None if isinstance(got, WouldBlock) else got
+        return got
+
+    def _full(self) -> Outcome:
+        blames = not self._refusal.injected and not self._connection.config.is_datagram
+        name = "the stack takes no byte: the partner does not read" if blames else "the stack takes no byte"
+        cause = full_cause(self._refusal, name, self.need, self._peer())
+        return Outcome(Condition.SEND_BUFFER_FULL, cause)
+
+    def _peer(self) -> str:
+        if self._address is not None and isinstance(self._connection, DatagramConnection):
+            return self._connection.where(self._address)
+        return str(self._connection.peer or "")
 
     def _send(self) -> int | WouldBlock | Fault | ConnectionLoss:
         if self._address is not None and isinstance(self._connection, DatagramConnection):
@@ -195,9 +210,3 @@ def _sending(have: int, need: int) -> Outcome:
 def _sent(size: int) -> Outcome:
     cause = Cause(Why.BYTES, "the local stack has every byte", have=size, need=size)
     return Outcome(Condition.SENT, cause)
-
-
-@lru_cache(OUTCOMES_KEPT)
-def _full(need: int) -> Outcome:
-    cause = Cause(Why.BYTES, "the stack takes no byte: the partner does not read", have=0, need=need)
-    return Outcome(Condition.SEND_BUFFER_FULL, cause)

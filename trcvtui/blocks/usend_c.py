@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.cause import FULL, Cause, Why, cause_of, full_cause
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.inputs import Inputs
@@ -12,7 +12,7 @@ from trcvtui.blocks.job_checks import Wish, changed, refuse
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.udp_part import UdpPart
-from trcvtui.net.answers import WOULD_BLOCK, Fault
+from trcvtui.net.answers import Fault
 
 
 class UsendC:
@@ -97,10 +97,12 @@ class DatagramOut:
             self.have, self.last_bytes, self._peer = got, self._env.now, str(self._port.peer)
             return _sending(got, self._peer)
         self._end(done=False, reason="the datagram was not taken")
-        if isinstance(got, Fault):
-            return Outcome(Condition.SEND_FAILED, cause_of(got, str(self._address)))
-        assert got is WOULD_BLOCK
-        return _full(self.need)
+        peer = self._port.where(self._address)
+        if isinstance(got, Fault) and got.error != "EAGAIN":
+            return Outcome(Condition.SEND_FAILED, cause_of(got, peer))
+        fault = got if isinstance(got, Fault) else FULL
+        cause = full_cause(fault, "the stack has no room for the datagram", self.need, peer)
+        return Outcome(Condition.SEND_BUFFER_FULL, cause)
 
     def go_on(self) -> Outcome:
         """Show in the next scan that the datagram went."""
@@ -157,9 +159,3 @@ def _sending(size: int, peer: str) -> Outcome:
 def _sent(size: int, peer: str) -> Outcome:
     cause = Cause(Why.BYTES, "the datagram is with the local stack", have=size, need=size, peer=peer)
     return Outcome(Condition.SENT, cause)
-
-
-@lru_cache(64)
-def _full(need: int) -> Outcome:
-    cause = Cause(Why.BYTES, "the stack has no room for the datagram", have=0, need=need)
-    return Outcome(Condition.SEND_BUFFER_FULL, cause)

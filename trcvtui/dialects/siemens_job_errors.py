@@ -95,7 +95,7 @@ JOB_ERRORS: Final = (
             "`ss -uan`: Send-Q of the local port",
             "the time between two jobs",
         ),
-        Reach.REAL,
+        Reach.INJECTED,
         "siemens.md 2.7",
     ),
     StatusRow(

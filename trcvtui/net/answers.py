@@ -23,12 +23,16 @@ HELD_BACK: Final = WouldBlock.HELD_BACK
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A call that failed: its name, the errno name, whether a fault plan did it, the system's own words."""
+    """A call that failed: its name, the errno name, whether a fault plan did it, the system's own words.
+
+    `peer`: whom it was about, where only the kernel's side knows.
+    """
 
     call: str
     error: str
     injected: bool = False
     words: str = field(default="", compare=False)
+    peer: str = field(default="", compare=False)
 
     def __str__(self) -> str:
         """Return `bind EADDRINUSE`, with `(injected)` behind it where a plan did it."""

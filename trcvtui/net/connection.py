@@ -340,8 +340,8 @@ class Connection:
         assert self.handle is not None
         return self._look_for_loss(self.handle)
 
-    def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
-        """Give bytes to the local stack and return how many it took."""
+    def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | Fault | ConnectionLoss:
+        """Give bytes to the local stack and return how many it took; a Fault is EAGAIN that a plan said."""
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):
@@ -351,8 +351,8 @@ class Connection:
             self._resources.unsettled[self._name] = None
             self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got, instance))
             return got
-        if isinstance(got, Fault) and got.error != "EAGAIN":
-            return self._found(self._loss_of(got))
+        if isinstance(got, Fault):
+            return got if got.error == "EAGAIN" else self._found(self._loss_of(got))
         return WOULD_BLOCK
 
     def unacknowledged(self) -> int | None:

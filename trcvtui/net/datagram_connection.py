@@ -143,14 +143,17 @@ class DatagramConnection(Connection):
         assert self.handle is not None
         end = to.target(self._resolve)
         got = end if isinstance(end, Fault) else self._kernel.send_to(self.handle, data, end)
-        if isinstance(got, Fault):
-            return WOULD_BLOCK if got.error == "EAGAIN" else got
         if isinstance(got, int) and isinstance(end, Endpoint):
             self.sends += 1
             offset, self.peer = self.bytes_sent, end
             self.bytes_sent = offset + got
             self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got, instance))
         return got
+
+    def where(self, to: RemoteAddress) -> str:
+        """Return whom a datagram to this ADDR reaches, or what stands there as long as nobody knows."""
+        end = to.target(self._resolve)
+        return str(end if isinstance(end, Endpoint) else to)
 
     # -- nobody ends it ---------------------------------------------------------------------------------
 

@@ -276,7 +276,7 @@ class FaultyKernel:
         fault = self._take("accept", handle)
         if fault is not None:
             self._held[handle] = got
-            return fault
+            return replace(fault, peer=str(got.peer))
         self._owners[got.handle] = self._owners.get(handle, "")
         return got
 

@@ -80,6 +80,7 @@ class IsoOnTcp:
     def __init__(self, settings: IsoSettings, is_active: bool) -> None:
         self.phase = Phase.WAITS_FOR_CC if is_active else Phase.WAITS_FOR_CR
         self.ended: Ended | None = None
+        self.can_take_back = True
         self.request: Connect | None = None  # the partner's CR, until it is answered
         self._settings = settings
         self._most = settings.not_told - DATA_HEADER

@@ -26,6 +26,7 @@ class Session(Protocol):
     """One end of a session."""
 
     ended: Ended | None
+    can_take_back: bool  # what `encode` returned need not be sent
 
     @property
     def is_up(self) -> bool:

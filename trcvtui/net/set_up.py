@@ -51,6 +51,7 @@ class StepFault:
     stage: Stage
     fault: Fault
     detail: str = ""
+    client: str = ""  # who was accepted, where that is what failed
 
 
 class SetUp:
@@ -267,7 +268,7 @@ class SetUp:
         fault = self._kernel.poll_add(client.handle)
         if fault is not None:
             self._kernel.abort(client.handle)
-            return StepFault(Stage.POLL_ADD, fault)
+            return StepFault(Stage.POLL_ADD, fault, client=str(client.peer))
         self._set_options(client.handle)
         self._holder.has_been_up = True
         return None

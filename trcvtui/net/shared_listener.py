@@ -149,7 +149,7 @@ class Listener:
         member = self._any_member()
         told = session.ended is not None and not isinstance(session, Choosing)
         if session.ended is not None and told and len(member.ready) < CLIENTS_WAITING:
-            member.ready.append(Fault("session", session.ended.error))
+            member.ready.append(Fault("session", session.ended.error, peer=str(client.peer)))
         self._drop(client, why)
 
     def _drop(self, client: Stream, why: str, asked: Member | None = None) -> None:

@@ -181,6 +181,12 @@ class Stream:
             self._carried, self._carried_size = memoryview(carried), len(carried)
             self._data_size, self._told = len(data), 0
         sent = self._kernel.send(self.handle, self._carried)
+        if isinstance(sent, Fault) and sent.error == "EAGAIN":  # a plan's
+            if self._told or not self.session.can_take_back:
+                sent = WOULD_BLOCK
+            else:
+                self._carried = memoryview(b"")  # else the next job would send this one's bytes
+                return sent
         if isinstance(sent, Fault):
             self.pump()  # the partner's last word may have come before
             return sent if self.session.ended is None else self.end or sent

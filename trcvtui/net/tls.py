@@ -37,6 +37,7 @@ class Tls:
 
     def __init__(self, credentials: Credentials, is_active: bool) -> None:
         self.ended: Ended | None = None
+        self.can_take_back = False  # records are counted
         self.is_up = False
         self.partner_is_done = False
         self._has_fed = False

@@ -40,6 +40,7 @@ class UdpPort:
         self.bytes_sent = self.sends = 0
         self.attempts = 0
         self.since_scan = 0  # the scan in which it last opened
+        self.failure: Fault | None = None  # of the newest attempt
         self.retry_at: int | None = None
         self._kernel = kernel
         self._policy = policy
@@ -67,6 +68,7 @@ class UdpPort:
 
     def _opened(self, scan: int, now: int) -> None:
         self.attempts += 1
+        self.failure = self._step_fault.fault if self._step_fault is not None else None
         if self._step_fault is not None:
             self.retry_at = now + self._policy.retry_ns
             self._note(What.ATTEMPT_FAILED, fault=self._step_fault.fault)
@@ -104,7 +106,7 @@ class UdpPort:
 
     def close(self) -> Fault | None:
         """Free the socket, and with it what waits in it; return the first call that failed."""
-        self.retry_at = None
+        self.retry_at = self.failure = None
         if self.handle is None:
             return None
         removed = self._kernel.poll_del(self.handle)
@@ -127,14 +129,17 @@ class UdpPort:
         assert self.handle is not None
         end = to.target(self._resolve)
         got = end if isinstance(end, Fault) else self._kernel.send_to(self.handle, data, end)
-        if isinstance(got, Fault):
-            return WOULD_BLOCK if got.error == "EAGAIN" else got
         if isinstance(got, int) and isinstance(end, Endpoint):
             self.sends += 1
             offset, self.peer = self.bytes_sent, end
             self.bytes_sent = offset + got
             self._write(BytesSent(self.config.name, self.incarnation, self.sends, offset, got, instance))
         return got
+
+    def where(self, to: RemoteAddress) -> str:
+        """Return whom a datagram to this ADDR reaches, or what stands there as long as nobody knows."""
+        end = to.target(self._resolve)
+        return str(end if isinstance(end, Endpoint) else to)
 
     def receive(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take the next datagram."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from trcvtui.blocks import parameters
 from trcvtui.blocks.block import Binding, Reader
+from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.registry import new_block
@@ -31,7 +32,8 @@ ASKS: Final = {"TRCV_C": "EN_R", "TSEND_C": "REQ"}  # the pin of a job, of block
 class Outputs:
     """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin.
 
-    Of a block on a ComBuffer `status` is Error, and `rx_timeout` or `byte` is a pin, too.
+    Of a block on a ComBuffer `status` is Error, and `rx_timeout` or `byte` is a pin, too. `cause` is no pin:
+    why ERROR is TRUE, None while it is FALSE.
     """
 
     instance: str
@@ -43,6 +45,7 @@ class Outputs:
     rcvd_len: int | None
     rx_timeout: bool | None = None
     byte: int | None = None
+    cause: Cause | None = field(default=None, compare=False)
 
     def pin(self, name: str) -> PinValue:
         """Return the value of an output pin; what a block does not have is 0."""
@@ -232,7 +235,8 @@ class Instance:
             outcome.rcvd_len if "rcvd_len" in self._has else None,
         )
         rx_timeout = outcome.rx_timeout if "rx_timeout" in self._has else None
-        outputs = Outputs(*named, rx_timeout, outcome.byte if "byte" in self._has else None)
+        byte = outcome.byte if "byte" in self._has else None
+        outputs = Outputs(*named, rx_timeout, byte, outcome.cause if outcome.error else None)
         told = str(outcome.condition), outcome.cause, rx_timeout, outputs.byte
         shown = Shown(outputs, StatusEdge(*named, *told))
         self._known[outcome] = shown

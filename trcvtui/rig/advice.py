@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.cause import TOOK_PART, Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import SENDERS
 from trcvtui.rig import advice_attempt as attempt
@@ -27,6 +27,7 @@ from trcvtui.rig.wording import count
 Rule = Callable[[Evidence], str]
 WHOLE: Final = frozenset({"TURCV", "URECV_C"})  # a datagram is here whole, or not at all
 INJECTED: Final = "injected fault: "
+AN_END: Final = "0 bytes"  # what recv gives at a FIN, and no errno
 SESSION: Final = {
     "ECONNREFUSED": "the partner took the call and refused it in the handshake",
     "ECONNRESET": "the partner took the call and ended it in the handshake",
@@ -138,14 +139,14 @@ def why(e: Evidence) -> str:
 def because(cause: Cause, block: str) -> str:
     """Return the cause of an edge: what happened, which call and errno, whose, and whether injected."""
     text = cause.name
-    if cause.call == "session":  # no call either: what came inside the connection
+    if cause.call == "session":  # what came inside the connection
         text = SESSION.get(cause.error, f"{cause.name} ({cause.error})")
-    elif cause.call and cause.why is Why.PARAMETER:  # no call was made
-        text += "" if cause.detail else f" ({cause.error})"
+    elif cause.call in TOOK_PART:  # it is no call
+        text += "" if cause.why is Why.PARAMETER and cause.detail else f" ({cause.error})"
     elif cause.call and cause.call in text:
-        text = f"{cause.call} gave {cause.error or 'an error'}"
+        text = f"{cause.call} gave {cause.error or AN_END}"
     elif cause.call:
-        text += f" ({cause.call} gave {cause.error or 'an error'})"
+        text += f" ({cause.call} gave {cause.error or AN_END})"
     if cause.injected:
         text = INJECTED + text
     text += _numbers(cause, block)

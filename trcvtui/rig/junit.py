@@ -116,7 +116,8 @@ def _taken(taken: Iterable[Taken]) -> Iterator[Case]:
             yield Case(name, ns)
         else:
             found = f"found: {one_line(one.failure.found)}"
-            text = f"step {one.failure.step}: {one_line(one.failure.line)}\n{found}"
+            told = [f"ERROR {one_line(str(error))}" for error in one.errors]
+            text = "\n".join((f"step {one.failure.step}: {one_line(one.failure.line)}", found, *told))
             yield Case(name, ns, "failure", _verb(one.step), found, text)
 
 

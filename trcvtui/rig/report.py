@@ -11,6 +11,7 @@ from typing import Final, Protocol
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.instance import Outputs
 from trcvtui.rig.delivery import NONE_SENT, Delivery
+from trcvtui.rig.errors_told import cause_record
 from trcvtui.rig.junit import Junit
 from trcvtui.rig.runner import Verdict
 from trcvtui.rig.scenario import Scenario
@@ -95,11 +96,12 @@ def _outputs(out: Outputs) -> dict[str, object]:
         "RxTimeout": out.rx_timeout,
         "ReceivedByte": out.byte,
     }
-    return {key: value for key, value in record.items() if value is not None}
+    known = {key: value for key, value in record.items() if value is not None}
+    return known if out.cause is None else known | {"cause": cause_record(out.cause, out.block)}
 
 
 class Text:
-    """For people: the verdict, what failed, and the STATUS of each instance over the whole scenario."""
+    """For people: the verdict, the STATUS of each instance over the whole run, its ERRORs, what failed."""
 
     def __init__(self, write: Write, interval_ns: int) -> None:
         self._write = write
@@ -115,6 +117,8 @@ class Text:
         self._write(f"{word}  {one_line(verdict.scenario)}  ({verdict.scans} scans)\n")
         for instance, trace in verdict.traces:
             self._write(f"    {instance}: {trace}\n")
+        for error in verdict.errors:
+            self._write(f"    ERROR {one_line(str(error))}\n")
         for failure in verdict.failures:
             self._write(f"    step {failure.step}: {one_line(failure.line)}\n")
             self._write(f"        found: {one_line(failure.found)}\n")

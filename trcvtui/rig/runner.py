@@ -10,6 +10,7 @@ from trcvtui.plc.instance import Outputs
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.delivery import Delivery, deliveries
+from trcvtui.rig.errors_told import Errors, ErrorTold
 from trcvtui.rig.stage import Failure, Stage
 
 
@@ -20,13 +21,14 @@ class Taken:
     step: words.Step
     until_ns: int
     failure: Failure | None
+    errors: tuple[ErrorTold, ...] = ()  # where it failed: the newest before
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
     """How one scenario ended. `traces` are the STATUS runs of each instance over the whole scenario.
 
-    `taken` are the steps in order; a failed `wait` is the last one.
+    `taken` are the steps in order; a failed `wait` is the last one. `errors`: oldest first.
     """
 
     scenario: str
@@ -34,6 +36,7 @@ class Verdict:
     failures: tuple[Failure, ...]
     traces: tuple[tuple[str, str], ...]
     taken: tuple[Taken, ...]
+    errors: tuple[ErrorTold, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -73,13 +76,16 @@ class Runner:
         self._on_scan = on_scan
         self._stage = Stage(bench)
         self._taken: list[Taken] = []
+        self._errors = Errors()
 
     def play(self, steps: Iterable[words.Step]) -> Verdict:
         """Carry out the steps in order; a failed `wait` ends the file."""
         for step in steps:
             for _ in self._stage.take(step):
                 self._scan()
-            self._taken.append(Taken(step, self._elapsed(), self._stage.failure))
+            failure = self._stage.failure
+            errors = self._errors.newest() if failure is not None else ()
+            self._taken.append(Taken(step, self._elapsed(), failure, errors))
             if self._stage.is_over:
                 break
         return Verdict(
@@ -88,6 +94,7 @@ class Runner:
             tuple(taken.failure for taken in self._taken if taken.failure is not None),
             tuple((name, str(trace)) for name, trace in self._stage.traces.items()),
             tuple(self._taken),
+            self._errors.all(),
         )
 
     def _elapsed(self) -> int:
@@ -100,4 +107,5 @@ class Runner:
         self._pace.next_scan(self._bench)
         self._stage.scanned()
         if runtime.changed:
+            self._errors.see(runtime.scans, runtime.changed)
             self._on_scan(runtime.scans, runtime.changed, deliveries(self._bench, runtime.changed))

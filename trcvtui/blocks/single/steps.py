@@ -7,15 +7,30 @@ from functools import lru_cache
 from typing import Final
 
 from trcvtui.blocks.block import Job
-from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.course import Course
 from trcvtui.blocks.losses import loss_cause
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.net.answers import Fault
 from trcvtui.net.connection_loss import ConnectionLoss, LossKind
+from trcvtui.net.udp_port import UdpPort
 
 IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
 REQ_ROSE: Final = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
+NO_ENDPOINT: Final = Cause(Why.INPUT, "REQ rose where no such connection is", pin="REQ", value=1)
+
+
+def no_socket(port: UdpPort, pin: str, asked: str) -> Outcome:
+    """Return why nothing moves on a UDP_CONFIG: what failed when its socket was to be made, if anything."""
+    return _no_socket(port.failure, pin, asked)
+
+
+@lru_cache(64)
+def _no_socket(fault: Fault | None, pin: str, asked: str) -> Outcome:
+    if fault is None:
+        return Outcome(Condition.NOT_CONNECTED, Cause(Why.INPUT, asked, pin=pin, value=1))
+    return Outcome(Condition.NOT_CONNECTED, replace(cause_of(fault), detail=asked))
 
 
 @lru_cache(1024)

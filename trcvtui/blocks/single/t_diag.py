@@ -12,7 +12,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.job_checks import changed
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
+from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
 from trcvtui.net.connection import Connection, State
 from trcvtui.net.description import Description
 
@@ -57,7 +57,7 @@ class TDiag:
             short = Cause(Why.PARAMETER, "RESULT is too small", pin="RESULT", have=have, need=STATUS.size)
             return Outcome(Condition.RESULT_WRONG, short)
         if self._connection.state is State.CLOSED:
-            return Outcome(Condition.ENDPOINT_GONE, REQ_ROSE)
+            return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
         self._shape = self._result.shape
         self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
         return Outcome(Condition.STARTED, REQ_ROSE)

@@ -10,7 +10,7 @@ from trcvtui.blocks.cause import cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
+from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
 from trcvtui.net.connection import State
 
 
@@ -40,7 +40,7 @@ class TReset:
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:
-            return Outcome(Condition.ENDPOINT_GONE, REQ_ROSE)
+            return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
         if not self._connection.is_up:
             return Outcome(Condition.NOTHING_TO_RESET, REQ_ROSE)
         fault = self._connection.queue_job()

@@ -17,6 +17,7 @@ from trcvtui.net.connection import State
 from trcvtui.net.connection_loss import LossKind
 from trcvtui.net.set_up import Stage, StepFault
 
+IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the connection is there", pin="REQ", value=1)
 STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
 
 
@@ -74,7 +75,7 @@ class Tcon:
         failed = self._connection.set_up.judge_description()
         if failed is not None:
             return set_up_failed(self._connection, failed, self._env.rules.course)
-        return Outcome(Condition.ENDPOINT_THERE, REQ_ROSE)
+        return Outcome(Condition.ENDPOINT_THERE, IS_THERE)
 
     def _go_on(self) -> Outcome:
         if self._connection.set_up.is_withdrawn or self._connection.state is State.CLOSED:  # TDISCON, CONT

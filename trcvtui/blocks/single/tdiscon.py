@@ -11,7 +11,7 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
+from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
 from trcvtui.net.connection import State
 
 STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
@@ -46,7 +46,7 @@ class Tdiscon:
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:
-            return Outcome(Condition.ENDPOINT_GONE, REQ_ROSE)
+            return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
         set_up = self._connection.set_up
         if not set_up.has_been_up:  # its TCON ends with this, a _C block goes on
             set_up.is_withdrawn = True

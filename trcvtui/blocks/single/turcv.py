@@ -12,7 +12,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.single.steps import shown_as
+from trcvtui.blocks.single.steps import no_socket, shown_as
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.urecv_c import DatagramIn
 
@@ -35,7 +35,7 @@ class Turcv:
             self.job.let_go()
             return _IDLE
         if not self._port.is_open:
-            return _NO_SOCKET
+            return no_socket(self._port, "EN_R", "EN_R is 1 without a socket")
         was_running = self.job.running
         got = self._unfit or self.job.call(inputs.len)
         if got.condition is not Condition.RECEIVING:
@@ -52,6 +52,3 @@ class Turcv:
 
 
 _IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0))
-_NO_SOCKET: Final = Outcome(
-    Condition.NOT_CONNECTED, Cause(Why.INPUT, "EN_R is 1 without a socket", pin="EN_R", value=1)
-)

@@ -10,7 +10,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.single.steps import IDLE, REQ_ROSE, shown_as
+from trcvtui.blocks.single.steps import IDLE, no_socket, shown_as
 from trcvtui.blocks.udp_binding import UdpBinding
 from trcvtui.blocks.usend_c import DatagramOut
 
@@ -45,7 +45,7 @@ class Tusend:
 
     def _begin(self, length: int) -> Outcome:
         if not self._port.is_open:
-            return Outcome(Condition.NOT_CONNECTED, REQ_ROSE)
+            return no_socket(self._port, "REQ", "REQ rose without a socket")
         began = no_target(self._address) or self.job.begin(length)
         return shown_as(Condition.STARTED, began) if began.condition is Condition.SENDING else began
 

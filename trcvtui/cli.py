@@ -105,9 +105,10 @@ def _run(args: argparse.Namespace) -> int:
 
 def _serve(args: argparse.Namespace) -> int:
     path = _path(args.project)
-    _load_bench(path)
-    from trcvtui.tui.served import serve
+    from trcvtui.tui.served import refuse_root, serve
 
+    refuse_root(args.write, args.as_root)
+    _load_bench(path)
     serve(path, args.kernel, args.port, args.write, args.theme)
     return GOOD
 
@@ -320,6 +321,7 @@ def _add_serve(parser: _Parser) -> None:
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--port", type=int, default=0, help="on 127.0.0.1; default 0: any that is free")
     parser.add_argument("--write", action="store_true", help="let the browser command the bench")
+    parser.add_argument("--as-root", action="store_true", help="root may use --write")
     _add_theme(parser, argparse.SUPPRESS)
 
 

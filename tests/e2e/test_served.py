@@ -14,15 +14,16 @@ import urllib.error
 import urllib.request
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from email.message import Message
 from pathlib import Path
 from typing import Any
 
 import pytest
-from aiohttp import ClientSession, ClientWebSocketResponse
+from aiohttp import ClientSession, ClientWebSocketResponse, WSServerHandshakeError
 
 from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui.cli import main
-from trcvtui.tui.served import command_line
+from trcvtui.tui.served import MOST_SCREENS, command_line, refuse_root
 
 PROJECT = Path(__file__).parents[2] / "configs" / "passive.toml"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -45,27 +46,97 @@ def served(folder: Path, *options: str) -> Iterator[str]:
         process.communicate(timeout=PATIENCE_S)
 
 
-def fetched(address: str, **headers: str) -> tuple[int, str]:
+class NotFollowed(urllib.request.HTTPRedirectHandler):
+    """Show where an answer points to, and do not go there."""
+
+    def redirect_request(self, *answer: object) -> None:
+        """Leave the answer as it is."""
+
+
+def asked(address: str, **headers: str) -> tuple[int, Message, str]:
+    opener = urllib.request.build_opener(NotFollowed)
     try:
-        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=30) as page:
-            return page.status, page.read().decode()
+        with opener.open(urllib.request.Request(address, headers=headers), timeout=30) as page:
+            return page.status, page.headers, page.read().decode()
     except urllib.error.HTTPError as refused:
-        return refused.code, refused.read().decode()
+        return refused.code, refused.headers, refused.read().decode()
+
+
+def fetched(address: str, **headers: str) -> tuple[int, str]:
+    status, _, text = asked(address, **headers)
+    return status, text
+
+
+def let_in(printed: str) -> tuple[str, str]:
+    """Open the printed address as a browser does; return the address without the token, and the cookie."""
+    status, headers, _ = asked(printed)
+    assert status == 303
+    home, cookie = headers["Location"], headers["Set-Cookie"]
+    assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
+    assert "token" not in home
+    return home.rstrip("/"), cookie.partition(";")[0]
 
 
 def test_the_page_is_there_on_loopback_alone_and_for_nobody_elses_page(tmp_path: Path) -> None:
-    with served(tmp_path) as address:
-        assert re.fullmatch(r"http://127\.0\.0\.1:\d+", address)
-        status, page = fetched(address)
+    with served(tmp_path) as printed:
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{43}", printed)
+        address, cookie = let_in(printed)
+        status, page = fetched(address, Cookie=cookie)
         assert status == 200
         assert "textual" in page and "trcvtui passive.toml" in page
-        assert fetched(address, Host="evil.example")[0] == 403
-        assert fetched(address, Host=f"LOCALHOST:{address.rpartition(':')[2]}")[0] == 200
+        assert fetched(address, Cookie=cookie, Host="evil.example")[0] == 403
+        assert fetched(address, Cookie=cookie, Host=f"LOCALHOST:{address.rpartition(':')[2]}")[0] == 200
         outside = re.compile(r"(?:https?:)?//(?!127\.0\.0\.1:)(?!www\.w3\.org/2000/svg)[\w.-]+\.[a-z]")
-        css = fetched(re.findall(r'href="([^"]*xterm\.css)"', page)[0])[1]
+        css = fetched(re.findall(r'href="([^"]*xterm\.css)"', page)[0], Cookie=cookie)[1]
         for text in (page, re.sub(r"/\*.*?\*/", "", css, flags=re.DOTALL)):
             assert outside.findall(text) == [], "no other host is asked for anything"
-        assert fetched(f"{address}/ws", Origin="http://evil.example")[0] == 403
+        for origin in ("http://evil.example", "null", f"https{address[4:]}"):
+            assert fetched(f"{address}/ws", Cookie=cookie, Origin=origin)[0] == 403
+        assert fetched(f"{address}/ws", Cookie=cookie)[0] == 403, "each page names its Origin at a websocket"
+
+
+def test_another_user_of_the_machine_who_has_no_token_gets_nothing(tmp_path: Path) -> None:
+    with served(tmp_path) as printed:
+        address, cookie = let_in(printed)
+        name, _, token = cookie.partition("=")
+        wrong = f"{name}={'A' * len(token)}"
+        for path in ("/", "/ws", "/static/css/xterm.css", "/download/x", "/?token=", f"/?token={token}x"):
+            for shown in ({}, {"Cookie": wrong}, {"Cookie": f"{name}="}, {"Cookie": f"trcvtui-1={token}"}):
+                assert asked(address + path, Origin=address, **shown)[0] == 403, path
+
+
+async def test_screens_are_bounded_and_one_that_is_closed_makes_room(tmp_path: Path) -> None:
+    with served(tmp_path) as printed:
+        address, cookie = let_in(printed)
+        headers = {"Cookie": cookie, "Origin": address}
+        socket = address.replace("http", "ws") + "/ws"
+        async with ClientSession(headers=headers) as session, asyncio.timeout(PATIENCE_S):
+            open_ones = [await session.ws_connect(socket) for _ in range(MOST_SCREENS)]
+            with pytest.raises(WSServerHandshakeError) as full:
+                await session.ws_connect(socket)
+            assert full.value.status == 503
+            await open_ones.pop().close()
+            while True:  # the server ends the screen before it counts it as gone
+                try:
+                    open_ones.append(await session.ws_connect(socket))
+                    break
+                except WSServerHandshakeError:
+                    await asyncio.sleep(0.05)
+            for each in open_ones:
+                await each.close()
+
+
+def test_root_says_that_a_browser_may_write_as_root(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    assert main(["serve", str(PROJECT), "--write"]) == 2
+    err = capsys.readouterr().err
+    assert "root" in err and "--as-root" in err and len(err.splitlines()) == 1
+    refuse_root(write=True, as_root=True)
+    refuse_root(write=False, as_root=False)
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    refuse_root(write=True, as_root=False)
 
 
 def test_a_wrong_project_is_told_before_anything_is_served(
@@ -181,7 +252,7 @@ async def chromium(folder: Path, address: str) -> AsyncIterator[Tab]:
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
 async def test_a_browser_toggles_en_r(tmp_path: Path) -> None:
     saved = tmp_path / "seen.toml"
-    with served(tmp_path, "--write") as address:
+    with served(tmp_path, "--write", "--as-root") as address:
         async with chromium(tmp_path, address) as tab, asyncio.timeout(PATIENCE_S):
             while not await tab.is_true("document.body.classList.contains('-first-byte')"):
                 await asyncio.sleep(0.1)

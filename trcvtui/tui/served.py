@@ -1,28 +1,89 @@
 """The same screen in a browser on this machine, through textual-serve; to look at, unless told otherwise.
 
-Rule: 127.0.0.1 alone, and only for pages that come from here: another page in the same browser could else
+Rule 1: 127.0.0.1 alone, and only for pages that come from here: another page in the same browser could else
 speak to the bench (the Host and the Origin of every request are looked at).
+Rule 2: only for who has the address that was printed: other users of this machine reach the port as well.
+The address holds a random token; the browser gets a cookie for it, and every later request shows that.
+Rule 3: each screen is a process of its own; at most MOST_SCREENS run.
 """
 
 from __future__ import annotations
 
+import hmac
+import os
 import re
+import secrets
 import shlex
 import socket
 import subprocess
 import sys
+from asyncio import BoundedSemaphore
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.errors import mistake
 
+if TYPE_CHECKING:
+    from aiohttp import web
+
 HOST: Final = "127.0.0.1"
+TOKEN: Final = "token"
+SCREEN: Final = "/ws"  # where textual-serve starts one
+MOST_SCREENS: Final = 8
 # textual-serve's page asks another host for a font that it has itself.
 OUTSIDE: Final = re.compile(r"<link[^>]*https?://(?!127\.0\.0\.1)[^>]*>")
 FONT: Final = """<style>@font-face {
       font-family: "Roboto Mono"; src: url("/static/fonts/RobotoMono-VariableFont_wght.ttf");
     }</style>"""
+QUIET: Final = {"Referrer-Policy": "no-referrer", "Cache-Control": "no-store"}
 FOREIGN: Final = "this bench is only for pages of its own\n"
+UNKNOWN: Final = "open the whole address that `trcvtui serve` has printed\n"
+FULL: Final = f"{MOST_SCREENS} screens are open already; close one\n"
+
+
+def refuse_root(write: bool, as_root: bool) -> None:
+    """Raise UserError when root lets a browser command without having said that this is meant."""
+    if write and not as_root and hasattr(os, "geteuid") and os.geteuid() == 0:
+        found = "root, whose files a browser could then write"
+        raise mistake("trcvtui serve --write", found, "another user, or --as-root if that is meant")
+
+
+class Entrance:
+    """Who may come in: a page of our own (rule 1) that has shown the token once (rule 2)."""
+
+    def __init__(self, port: int) -> None:
+        self.token = secrets.token_urlsafe(32)
+        self.address = f"http://{HOST}:{port}"
+        # A browser keeps one jar of cookies for all ports of a host.
+        self.cookie = f"trcvtui-{port}"
+        self._own = {f"{host}:{port}" for host in (HOST, "localhost")}
+
+    @property
+    def url(self) -> str:
+        """Return the address to open, with the token."""
+        return f"{self.address}/?{TOKEN}={self.token}"
+
+    def refusal(self, host: str, origin: str | None, is_socket: bool) -> str:
+        """Return why a request is refused whatever it shows, "" when it is not.
+
+        A browser names the Origin of each websocket; who does not is no page of ours.
+        """
+        if host.lower() not in self._own or (origin is None and is_socket):
+            return FOREIGN
+        scheme, _, named = (origin or "").lower().partition("://")
+        return FOREIGN if origin is not None and (scheme != "http" or named not in self._own) else ""
+
+    def knows(self, shown: str | None) -> bool:
+        """Return whether this is the token, in a time that tells nothing of it."""
+        return hmac.compare_digest((shown or "").encode(), self.token.encode())
+
+    def let_in(self) -> web.Response:
+        """Give the cookie, and the address without the token: that one shall not stay in the history."""
+        from aiohttp import web
+
+        answer = web.Response(status=303, headers={"Location": f"{self.address}/", **QUIET})
+        answer.set_cookie(self.cookie, self.token, httponly=True, samesite="Strict", path="/")
+        return answer
 
 
 def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None) -> None:
@@ -39,7 +100,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
 
         async def _make_app(self) -> web.Application:
             app = await super()._make_app()
-            app.middlewares.append(_only_from_here)
+            app.middlewares.append(_only_who_may)
             return app
 
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
@@ -47,26 +108,37 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
             page = await super().handle_index(request)
             if isinstance(page, web.Response):
                 page.text = OUTSIDE.sub(FONT, page.text or "")
+                page.headers.update(QUIET)
             return page
 
         async def on_startup(self, app: web.Application) -> None:
             """Say where it is; textual-serve's own banner is left out."""
-            sys.stdout.write(f"{self.public_url}\n")
+            sys.stdout.write(f"{entrance.url}\n")
             sys.stdout.flush()
             how = "every command is carried out" if write else "read-only; --write lets it command"
             sys.stderr.write(f"{project} in a browser, {how}; Ctrl+C ends it\n")
 
+    screens = BoundedSemaphore(MOST_SCREENS)
+
     @web.middleware
-    async def _only_from_here(request, handler):  # type: ignore[no-untyped-def]
-        own = {f"{host}:{end}" for host in (HOST, "localhost")}
-        origin = request.headers.get("Origin")
-        from_here = origin is None or origin.partition("://")[2].lower() in own
-        if request.host.lower() not in own or not from_here:
-            return web.Response(status=403, text=FOREIGN)
-        return await handler(request)
+    async def _only_who_may(request, handler):  # type: ignore[no-untyped-def]
+        refused = entrance.refusal(request.host, request.headers.get("Origin"), request.path == SCREEN)
+        if refused:
+            return web.Response(status=403, text=refused)
+        if request.path == "/" and entrance.knows(request.query.get(TOKEN)):
+            return entrance.let_in()
+        if not entrance.knows(request.cookies.get(entrance.cookie)):
+            return web.Response(status=403, text=UNKNOWN)
+        if request.path != SCREEN:
+            return await handler(request)
+        if screens.locked():
+            return web.Response(status=503, text=FULL)
+        async with screens:
+            return await handler(request)
 
     door = _listening(port)
     end = door.getsockname()[1]
+    entrance = Entrance(end)
     server = Loopback(command_line(project, kernel, write, theme), HOST, end, title=f"trcvtui {project.name}")
     web.run_app(server._make_app(), sock=door, print=None)
 

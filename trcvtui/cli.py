@@ -129,7 +129,9 @@ def _open_screen(
     from trcvtui.rig.driver import EngineStopped, start_engine
 
     gc.disable()  # until the first frame stands: what is imported on the way to it stays
-    driver = start_engine(path, kernel, netns)  # at once: it reads the project while the screen is imported
+    driver = start_engine(
+        path, kernel, netns, read_only
+    )  # at once: it reads the project while the screen is imported
     try:
         # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
         os.environ.setdefault("TEXTUAL_FPS", "200")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import json
 import os
 import re
@@ -20,10 +21,24 @@ from typing import Any
 
 import pytest
 from aiohttp import ClientSession, ClientWebSocketResponse, WSServerHandshakeError
+from aiohttp.web import AppRunner, SockSite
 
 from tests.tui.looking import SMALL, WIDE, looking
+from trcvtui import files
 from trcvtui.cli import main
-from trcvtui.tui.served import MOST_SCREENS, command_line, refuse_root
+from trcvtui.rig import wave_files
+from trcvtui.rig.driver import EngineDriver
+from trcvtui.rig.picture import Answer, PictureRequest
+from trcvtui.tui import keepsake, taking
+from trcvtui.tui.read_only import LINES
+from trcvtui.tui.served import (
+    MOST_SCREENS,
+    Entrance,
+    application,
+    command_line,
+    listening,
+    refuse_root,
+)
 
 PROJECT = Path(__file__).parents[2] / "configs" / "passive.toml"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -105,10 +120,16 @@ def test_another_user_of_the_machine_who_has_no_token_gets_nothing(tmp_path: Pat
                 assert asked(address + path, Origin=address, **shown)[0] == 403, path
 
 
-async def test_screens_are_bounded_and_one_that_is_closed_makes_room(tmp_path: Path) -> None:
-    with served(tmp_path) as printed:
-        address, cookie = let_in(printed)
-        headers = {"Cookie": cookie, "Origin": address}
+async def test_screens_are_bounded_and_one_that_is_closed_makes_room() -> None:
+    door = listening(0)
+    entrance = Entrance(door.getsockname()[1])
+    # In the place of a screen stands a program that is there at once, and ends when it is told anything.
+    runner = AppRunner(await application("exec head -c 1", entrance, "a bench", "about it"))
+    await runner.setup()
+    try:
+        await SockSite(runner, door).start()
+        address = entrance.address
+        headers = {"Cookie": f"{entrance.cookie}={entrance.token}", "Origin": address}
         socket = address.replace("http", "ws") + "/ws"
         async with ClientSession(headers=headers) as session, asyncio.timeout(PATIENCE_S):
             open_ones = [await session.ws_connect(socket) for _ in range(MOST_SCREENS)]
@@ -124,6 +145,8 @@ async def test_screens_are_bounded_and_one_that_is_closed_makes_room(tmp_path: P
                     await asyncio.sleep(0.05)
             for each in open_ones:
                 await each.close()
+    finally:
+        await runner.cleanup()
 
 
 def test_root_says_that_a_browser_may_write_as_root(
@@ -184,6 +207,80 @@ async def test_a_read_only_screen_commands_nothing(size: tuple[int, int]) -> Non
         await looker.type("expect TRCV_C_1 EN_R=1")
         await looker.press("enter")
         assert looker.lines == ["expect TRCV_C_1 EN_R=1"], "to look is allowed"
+
+
+READ_ONLY_SCREENS = {"MainScreen", "HelpScreen", "DescriptionScreen", "CommandPalette", "Screen"}
+
+
+async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept: list[object] = []
+    monkeypatch.setattr(keepsake, "write_file", lambda *what, **how: kept.append(what))
+    monkeypatch.setattr(keepsake, "to_clipboard", kept.append)
+    monkeypatch.setattr(taking, "to_clipboard", kept.append)
+    monkeypatch.setattr(wave_files, "write_file", lambda *what, **how: kept.append(what))
+    monkeypatch.setattr(files, "read_bytes", lambda *what: kept.append(what))
+    async with looking(WIDE) as looker:
+        app = looker.app
+        app._read_only = True
+
+        async def back(did: str) -> None:
+            assert {type(screen).__name__ for screen in app.screen_stack} <= READ_ONLY_SCREENS, did
+            while app.screen is not app.main:
+                app.pop_screen()
+                await looker.pilot.pause()
+            assert not [line for line in looker.lines if line.split()[0] not in LINES], did
+
+        done = {"app.quit"}
+        for pane in "12345678":
+            await looker.pilot.press(pane)
+            for key, bound in list(app.screen.active_bindings.items()):
+                if bound.binding.action not in done:
+                    done.add(bound.binding.action)
+                    await looker.pilot.press(pane, key, "enter")
+                    await back(f"{pane} {key}")
+        assert len(done) > 60
+        for command in list(app.get_system_commands(app.screen)):
+            if command.title not in ("Quit", "Command line"):
+                done_by_it = command.callback()
+                if inspect.isawaitable(done_by_it):
+                    await done_by_it
+                await looker.pilot.pause()
+                await back(command.title)
+        for line in (
+            "lab",
+            "udt open /etc/passwd",
+            "scenarios",
+            "race",
+            "export timing svg",
+            "save project",
+            "",
+        ):
+            app.submit(line)
+            await looker.pilot.pause()
+            await back(line)
+        assert app._say("set TRCV_C_1 CONT=1") is None, "no way into the engine but this list"
+    assert kept == []
+
+
+def test_an_expectation_of_a_read_only_bench_reads_no_file(tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"hidden")
+    driver = EngineDriver(PROJECT, "sim", read_only=True)
+    try:
+        driver.project()
+        driver.submit(f"expect peer P1 received file {secret}")
+        driver.submit("expect rx file /nowhere")
+        answers: list[Answer] = []
+        while len(answers) < 2:
+            driver.request(PictureRequest())
+            driver.wait(1)
+            picture = driver.picture()
+            answers += picture.answers if picture else ()
+    finally:
+        driver.close()
+    assert all("read-only" in answer.error for answer in answers), answers
 
 
 # -- a real browser --------------------------------------------------------------------------------------

@@ -46,14 +46,21 @@ class Driver(Protocol):
 class EngineDriver:
     """The bench in a process of its own; start it before the screen library is imported."""
 
-    def __init__(self, path: Path, kernel: str, overrides: Sequence[str] = (), netns: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        kernel: str,
+        overrides: Sequence[str] = (),
+        netns: bool = False,
+        read_only: bool = False,
+    ) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
         from trcvtui.rig.engine_process import engine_main
 
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
         self._process = context.Process(
-            target=engine_main, args=(theirs, path, kernel, tuple(overrides), netns), daemon=True
+            target=engine_main, args=(theirs, path, kernel, tuple(overrides), netns, read_only), daemon=True
         )
         self._process.start()
         theirs.close()
@@ -143,9 +150,10 @@ def _not_last_words(message: Any) -> Any:
     return message
 
 
-def start_engine(path: Path, kernel: str, netns: bool = False) -> EngineDriver:
+def start_engine(path: Path, kernel: str, netns: bool = False, read_only: bool = False) -> EngineDriver:
     """Start the engine on a project file; `project()` tells what it has read, or what is wrong with it.
 
-    With `netns` it runs in a network of its own, which the caller has found to be allowed.
+    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
+    it opens no file but those of the project.
     """
-    return EngineDriver(path, kernel, netns=netns)
+    return EngineDriver(path, kernel, netns=netns, read_only=read_only)

@@ -9,23 +9,31 @@ from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 
 from trcvtui.errors import UserError
+from trcvtui.files import close_files
 
 
 def engine_main(
-    channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool = False
+    channel: Channel,
+    path: Path,
+    kernel: str,
+    overrides: Sequence[str],
+    netns: bool = False,
+    read_only: bool = False,
 ) -> None:
     """Run the engine until the screen closes the channel; a crash is told before the process ends."""
     gc.disable()  # the engine collects at the beginning of each bench only
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
     try:
-        _run(channel, path, kernel, overrides, netns)
+        _run(channel, path, kernel, overrides, netns, read_only)
     except UserError as wrong:
         _tell(channel, wrong)
     except Exception:
         _tell(channel, _traceback())
 
 
-def _run(channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool) -> None:
+def _run(
+    channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool, read_only: bool
+) -> None:
     from trcvtui.rig.scenario import load_bench
 
     project = load_bench(path, overrides)
@@ -37,7 +45,10 @@ def _run(channel: Channel, path: Path, kernel: str, overrides: Sequence[str], ne
         from trcvtui.rig.wire import enter_own_network
 
         enter_own_network(kernel, project.sim)
-    Engine(channel, fresh_bench(project, kernel)).run()
+    bench = fresh_bench(project, kernel)
+    if read_only:
+        close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
+    Engine(channel, bench).run()
 
 
 def _traceback() -> str:

@@ -97,5 +97,6 @@ def target(name: str, where: str) -> Path:
 def write_new(path: Path, text: str, ours: Iterable[str], where: str) -> str:
     """Write a file that is not there yet, or is one of `ours`; return its real path; raise UserError."""
     whole = os.path.realpath(path)
-    write_file(path, text, where, is_new=whole not in ours)
+    is_own = whole in ours
+    write_file(path, text, where, is_own=is_own, is_new=not is_own)
     return whole

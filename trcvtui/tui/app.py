@@ -8,19 +8,22 @@ import sys
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from textual import events
 from textual.app import App, SystemCommand
 from textual.binding import Binding
 from textual.screen import Screen
+from textual.widget import AwaitMount
 
+from trcvtui.files import close_files
 from trcvtui.plc.project import Project
 from trcvtui.rig.driver import Driver, EngineStopped
 from trcvtui.rig.wording import count
 from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.lab_words import LAB, is_for_lab
 from trcvtui.tui.messages import RaceWanted
+from trcvtui.tui.read_only import REFUSED, may_open, may_say
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.settings import Settings, load_settings
@@ -37,8 +40,6 @@ FRAME_S: Final = 1 / 20
 HANG_UP_S: Final = 1.0
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 ENGINE_ENDED: Final = 1
-HARMLESS: Final = frozenset(("expect", "find"))  # for a screen that only looks
-READ_ONLY: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
 
 
 class BenchApp(App[None]):
@@ -162,11 +163,11 @@ class BenchApp(App[None]):
 
     def submit(self, line: str) -> None:
         """Send one bench command line to the engine, while there is one; some are for this screen."""
+        if self._read_only and not may_say(line):
+            self.main.prompt.did(line, "", REFUSED)
+            return
         if is_for_lab(line):
             self._open_lab(line)
-            return
-        if self._read_only and line.strip().partition(" ")[0] not in HARMLESS:
-            self.main.prompt.did(line, "", READ_ONLY)
             return
         if line == SCENARIOS:
             self._open_scenarios()
@@ -180,7 +181,27 @@ class BenchApp(App[None]):
         if number is not None:
             self.main.prompt.sent(line, number)
 
+    def push_screen(self, screen: Any, *how: Any, **more: Any) -> Any:
+        """Open a screen above the panes; a read-only one opens few."""
+        if self._read_only and not may_open(screen):
+            self._refuse()
+            return AwaitMount(self.screen, [])
+        return super().push_screen(screen, *how, **more)
+
+    def refuses(self) -> bool:
+        """Say, where this screen is read-only, that what was asked for is refused; return whether it is."""
+        if self._read_only:
+            self._refuse()
+        return self._read_only
+
+    def _refuse(self) -> None:
+        (self.main.prompt.complain if self.screen is self.main else self._notify)(REFUSED)
+
     def _say(self, line: str) -> int | None:
+        """Send a line to the engine, whoever asks: panes, scenarios, lab, race."""
+        if self._read_only and not may_say(line):
+            self._refuse()
+            return None
         if not self.last_words:
             try:
                 return self._engine.submit(line)
@@ -231,17 +252,10 @@ class BenchApp(App[None]):
         if self.lab is not None or self.scenarios is not None or self.last_words:
             return
         self._lab = self._lab or Lab(self.scene)
-        self.lab = LabScreen(self.scene, self._lab, self._say_allowed)
+        self.lab = LabScreen(self.scene, self._lab, self._say)
         self.push_screen(self.lab, self._lab_left)
         if line.split()[1:]:
             self.call_later(self.lab.obey, line)
-
-    def _say_allowed(self, line: str) -> int | None:
-        """Send a line of the lab to the engine, if this screen may command."""
-        if self._read_only and line.split()[0] not in HARMLESS:
-            self._notify(READ_ONLY)
-            return None
-        return self._say(line)
 
     def _lab_left(self, nothing: None) -> None:
         self.lab = None
@@ -278,8 +292,10 @@ class BenchApp(App[None]):
         """Race a scenario file, or with None the session, through several dialects."""
         from trcvtui.tui.screens.race import RaceScreen  # read when first asked for
 
+        if self.refuses():
+            return
         if self.race is None and self.lab is None and not self.last_words:
-            self.race = RaceScreen(self.scene, self._say_allowed, path)
+            self.race = RaceScreen(self.scene, self._say, path)
             self.push_screen(self.race, self._race_left)
 
     def _race_left(self, nothing: None) -> None:
@@ -298,7 +314,7 @@ class BenchApp(App[None]):
         """Open the advice on how the bytes of a ComBuffer may be cut into frames."""
         from trcvtui.tui.screens.framings import FramingScreen  # read when first asked for
 
-        if self.screen is not self.main:
+        if self.screen is not self.main or self.refuses():
             return
         if not self.scene.project.combuffers:
             self.main.prompt.complain("no ComBuffer in this project: framing advice looks at one's bytes")
@@ -338,6 +354,8 @@ class BenchApp(App[None]):
         """Save the screen as SVG and tell where."""
         from trcvtui.tui.taking import take_picture  # read when first asked for
 
+        if not self.is_web and self.refuses():  # a browser gets the picture, no file is written
+            return
         prompt, on_bench = self.main.prompt, self.screen is self.main
         take_picture(self, *((prompt.tell, prompt.complain) if on_bench else (self._notify, self._notify)))
 
@@ -379,6 +397,8 @@ def _quiet_collector() -> None:
 def run_app(driver: Driver, project: Project, theme: str | None = None, read_only: bool = False) -> int:
     """Open the screen on a bench; return 0, or 1 when the engine ended by itself."""
     settings = load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
+    if read_only:
+        close_files("this screen is read-only")
     app = BenchApp(driver, project, settings, read_only)
     app.run()
     if app.last_words:

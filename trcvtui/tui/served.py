@@ -53,6 +53,7 @@ class Entrance:
 
     def __init__(self, port: int) -> None:
         self.token = secrets.token_urlsafe(32)
+        self.port = port
         self.address = f"http://{HOST}:{port}"
         # A browser keeps one jar of cookies for all ports of a host.
         self.cookie = f"trcvtui-{port}"
@@ -89,19 +90,27 @@ class Entrance:
 def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None) -> None:
     """Serve until Ctrl+C; raise UserError where textual-serve is not there or the port is taken."""
     try:
+        import textual_serve.server  # noqa: F401
         from aiohttp import web
-        from textual_serve.server import Server
     except ImportError:
         found, expected = "no textual-serve", "it: pip install 'trcvtui[serve]'"
         raise mistake("trcvtui serve", found, expected) from None
+    door = listening(port)
+    entrance = Entrance(door.getsockname()[1])
+    how = "every command is carried out" if write else "read-only; --write lets it command"
+    command = command_line(project, kernel, write, theme)
+    about = f"{project} in a browser, {how}; Ctrl+C ends it\n"
+    app = application(command, entrance, f"trcvtui {project.name}", about)
+    web.run_app(app, sock=door, print=None)
+
+
+async def application(command: str, entrance: Entrance, title: str, about: str) -> web.Application:
+    """Return what answers the requests; it starts `command` for each screen, and says first where it is."""
+    from aiohttp import web
+    from textual_serve.server import Server
 
     class Loopback(Server):
         """Answers nobody but the pages that it has given out."""
-
-        async def _make_app(self) -> web.Application:
-            app = await super()._make_app()
-            app.middlewares.append(_only_who_may)
-            return app
 
         async def handle_index(self, request: web.Request) -> web.StreamResponse:
             """Give the page out without what it would fetch from elsewhere."""
@@ -115,8 +124,7 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
             """Say where it is; textual-serve's own banner is left out."""
             sys.stdout.write(f"{entrance.url}\n")
             sys.stdout.flush()
-            how = "every command is carried out" if write else "read-only; --write lets it command"
-            sys.stderr.write(f"{project} in a browser, {how}; Ctrl+C ends it\n")
+            sys.stderr.write(about)
 
     screens = BoundedSemaphore(MOST_SCREENS)
 
@@ -136,14 +144,13 @@ def serve(project: Path, kernel: str, port: int, write: bool, theme: str | None)
         async with screens:
             return await handler(request)
 
-    door = _listening(port)
-    end = door.getsockname()[1]
-    entrance = Entrance(end)
-    server = Loopback(command_line(project, kernel, write, theme), HOST, end, title=f"trcvtui {project.name}")
-    web.run_app(server._make_app(), sock=door, print=None)
+    app = await Loopback(command, HOST, entrance.port, title=title)._make_app()
+    app.middlewares.append(_only_who_may)
+    return app
 
 
-def _listening(port: int) -> socket.socket:
+def listening(port: int) -> socket.socket:
+    """Return a socket that listens on loopback; raise UserError for a port that cannot be had."""
     door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
         if sys.platform != "win32":

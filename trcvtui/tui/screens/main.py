@@ -331,8 +331,12 @@ class MainScreen(Screen[None]):
     def _yanked(self, taken: tuple[Format, str] | None) -> None:
         from trcvtui.tui.taking import take
 
-        if taken is not None:
+        if taken is not None and not self._is_refused():
             self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
+
+    def _is_refused(self) -> bool:
+        refuses = getattr(self.app, "refuses", None)
+        return bool(refuses and refuses())
 
     def action_mouse(self) -> None:
         """Let the terminal have the mouse, or take it back."""

@@ -232,7 +232,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
                 await looker.pilot.pause()
             assert not [line for line in looker.lines if line.split()[0] not in LINES], did
 
-        done = {"app.quit"}
+        done = {"app.quit", "quit", "suspend_process"}
         for pane in "12345678":
             await looker.pilot.press(pane)
             for key, bound in list(app.screen.active_bindings.items()):
@@ -240,7 +240,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
                     done.add(bound.binding.action)
                     await looker.pilot.press(pane, key, "enter")
                     await back(f"{pane} {key}")
-        assert len(done) > 60
+        assert len(done) > 60 and app.is_running
         for command in list(app.get_system_commands(app.screen)):
             if command.title not in ("Quit", "Command line"):
                 done_by_it = command.callback()
@@ -261,6 +261,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
             await looker.pilot.pause()
             await back(line)
         assert app._say("set TRCV_C_1 CONT=1") is None, "no way into the engine but this list"
+        assert app.is_running
     assert kept == []
 
 

@@ -12,21 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
 
 from trcvtui.net.answers import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.connection_loss import ConnectionLoss, Losses, LossKind, loss_of
 from trcvtui.net.connection_state import State as State
 from trcvtui.net.dead_link import DeadLinkWatch, Sent
-from trcvtui.net.kernel import Accepted, Handle, Kernel, Loss
+from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, Loss
 from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.ownership import Claim, Direction
 from trcvtui.net.policy import Policy
 from trcvtui.net.resources import Resources
 from trcvtui.net.set_up import SetUp, Stage, StepFault
-
-DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 
 
 class Connection:

@@ -163,8 +163,9 @@ class IsoOnTcp:
         remarks, self._remarks = self._remarks, []
         return remarks
 
-    def say_goodbye(self) -> None:
+    def say_goodbye(self) -> bool:
         """Say nothing: class 0 ends with its stream."""
+        return False
 
     def partner_closed(self) -> None:
         """Note that the stream has ended, which is how class 0 releases; before the CC it is a refusal."""

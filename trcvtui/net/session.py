@@ -87,8 +87,8 @@ class Session(Protocol):
         """Return what the partner has sent that was passed over, in words, once; a few of each session."""
         ...
 
-    def say_goodbye(self) -> None:
-        """Tell the partner that nothing more comes, where the session has a word for it."""
+    def say_goodbye(self) -> bool:
+        """Tell the partner, once, that nothing more comes; return whether the session has a word for it."""
         ...
 
     def take_output(self) -> bytes:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Final, Protocol, runtime_checkable
 
 from trcvtui.net.kernel import (
+    DRAIN_BYTES,
     HELD_BACK,
     WOULD_BLOCK,
     Accepted,
@@ -75,6 +76,7 @@ class SessionKernel:
         self._polls = polls
         self._owners: dict[Handle, str] = {}
         self._wanted: dict[Handle, Settings] = {}
+        self._fixed: set[Handle] = set()  # bound to a port that somebody chose
         self._ends: dict[Handle, Endpoint] = {}  # of handles that join a port which is listened on already
         self._connecting: dict[Handle, Endpoint] = {}
         self._streams: dict[Handle, Stream] = {}
@@ -192,6 +194,8 @@ class SessionKernel:
         """Bind to a local end; a port that is shared is bound once."""
         wanted = self._wanted.get(handle)
         if wanted is None or not wanted.shares_port:
+            if wanted is not None and end.port:
+                self._fixed.add(handle)
             return self.inner.bind(handle, end)
         end = end if end.port else Endpoint(end.address, self._free_ports.get(end.address, 0))
         if end in self._ports:
@@ -344,17 +348,24 @@ class SessionKernel:
         return self.inner.shutdown(handle, both)
 
     def abort(self, handle: Handle) -> Fault | None:
-        """Send RST and free the handle; a client that has only asked is told no in its own words."""
+        """Send RST and free the handle; a client that has only asked is told no in its own words.
+
+        A session with a last word of its own says it, and then a FIN, but for a fixed local port: a FIN would
+        keep that from the next attempt for a minute (TIME_WAIT).
+        """
         stream = self._streams.get(handle)
         asked = stream is not None and isinstance(stream.session, Choosing) and stream.session.has_asked
         if stream is not None and asked and isinstance(stream.session, Choosing):
             stream.session.refuse(is_known=True)
             stream.flush()
             stream.is_told = True  # by whoever turns it away
+        says_goodbye = stream is not None and not asked and stream.goodbye() and handle not in self._fixed
         stays = self._forget(handle)
         if stays:
             return None
-        return self.inner.close(handle) if asked else self.inner.abort(handle)
+        if says_goodbye:  # a RST could overtake it (RFC 8446 6.1): the stream ends by FIN
+            self.inner.discard(handle, DRAIN_BYTES)
+        return self.inner.close(handle) if asked or says_goodbye else self.inner.abort(handle)
 
     def close(self, handle: Handle) -> Fault | None:
         """Free the handle: FIN, or RST when unread data is queued."""
@@ -370,13 +381,15 @@ class SessionKernel:
             self._tell(handle, stream)
         for known in (self._owners, self._wanted, self._streams, self._connecting):
             known.pop(handle, None)
+        self._fixed.discard(handle)
         listener = self._listeners.pop(handle, None)
         joined = self._ends.pop(handle, None) is not None
         if listener is None:
             return False
         for client in listener.members.pop(handle).ready:
             if isinstance(client, Stream):
-                self.inner.abort(client.handle)
+                client.goodbye()
+                self.inner.close(client.handle)
         if listener.members:
             return not joined
         self._ports = {end: one for end, one in self._ports.items() if one is not listener}

@@ -102,7 +102,9 @@ class Stream:
             return session.feed(data, max(1, party.left))
 
         party.spend(party.work.shake(party, str(self.peer), step) if session.is_dear else step())
-        self.is_over = session.partner_is_done
+        if session.partner_is_done:  # his last word is answered at once (RFC 5246 7.2.1)
+            self.is_over = True
+            self.goodbye()
 
     def take_last_words(self) -> None:
         """Take what a partner has left who went before he could have had an answer: no step is worth it."""
@@ -150,16 +152,17 @@ class Stream:
 
     # -- out ----------------------------------------------------------------------------------------------
 
-    def goodbye(self) -> None:
-        """Say the session's last word, as far as the stack takes it; not in the middle of data."""
-        if not self._carried:
-            self.session.say_goodbye()
-            self.flush()
+    def goodbye(self) -> bool:
+        """Say the session's last word, not in the middle of data; return whether the stack has taken it."""
+        if self._carried or not self.session.say_goodbye():
+            return False
+        self.flush()
+        return not self._output
 
     def flush(self) -> None:
         """Send what the session has to say."""
         self._output += self.session.take_output()
-        while self._output and not self.is_over:
+        while self._output and self.fault is None:
             sent = self._kernel.send(self.handle, memoryview(bytes(self._output)))
             if not isinstance(sent, int):
                 return  # not now; a Fault shows at the next read

@@ -41,6 +41,7 @@ class Tls:
         self.is_up = False
         self.partner_is_done = False
         self._has_fed = False
+        self._has_said_goodbye = False
         self._stopped_short = False  # records may wait that were not read
         self._first_bytes = (HANDSHAKE, ALERT) if is_active else (HANDSHAKE,)
         self._plain = bytearray()
@@ -126,11 +127,13 @@ class Tls:
         if not self.is_up:
             self._end(Ended(TlsError.SILENT, "the handshake does not go on"))
 
-    def say_goodbye(self) -> None:
-        """Tell the partner that nothing more comes (close_notify)."""
-        if self.is_up and self.ended is None and self._engine is not None:
+    def say_goodbye(self) -> bool:
+        """Tell the partner that nothing more comes (close_notify), once; return whether he has been told."""
+        if self.is_up and self.ended is None and self._engine is not None and not self._has_said_goodbye:
+            self._has_said_goodbye = True
             with suppress(*_RAISED):  # ours is in the output; the partner's own may come or not
                 self._engine.unwrap()
+        return self._has_said_goodbye
 
     def take_output(self) -> bytes:
         """Return what must be sent, once."""

@@ -5,14 +5,18 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import struct
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.figures import Effort, Figure
 from benchmarks.paired import alternate, ratios, spread
 from trcvtui.udt.decode import decode, decode_leaves
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.layout import MOST_LEAVES, Layout, lay_out, rules_for
 from trcvtui.udt.types import ELEMENTARY, Array, Member, Struct
 from trcvtui.udt.value_text import value_text
 
@@ -30,6 +34,14 @@ REPEATS: Final = 25  # the eight members that often, one behind the other
 SLICE_S: Final = 0.05
 WHOLE_AIM, CONSTRUCT_AIM, PAGE_AIM = 1.1, 50.0, 1.2
 ROWS: Final = 40  # of a page
+LARGEST: Final = (("show",), ("show", "--format", "json"), ("decode",), ("decode", "--format", "json"))
+LARGE_S, LARGE_MIB = 3.0, 256
+POINT: Final = "TYPE Point : STRUCT x : BOOL; y : INT; z : BYTE; w : BYTE; END_STRUCT END_TYPE"
+# A small process of its own: what a child used at most begins with what its parent has.
+CHILD: Final = """import resource, subprocess, sys
+subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, check=True)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)"""
 SMALL, LARGE = 100, 100_000  # elements of the arrays that a page is read from
 
 
@@ -44,6 +56,24 @@ def measure(effort: Effort) -> Iterator[Figure]:
         else:
             yield _quicker(name, make(layout), layout, data, effort.pairs)
     yield _page(effort.pairs)
+    yield from (_large(*argv) for argv in LARGEST)
+
+
+def _large(*argv: str) -> Figure:
+    """Return what a command costs for as many leaves as a type may have."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, content = Path(folder, "big.st"), Path(folder, "zeros.hex")
+        source.write_text(f"{POINT} TYPE Big : ARRAY[1..{MOST_LEAVES // 4}] OF Point; END_TYPE")
+        content.write_text("00" * 2 * MOST_LEAVES)
+        given = [str(source), "--type", "Big", *(["@" + str(content)] if argv[0] == "decode" else [])]
+        program = [sys.executable, "-c", CHILD, sys.executable, "-m", "trcvtui", "udt", argv[0]]
+        ran = subprocess.run([*program, *given, *argv[1:]], capture_output=True, text=True, check=True)
+    seconds, mib = map(float, ran.stdout.split())
+    held = seconds <= LARGE_S and mib <= LARGE_MIB
+    case = f"udt {' '.join(argv)} of {MOST_LEAVES} leaves"
+    return Figure(
+        case, f"{seconds:.2f} s, {mib:.0f} MiB", f"<= {LARGE_S:g} s, {LARGE_MIB} MiB", held, "CPU, peak"
+    )
 
 
 def _flat() -> Struct:

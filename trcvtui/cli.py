@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import errno
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from trcvtui import __version__
@@ -80,6 +80,14 @@ def _never_fail_to_print() -> None:
 
 def _print(text: str) -> int:
     sys.stdout.write(text + "\n")
+    return GOOD
+
+
+def _print_lines(lines: Iterable[str]) -> int:
+    from trcvtui.udt.streaming import pages
+
+    for page in pages(lines):
+        _print("\n".join(page))
     return GOOD
 
 
@@ -221,13 +229,13 @@ def _st(args: argparse.Namespace) -> int:
 def _udt_show(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    return _print(command.show(args))
+    return _print_lines(command.show(args))
 
 
 def _udt_decode(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    return _print(command.decode(args))
+    return _print_lines(command.decode(args))
 
 
 def _udt_encode(args: argparse.Namespace) -> int:
@@ -246,9 +254,9 @@ def _udt_export(args: argparse.Namespace) -> int:
 def _udt_compare(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    text, is_equal = command.compare(args)
-    _print(text)
-    return GOOD if is_equal else FAILED
+    lines, is_equal = command.compare(args)
+    _print_lines(lines)
+    return GOOD if is_equal() else FAILED
 
 
 def _layout_names() -> str:

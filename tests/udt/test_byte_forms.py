@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import base64
 import csv
-import io
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,7 +14,7 @@ import pytest
 from tests.udt.udt_strategies import layout_of, types_of
 from trcvtui.udt.byte_forms import BYTE_FORMS
 from trcvtui.udt.hexadecimal import parse_hex
-from trcvtui.udt.table_forms import csv_text, markdown, member_rows
+from trcvtui.udt.table_forms import csv_lines, markdown, member_rows
 
 EVERY_BYTE = bytes(range(256)) + b"'\"\\\n?"
 NAME = "größe 1"
@@ -68,15 +67,13 @@ def test_gcc_compiles_the_c_array_to_the_same_bytes(tmp_path: Path) -> None:
 def test_in_markdown_no_value_is_markup() -> None:
     layout = layout_of("s : STRING[20];", "packed")
     rows = member_rows(layout, b"\x14\x0a|<b>`*_]\n\x1b" + bytes(12), "T")
-    assert markdown(rows).splitlines()[2] == (
-        "| 0 | STRING\\[20\\] | s | '\\|\\<b\\>\\`\\*\\_\\]\\\\n\\\\x1b' |"
-    )
+    assert [*markdown(rows)][2] == ("| 0 | STRING\\[20\\] | s | '\\|\\<b\\>\\`\\*\\_\\]\\\\n\\\\x1b' |")
 
 
 def test_csv_comes_back_with_missing_members_named() -> None:
     layout = layout_of("a : INT; s : STRING[3]; b : BOOL;", "packed")
-    text = csv_text(member_rows(layout, b'\x05\0\x03\x03",;', "T"))
-    assert list(csv.reader(io.StringIO(text))) == [
+    text = csv_lines(member_rows(layout, b'\x05\0\x03\x03",;', "T"))
+    assert list(csv.reader(text)) == [
         ["offset", "type", "member", "value"],
         ["0", "INT", "a", "5"],
         ["2", "STRING[3]", "s", "'\",;'"],

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.udt.answers import compare_json, compare_text
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.compare import Row, compare
-from trcvtui.udt.compare_report import compare_json, compare_text
 from trcvtui.udt.decode import decode
 from trcvtui.udt.layout import LayoutRules, lay_out, rules_for
 from trcvtui.udt.profiles import shape

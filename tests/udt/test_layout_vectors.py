@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from tests.udt.answers import show_json, show_text
 from trcvtui.errors import UserError
 from trcvtui.udt.decode import decode, decode_leaves
 from trcvtui.udt.encode import encode
 from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
-from trcvtui.udt.report import show_json, show_text
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,
@@ -314,7 +314,7 @@ def test_members_of_a_union_share_their_bytes() -> None:
     assert decode(layout, data[:6]) == (1, None, 0, None, 0x5000, None, None)
     assert decode_leaves(layout, data[:6], 1, 6) == (None, 0, None, 0x5000, None)
     assert [layout.next_leaf(n) for n in (0, 2, 4, 6, 8, 12, 13)] == [0, 1, 1, 1, 3, 6, None]
-    offsets = [member["offset"] for member in show_json(layout)["members"]]  # type: ignore[attr-defined]
+    offsets = [member["offset"] for member in show_json(layout)["members"]]
     assert offsets == sorted(offsets)
 
 

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from tests.udt.answers import decode_json, decode_text, show_json, show_text
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.errors import UserError
 from trcvtui.udt.layout import Layout, lay_out, rules_for
-from trcvtui.udt.report import decode_json, decode_text, encode_values, show_json, show_text
+from trcvtui.udt.report import encode_values
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Text
 from trcvtui.udt.value_text import real_text

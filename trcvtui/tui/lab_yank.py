@@ -35,13 +35,13 @@ def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
 
 
 def _compared(lab: Lab) -> str:
+    from trcvtui.udt.compare import Count
     from trcvtui.udt.compare_report import compare_text  # read when first asked for
 
     comparison = lab.comparison()
     if comparison is None or comparison.row_count > MOST_ROWS:
         return ""
-    table, _ = compare_text(comparison, lab.bytes.content)
-    return table + "\n"
+    return "".join(f"{line}\n" for line in compare_text(comparison, lab.bytes.content, Count()))
 
 
 def _ranking(lab: Lab) -> str:

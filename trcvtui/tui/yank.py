@@ -16,7 +16,7 @@ from trcvtui.tui.formatting import moment, plain, status_word
 from trcvtui.udt.byte_forms import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
 from trcvtui.udt.decode import decode_leaves
 from trcvtui.udt.report import json_value
-from trcvtui.udt.table_forms import csv_text, markdown, member_rows
+from trcvtui.udt.table_forms import csv_lines, markdown, member_rows
 
 if TYPE_CHECKING:
     from trcvtui.tui.scene import Scene
@@ -121,18 +121,18 @@ def _bytes(form: Callable[[bytes, str], str]) -> Callable[[Subject], str]:
 # -- members -----------------------------------------------------------------------------------------------
 
 
-def _members(of: Subject) -> Iterator[tuple[str, str, str, str]]:
+def _members(of: Subject) -> Iterator[tuple[str, ...]]:
     if of.declared is not None and of.content:
         layout, name = of.declared.layout, of.declared.name
         yield from member_rows(layout, of.content, name, missing="", most=MOST_MEMBERS)
 
 
 def _markdown(of: Subject) -> str:
-    return markdown(_members(of))
+    return "\n".join(markdown(_members(of)))
 
 
 def _csv(of: Subject) -> str:
-    return csv_text(_members(of))
+    return "".join(f"{line}\n" for line in csv_lines(_members(of)))
 
 
 def _json(of: Subject) -> str:

@@ -13,7 +13,7 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from trcvtui.udt.coded import Value
-from trcvtui.udt.placed import Leaf, Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
+from trcvtui.udt.placed import Leaf, Node, PlacedLeaf, PlacedStruct, PlacedUnion
 
 Data = bytes | bytearray | memoryview
 Values = tuple[Value | None, ...]
@@ -187,7 +187,7 @@ def plan_of(node: Node, order: str) -> Plan:
         return _struct_plan(node, order)
     if node.is_bits:
         return _expanding(node.size, partial(_rows_of_bits, node.row_size, node.columns))
-    return _array_plan(node, order)
+    return array_plan(node.element, node.count, node.pitch, order)
 
 
 def _leaf_plan(node: PlacedLeaf) -> Plan:
@@ -228,11 +228,12 @@ def _bits_from(node: PlacedStruct, number: int) -> int:
     return stop - number
 
 
-def _array_plan(node: PlacedArray, order: str) -> Plan:
-    plan = plan_of(node.element, order)
-    text = plan.format + gap(node.pitch - node.element.size)
-    whole = f"{node.count}{text}" if len(text) == 1 else text * node.count
-    count, starts = plan.slots * node.count, range(0, plan.slots * node.count, plan.slots)
+def array_plan(element: Node, elements: int, pitch: int, order: str) -> Plan:
+    """Return so many elements compiled, the first bytes of which are `pitch` bytes apart."""
+    plan = plan_of(element, order)
+    text = plan.format + gap(pitch - element.size)
+    whole = f"{elements}{text}" if len(text) == 1 else text * elements
+    count, starts = plan.slots * elements, range(0, plan.slots * elements, plan.slots)
     conversions = plan.conversions
     if conversions and conversions[0].stop - conversions[0].start == plan.slots:
         conversions = (Conversion(0, count, conversions[0].to_value),)

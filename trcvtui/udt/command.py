@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -25,15 +25,15 @@ EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
 OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
 
 
-def show(args: Namespace) -> str:
+def show(args: Namespace) -> Iterator[str]:
     """Return the answer of `udt show`."""
     from trcvtui.udt.report import show_json, show_text
 
     layout = layout_of(args)
-    return json_text(show_json(layout)) if args.format == "json" else show_text(layout)
+    return show_json(layout) if args.format == "json" else show_text(layout)
 
 
-def decode(args: Namespace) -> str:
+def decode(args: Namespace) -> Iterator[str]:
     """Return the answer of `udt decode`."""
     from trcvtui.udt.given import given_bytes
     from trcvtui.udt.report import decode_json, decode_text
@@ -41,13 +41,13 @@ def decode(args: Namespace) -> str:
     layout = layout_of(args)
     data = given_bytes(" ".join(args.hex))
     if args.format == "json":
-        return json_text(decode_json(layout, data))
+        return decode_json(layout, data)
     if args.format == "text":
         return decode_text(layout, data)
-    from trcvtui.udt.table_forms import csv_text, markdown, member_rows
+    from trcvtui.udt.table_forms import csv_lines, markdown, member_rows
 
     rows = member_rows(layout, data, layout.name)
-    return markdown(rows) if args.format == "md" else csv_text(rows).removesuffix("\n")
+    return markdown(rows) if args.format == "md" else csv_lines(rows)
 
 
 def encode(args: Namespace) -> str:
@@ -75,26 +75,18 @@ def export(args: Namespace) -> str:
     return ""
 
 
-def compare(args: Namespace) -> tuple[str, bool]:
-    """Return the answer of `udt compare`, and whether both sides are equal."""
+def compare(args: Namespace) -> tuple[Iterator[str], Callable[[], bool]]:
+    """Return the answer of `udt compare`, and what says after its last line whether both sides are equal."""
+    from trcvtui.udt.compare import Count
     from trcvtui.udt.compare import compare as side_by_side
-    from trcvtui.udt.compare_report import compare_json, compare_text
+    from trcvtui.udt.compare_report import compare_json, compare_text, is_equal
     from trcvtui.udt.given import given_bytes
 
     ours, theirs = _two_layouts(args)
     data = given_bytes(" ".join(args.hex)) if args.hex else b""
-    comparison = side_by_side(ours, theirs)
-    if args.format == "text":
-        return compare_text(comparison, data)
-    answer, equal = compare_json(comparison, data)
-    return json_text(answer), equal
-
-
-def json_text(record: dict[str, object]) -> str:
-    """Return JSON in ASCII: bytes from a wire stay data. DEL is the one control character it leaves raw."""
-    import json
-
-    return json.dumps(record, indent=2, allow_nan=False).replace("\x7f", "\\u007f")
+    comparison, count = side_by_side(ours, theirs), Count()
+    answer = compare_text if args.format == "text" else compare_json
+    return answer(comparison, data, count), lambda: is_equal(comparison, count)
 
 
 # -- what the commands have in common ------------------------------------------------------------------------

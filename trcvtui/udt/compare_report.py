@@ -5,55 +5,64 @@ Rule: rows are made once; table, summary and exit code come from the same count 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 from trcvtui.errors import one_line
 from trcvtui.udt.compare import VALUE, Cell, Comparison, Count, Row
 from trcvtui.udt.decode import decode_leaf
 from trcvtui.udt.layout import Layout
-from trcvtui.udt.report import in_columns, json_value
+from trcvtui.udt.report import in_columns, json_head, json_many, json_text, json_value
 
 MARK: Final = "*"
 NOTHING: Final = "-"
 
 
-def _is_equal(comparison: Comparison, count: Count) -> bool:
+def is_equal(comparison: Comparison, count: Count) -> bool:
     """Return whether both store every member alike at the same place, and read the same value there."""
     ours, theirs = comparison.ours, comparison.theirs
     same = ours.size == theirs.size and ours.rules.byte_order == theirs.rules.byte_order
     return same and not count.differing
 
 
-def compare_json(comparison: Comparison, data: bytes) -> tuple[dict[str, object], bool]:
-    """Return the object of `udt compare`, and whether both are equal.
+def compare_json(comparison: Comparison, data: bytes, count: Count) -> Iterator[str]:
+    """Yield the lines of the object of `udt compare`, all rows counted on the way.
 
     Rows stand in our order, null where a side has no such member.
     """
     ours, theirs = comparison.ours, comparison.theirs
-    count, rows = Count(), []
-    for row in comparison.rows(data):
-        count.add(row)
-        cells = {"ours": _cell(ours, row.ours, data), "theirs": _cell(theirs, row.theirs, data)}
-        rows.append({"path": row.path, "differs": list(row.differs), **cells})
-    equal = _is_equal(comparison, count)
-    return {"ours": _side(ours), "theirs": _side(theirs), "equal": equal, "rows": rows}, equal
+    yield from json_head({"ours": _side(ours), "theirs": _side(theirs)})
+    yield from json_many('  "rows": [', _rows(comparison, data, count), "  ],")
+    yield f'  "equal": {json_text(is_equal(comparison, count))}'
+    yield "}"
 
 
-def compare_text(comparison: Comparison, data: bytes) -> tuple[str, bool]:
-    """Return the table of `udt compare`, and whether both are equal; a row that differs begins with `*`."""
-    count = Count()
-    with_values = bool(data)
-    sides = "llrlrll" if with_values else "llrrl"
-    values = ("value",) if with_values else ()
-    rows: list[tuple[str, ...]] = [("", "path", "ours", *values, "theirs", *values, "differs")]
+def _rows(comparison: Comparison, data: bytes, count: Count) -> Iterator[str]:
     for row in comparison.rows(data):
         count.add(row)
-        rows.append((*_cells(row, comparison.ours.name, with_values), ", ".join(row.differs)))
-    lines = [f"ours    {_extent(comparison.ours)}", f"theirs  {_extent(comparison.theirs)}"]
+        ours, theirs = _cell(comparison.ours, row.ours, data), _cell(comparison.theirs, row.theirs, data)
+        record = {"path": row.path, "differs": row.differs, "ours": ours, "theirs": theirs}
+        yield f"    {json_text(record)}"
+
+
+def compare_text(comparison: Comparison, data: bytes, count: Count) -> Iterator[str]:
+    """Yield the table of `udt compare`, all rows counted on the way; one that differs begins with `*`."""
+    yield f"ours    {_extent(comparison.ours)}"
+    yield f"theirs  {_extent(comparison.theirs)}"
+    yield from in_columns(_table(comparison, data, count), "llrlrll" if data else "llrrl")
+    yield str(comparison.summed(count))
     orders = comparison.ours.rules.byte_order, comparison.theirs.rules.byte_order
-    last = [] if orders[0] == orders[1] else [f"byte order: ours {orders[0]}, theirs {orders[1]}"]
-    text = "\n".join([*lines, *in_columns(rows, sides), str(comparison.summed(count)), *last])
-    return text, _is_equal(comparison, count)
+    if orders[0] != orders[1]:
+        yield f"byte order: ours {orders[0]}, theirs {orders[1]}"
+
+
+def _table(comparison: Comparison, data: bytes, count: Count) -> Iterator[tuple[str, ...]]:
+    with_values = bool(data)
+    values = ("value",) if with_values else ()
+    yield ("", "path", "ours", *values, "theirs", *values, "differs")
+    for row in comparison.rows(data):
+        count.add(row)
+        yield (*_cells(row, comparison.ours.name, with_values), ", ".join(row.differs))
 
 
 def _cells(row: Row, name: str, with_values: bool) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from trcvtui.udt.placed import (
     PlacedLeaf,
     find,
     gaps,
+    kinds,
     leaf_number_at,
     leaves_within,
     next_leaf,
@@ -76,6 +77,10 @@ class Layout:
     def leaves(self, start: int = 0, stop: int | None = None) -> Iterator[Leaf]:
         """Yield the leaves of number start..stop-1 (default: all), made as they are asked for."""
         return walk(self.root, "", 0, max(start, 0), self.leaf_count if stop is None else stop)
+
+    def kinds(self) -> Iterator[PlacedLeaf]:
+        """Yield every leaf of the declaration once, that of an ARRAY for all of its elements."""
+        return kinds(self.root)
 
     def leaf(self, number: int) -> Leaf:
         """Return one leaf by its number."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 from trcvtui.udt.coded import Coding
@@ -184,6 +185,18 @@ def index_text(node: PlacedArray, number: int) -> str:
     return f"[{','.join(reversed(indices))}]"
 
 
+def kinds(node: Node) -> Iterator[PlacedLeaf]:
+    """Yield every leaf of the declaration once, that of an ARRAY for all of its elements."""
+    waiting, seen = [node], {id(node)}
+    for one in waiting:
+        if isinstance(one, PlacedLeaf):
+            yield one
+            continue
+        inner = one.nodes if isinstance(one, PlacedStruct) else (one.element,)
+        waiting += [child for child in inner if child.leaves and id(child) not in seen]
+        seen.update(map(id, inner))
+
+
 def leaves_within(node: Node, length: int) -> int:
     """Return how many leaves lie wholly in the first `length` bytes of the node."""
     if length >= node.size:
@@ -277,14 +290,25 @@ def gaps(node: Node) -> Iterator[tuple[int, int]]:
                 yield start + first, start + last
 
 
-def _common_gaps(node: PlacedUnion) -> list[tuple[int, int]]:
-    """Return the gaps that all members of a union have in common."""
-    common = [(0, node.size)] if node.size else []
+def _common_gaps(node: PlacedUnion) -> Iterator[tuple[int, int]]:
+    """Yield the gaps that all members of a union have in common."""
+    common: Iterator[tuple[int, int]] = iter([(0, node.size)] if node.size else [])
     for member in node.nodes:
-        theirs = [*gaps(member), (member.size, node.size)]
-        both = [(max(a, c), min(b, d)) for a, b in common for c, d in theirs if a < d and c < b]
-        common = sorted(gap for gap in both if gap[0] < gap[1])
+        common = _both(common, chain(gaps(member), [(member.size, node.size)]))
     return common
+
+
+def _both(some: Iterator[tuple[int, int]], others: Iterator[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """Yield what two rows of intervals, both in order, have in common."""
+    one, other = next(some, None), next(others, None)
+    while one and other:
+        first, last = max(one[0], other[0]), min(one[1], other[1])
+        if first < last:
+            yield first, last
+        if one[1] <= other[1]:
+            one = next(some, None)
+        else:
+            other = next(others, None)
 
 
 _NAME = r'[^.\[\]"]+'

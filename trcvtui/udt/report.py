@@ -3,68 +3,111 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain, repeat
 
 from trcvtui.errors import one_line
 from trcvtui.udt.codec import Data
 from trcvtui.udt.coding import Value
-from trcvtui.udt.decode import decode
 from trcvtui.udt.encode import encode
 from trcvtui.udt.layout import Layout, Leaf
+from trcvtui.udt.placed import PlacedLeaf
+from trcvtui.udt.streaming import pages, stream, values_of
 from trcvtui.udt.types import Enumeration, Pointer, Text, type_text
-from trcvtui.udt.value_text import special_text, value_text
+from trcvtui.udt.value_text import NO_DATA, special_text, value_text
 
 Row = tuple[str, ...]
 
 
-def show_json(layout: Layout) -> dict[str, object]:
-    """Return the object of `udt show`: members are leaves in offset order."""
-    return {
+def show_json(layout: Layout) -> Iterator[str]:
+    """Yield the lines of the object of `udt show`: members are leaves in offset order."""
+
+    def made(leaf: Leaf) -> tuple[str, str]:
+        bit = "" if leaf.bit is None else f',\n      "bit": {leaf.bit}'
+        type_ = json_text(leaf_type_text(layout, leaf))
+        before = f'{json_text(leaf.path)[1:]},\n      "type": {type_},\n      "offset": '
+        return before, f'{bit},\n      "size": {leaf.size}\n    }}'
+
+    members = (
+        f'    {{\n      "path": "{json_text(path)[1:-1]}{before}{offset}{after}'
+        for offset, path, (before, after) in stream(layout, made, by_offset=True)
+    )
+    padding = (
+        f'    {{\n      "offset": {offset},\n      "size": {size}\n    }}'
+        for offset, size in layout.padding()
+    )
+    head = {
         "type": layout.name,
         "size": layout.size,
         "align": layout.align,
         "layout": layout.rules.name,
         "byte_order": layout.rules.byte_order,
-        "members": [_member(layout, leaf) for leaf in _in_offset_order(layout)],
-        "padding": [{"offset": offset, "size": size} for offset, size in layout.padding()],
     }
+    yield from json_head(head)
+    yield from json_many('  "members": [', members, "  ],")
+    yield from json_many('  "padding": [', padding, "  ]")
+    yield "}"
 
 
-def show_text(layout: Layout) -> str:
-    """Return the table of `udt show`: every leaf and every gap in offset order."""
-    rows: list[tuple[int, Row]] = []
-    for leaf in layout.leaves():
-        named = leaf.type.name if isinstance(leaf.type, Enumeration) else ""
-        type_ = leaf_type_text(layout, leaf) + (f" ({named})" if named else "")
-        rows.append((leaf.offset, (_place(leaf), str(leaf.size), type_, leaf.path or layout.name)))
-    for offset, size in layout.padding():
-        rows.append((offset, (str(offset), str(size), "", "(padding)")))
-    rows.sort(key=lambda row: row[0])
-    head = f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
-    table = in_columns([("offset", "size", "type", "path"), *(row for _, row in rows)], "rrll")
-    return "\n".join([head, *table, *_notes(layout)])
+def show_text(layout: Layout) -> Iterator[str]:
+    """Yield the table of `udt show`: every leaf and every gap in offset order."""
+    yield f"{one_line(layout.name)}: {layout.size} bytes, align {layout.align}, {_layout_text(layout)}"
+    yield from in_columns(chain([("offset", "size", "type", "path")], _shown(layout)), "rrll")
+    yield from _notes(layout)
 
 
-def decode_json(layout: Layout, data: Data) -> dict[str, object]:
-    """Return the object of `udt decode`: values by path, null where the bytes ended."""
-    pairs = zip(layout.leaves(), decode(layout, data), strict=True)
-    return {
-        "type": layout.name,
-        "size": layout.size,
-        "complete": len(data) >= layout.size,
-        "values": {leaf.path: json_value(value) for leaf, value in pairs},
-    }
+def _shown(layout: Layout) -> Iterator[Row]:
+    def made(leaf: Leaf) -> tuple[str, str, str, str]:
+        named = f" ({leaf.type.name})" if isinstance(leaf.type, Enumeration) and leaf.type.name else ""
+        bit = "" if leaf.bit is None else f".{leaf.bit}"
+        return bit, str(leaf.size), leaf_type_text(layout, leaf) + named, leaf.path
+
+    gaps = layout.padding()
+    gap = next(gaps, None)
+    for offset, path, (bit, size, type_, rest) in stream(layout, made, by_offset=True):
+        while gap and gap[0] < offset:
+            yield str(gap[0]), str(gap[1]), "", "(padding)"
+            gap = next(gaps, None)
+        yield f"{offset}{bit}", size, type_, f"{path}{rest}" or layout.name
+    while gap:
+        yield str(gap[0]), str(gap[1]), "", "(padding)"
+        gap = next(gaps, None)
 
 
-def decode_text(layout: Layout, data: Data) -> str:
-    """Return the table of `udt decode`: every leaf with its value, and how far the bytes go."""
-    rows: list[Row] = [("offset", "type", "path", "value")]
-    for leaf, value in zip(layout.leaves(), decode(layout, data), strict=True):
-        raw = bytes(data[leaf.offset : leaf.offset + leaf.size])
-        text = value_text(leaf, value, raw)
-        rows.append((_place(leaf), leaf_type_text(layout, leaf), leaf.path or layout.name, text))
-    head = f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
-    return "\n".join([head, *in_columns(rows, "rlll"), *_notes(layout)])
+def decode_json(layout: Layout, data: Data) -> Iterator[str]:
+    """Yield the lines of the object of `udt decode`: values by path, null where the bytes ended."""
+    rows = zip(stream(layout, lambda leaf: json_text(leaf.path)[1:]), values_of(layout, data), strict=True)
+    values = (
+        f'    "{json_text(path)[1:-1]}{rest}: {json_text(json_value(value))}'
+        for (_, path, rest), value in rows
+    )
+    yield from json_head({"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size})
+    yield from json_many('  "values": {', values, "  }")
+    yield "}"
+
+
+def decode_text(layout: Layout, data: Data) -> Iterator[str]:
+    """Yield the table of `udt decode`: every leaf with its value, and how far the bytes go."""
+    yield f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
+    rows = decoded_rows(layout, data, layout.name)
+    yield from in_columns(chain([("offset", "type", "path", "value")], rows), "rlll")
+    yield from _notes(layout)
+
+
+def decoded_rows(layout: Layout, data: Data, name: str, missing: str = NO_DATA) -> Iterator[Row]:
+    """Yield offset, type, path and value of every leaf; `name` is the path of a lone value."""
+
+    def made(leaf: Leaf) -> tuple[str, str, Leaf]:
+        return "" if leaf.bit is None else f".{leaf.bit}", leaf_type_text(layout, leaf), leaf
+
+    rows = zip(stream(layout, made), values_of(layout, data), strict=True)
+    for (offset, path, (bit, type_, leaf)), value in rows:
+        if value is None:
+            text = missing
+        else:
+            raw = bytes(data[offset : offset + leaf.size]) if leaf.coding.odd else b""
+            text = value_text(leaf, value, raw)
+        yield f"{offset}{bit}", type_, f"{path}{leaf.path}" or name, text
 
 
 def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
@@ -78,7 +121,7 @@ def json_value(value: Value | None) -> Value | None:
     return special_text(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def leaf_type_text(layout: Layout, leaf: Leaf) -> str:
+def leaf_type_text(layout: Layout, leaf: Leaf | PlacedLeaf) -> str:
     """Return the type that decides the bytes: a STRING with its length, an enumeration as its base type."""
     if isinstance(leaf.type, Text):
         return type_text(Text(layout.rules.text.length(leaf.type), leaf.type.wide))
@@ -89,24 +132,8 @@ def leaf_type_text(layout: Layout, leaf: Leaf) -> str:
 
 def unverified(layout: Layout) -> list[str]:
     """Return the types in this layout whose bytes no page of the vendor describes, to be said beside them."""
-    texts = {leaf_type_text(layout, leaf).partition("[")[0] for leaf in layout.leaves()}
+    texts = {leaf_type_text(layout, leaf).partition("[")[0] for leaf in layout.kinds()}
     return sorted(texts & layout.rules.unverified)
-
-
-def _member(layout: Layout, leaf: Leaf) -> dict[str, object]:
-    bit = {} if leaf.bit is None else {"bit": leaf.bit}
-    place = {"path": leaf.path, "type": leaf_type_text(layout, leaf), "offset": leaf.offset}
-    return {**place, **bit, "size": leaf.size}
-
-
-def _in_offset_order(layout: Layout) -> Iterable[Leaf]:
-    # Members of a UNION overlap: in declared order offsets would go back.
-    leaves = layout.leaves()
-    return sorted(leaves, key=lambda leaf: leaf.offset) if layout.root.overlaps else leaves
-
-
-def _place(leaf: Leaf) -> str:
-    return str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
 
 
 def _layout_text(layout: Layout) -> str:
@@ -124,12 +151,53 @@ def _notes(layout: Layout) -> list[str]:
     return [f"unverified for this layout: {', '.join(names)}"] if names else []
 
 
-def in_columns(rows: list[Row], sides: str) -> list[str]:
-    """Return rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped."""
-    rows = [tuple(cell if cell.isprintable() else one_line(cell) for cell in row) for row in rows]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        cells = zip(row, widths, sides, strict=True)
-        lines.append("  ".join(c.rjust(w) if side == "r" else c.ljust(w) for c, w, side in cells).rstrip())
-    return lines
+def in_columns(rows: Iterable[Row], sides: str) -> Iterator[str]:
+    """Yield rows in columns; of `sides` r is to the right, l to the left. Names are data: escaped.
+
+    A page is aligned at a time: in a table of more than PAGE rows a column may grow wider further down.
+    """
+    widths = [0] * len(sides)
+    for page in pages(rows):
+        columns = [_printable(column) for column in zip(*page, strict=True)]
+        widths = [max(width, *map(len, column)) for width, column in zip(widths, columns, strict=True)]
+        padded = [
+            map(str.rjust if side == "r" else str.ljust, column, repeat(width))
+            for side, column, width in zip(sides, columns, widths, strict=True)
+        ]
+        yield from map(str.rstrip, map("  ".join, zip(*padded, strict=True)))
+
+
+def _printable(column: tuple[str, ...]) -> tuple[str, ...]:
+    return column if "".join(column).isprintable() else tuple(map(one_line, column))
+
+
+# -- JSON, in the form of `json.dumps(..., indent=2)` --------------------------------------------------------
+
+
+def json_text(value: object) -> str:
+    """Return a value as JSON in ASCII: bytes from a wire stay data. DEL is the one control character left."""
+    if type(value) is int:
+        return str(value)
+    import json  # a table of members, which shells ask for in loops, does without it
+
+    return json.dumps(value, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+def json_head(record: Mapping[str, object]) -> Iterator[str]:
+    """Yield the begin of an object: its first keys."""
+    yield "{"
+    yield from (f"  {json_text(key)}: {json_text(value)}," for key, value in record.items())
+
+
+def json_many(before: str, items: Iterator[str], after: str) -> Iterator[str]:
+    """Yield a key with the items of its list or object."""
+    held = next(items, None)
+    if held is None:
+        yield before + after.lstrip()
+        return
+    yield before
+    for item in items:
+        yield held + ","
+        held = item
+    yield held
+    yield after

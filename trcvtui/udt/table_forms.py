@@ -6,38 +6,32 @@ Rule: bytes are data; in Markdown no character of a value is markup.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from typing import Final
 
 from trcvtui.errors import one_line
 from trcvtui.udt.codec import Data
-from trcvtui.udt.decode import decode_leaves
 from trcvtui.udt.layout import Layout
-from trcvtui.udt.report import leaf_type_text
-from trcvtui.udt.value_text import NO_DATA, value_text
-
-Row = tuple[str, str, str, str]
+from trcvtui.udt.report import decoded_rows
+from trcvtui.udt.value_text import NO_DATA
 
 HEAD: Final = ("offset", "type", "member", "value")
 
 
 def member_rows(
     layout: Layout, content: Data, name: str, missing: str = NO_DATA, most: int | None = None
-) -> Iterator[Row]:
+) -> Iterator[tuple[str, ...]]:
     """Yield offset, type, path and value of the first `most` members; `name` is the path of a lone value."""
-    stop = layout.leaf_count if most is None else min(layout.leaf_count, most)
-    leaves = layout.page(0, stop).leaves
-    for leaf, value in zip(leaves, decode_leaves(layout, content, 0, stop), strict=True):
-        place = str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
-        raw = bytes(content[leaf.offset : leaf.offset + leaf.size])
-        shown = missing if value is None else value_text(leaf, value, raw)
-        yield place, leaf_type_text(layout, leaf), leaf.path or name, shown
+    return islice(decoded_rows(layout, content, name, missing), most)
 
 
-def markdown(rows: Iterable[Row]) -> str:
-    """Return a Markdown table; nothing for no rows."""
-    rows = list(rows)
-    return "\n".join(map(_markdown_row, [HEAD, ("---:", "---", "---", "---"), *rows])) if rows else ""
+def markdown(rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a Markdown table; nothing for no rows."""
+    for number, row in enumerate(rows):
+        if not number:
+            yield from map(_markdown_row, (HEAD, ("---:", "---", "---", "---")))
+        yield _markdown_row(row)
 
 
 def _markdown_row(cells: Iterable[str]) -> str:
@@ -45,13 +39,16 @@ def _markdown_row(cells: Iterable[str]) -> str:
     return f"| {' | '.join(escaped)} |"
 
 
-def csv_text(rows: Iterable[Row]) -> str:
-    """Return CSV with a line of names; nothing for no rows."""
+def csv_lines(rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of CSV, that of names first; nothing for no rows."""
     import csv
     import io
 
-    rows, text = list(rows), io.StringIO()
-    if rows:
-        escaped = [[one_line(cell) for cell in row] for row in rows]
-        csv.writer(text, lineterminator="\n").writerows([HEAD, *escaped])
-    return text.getvalue()
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="")
+    for number, row in enumerate(rows):
+        for cells in (row,) if number else (HEAD, row):
+            writer.writerow(map(one_line, cells))
+            yield text.getvalue()
+            text.seek(0)
+            text.truncate()

@@ -1,0 +1,39 @@
+"""The answers of `trcvtui udt` as a whole: what is printed line by line, as one text or one JSON value."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from trcvtui.udt import compare_report, report
+from trcvtui.udt.codec import Data
+from trcvtui.udt.compare import Comparison, Count
+from trcvtui.udt.layout import Layout
+
+
+def show_text(layout: Layout) -> str:
+    return "\n".join(report.show_text(layout))
+
+
+def show_json(layout: Layout) -> Any:
+    return json.loads("\n".join(report.show_json(layout)))
+
+
+def decode_text(layout: Layout, data: Data) -> str:
+    return "\n".join(report.decode_text(layout, data))
+
+
+def decode_json(layout: Layout, data: Data) -> Any:
+    return json.loads("\n".join(report.decode_json(layout, data)))
+
+
+def compare_text(both: Comparison, data: bytes) -> tuple[str, bool]:
+    count = Count()
+    text = "\n".join(compare_report.compare_text(both, data, count))
+    return text, compare_report.is_equal(both, count)
+
+
+def compare_json(both: Comparison, data: bytes) -> tuple[Any, bool]:
+    count = Count()
+    answer = json.loads("\n".join(compare_report.compare_json(both, data, count)))
+    return answer, compare_report.is_equal(both, count)

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.rig.scenarios import CONFIGS
 from tests.rig.told import Told
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.parameters import RECEIVERS, SENDERS
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.local_driver import LocalDriver
@@ -178,3 +180,20 @@ def test_turcv_and_tusend_are_told_as_the_other_vendors_blocks_are(
     told = s7_desk(*lines, remote=remote).of(instance)
     assert told.why.startswith(why)
     assert any(check in line for line in told.checks), told.checks
+
+
+def test_of_two_tusends_in_one_scan_the_second_is_told_of_the_send_side() -> None:
+    told, text = Told(), (CONFIGS / "s7-udp.toml").read_text().replace('"NOWHERE"\ndata', '"TARGET"\ndata')
+    told.driver = LocalDriver(Bench(read_project(tomllib.loads(text), "b.toml", CONFIGS), "sim"))
+    told.do("run 3", "pulse TUSEND_1 REQ", "pulse TUSEND_2 REQ", "run 1")
+    advice = told.of("TUSEND_2")
+    assert advice.why == "another instance works on this CONNECT, TUSEND_1"
+    assert advice.checks[0] == (
+        "TUSEND_1 holds the send side of U1: it lets go with its DONE or ERROR; "
+        "better give each a CONNECT of its own"
+    )
+
+
+def test_a_block_sends_or_receives_and_its_pins_say_which() -> None:
+    assert {"TSEND_C", "TSEND", "TUSEND", "USEND_C"} == SENDERS
+    assert {"TRCV_C", "TRCV", "TURCV", "URECV_C"} == RECEIVERS

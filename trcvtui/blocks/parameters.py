@@ -138,8 +138,10 @@ ON_CONNECT: Final = frozenset({"TUSEND", "TURCV"})  # these may have a CONNECT o
 HAS_ID: Final = frozenset({"TCON", "TSEND", "TRCV", "TDISCON", "T_RESET", "T_DIAG", "TUSEND", "TURCV"})
 ID_ALONE: Final = HAS_ID - {"TCON"}  # where connections have an ID: no CONNECT beside it
 ADDR_IF_UDP: Final = frozenset({"TSEND_C", "TRCV_C"})  # they need ADDR on a CONNECT of UDP
-SENDS: Final = frozenset({"TSEND_C", "TSEND"})
-MOVES_BYTES: Final = frozenset({"TRCV_C", "TSEND_C", "TSEND", "TRCV"}) | SPEAKS_UDP
+# Who moves bytes over a CONNECT or a UDP_CONFIG, and which way: their pins say it.
+SENDERS: Final = frozenset(block for block, pins in PINS.items() if _REQ in pins)
+RECEIVERS: Final = frozenset(block for block, pins in PINS.items() if _EN_R in pins)
+MOVES_BYTES: Final = SENDERS | RECEIVERS
 DATA_PIN: Final = {
     "T_DIAG": "RESULT", "ReceiveData": "pReceiveData", "ReceiveString": "ReceivedString",
     "ReceiveString255": "ReceivedString", "SendData": "pSendData", "SendString": "SendString",

@@ -8,10 +8,9 @@ from typing import Any, Final
 
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.framing.marks import FrameMarks, Tally
-from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES, SENDS
+from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES
+from trcvtui.blocks.parameters import SENDERS as SENDERS
 from trcvtui.net.answers import Fault
-
-SENDERS: Final = SENDS | {"USEND_C", "TUSEND"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from typing import Final
 
 from trcvtui.blocks.cause import TOOK_PART, Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.plc.snapshot import SENDERS
+from trcvtui.blocks.parameters import RECEIVERS, SENDERS, SPEAKS_UDP
 from trcvtui.rig import advice_attempt as attempt
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
@@ -25,7 +25,7 @@ from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.wording import count
 
 Rule = Callable[[Evidence], str]
-WHOLE: Final = frozenset({"TURCV", "URECV_C"})  # a datagram is here whole, or not at all
+WHOLE: Final = RECEIVERS & SPEAKS_UDP  # a datagram is here whole, or not at all
 INJECTED: Final = "injected fault: "
 AN_END: Final = "0 bytes"  # what recv gives at a FIN, and no errno
 SESSION: Final = {

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from trcvtui.blocks.parameters import SENDERS
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.facts import Drop, Facts
 from trcvtui.rig.picture import PeerSnapshot
@@ -67,7 +68,7 @@ def partner(e: Evidence) -> PeerSnapshot | None:
 
 def who_holds(e: Evidence) -> str:
     """Another instance works on this CONNECT: which one, and how it lets go."""
-    sends = e.block in ("TSEND_C", "TSEND", "USEND_C")
+    sends = e.block in SENDERS
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
     holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")
     holder = holder or e.cause.detail.partition(":")[0]

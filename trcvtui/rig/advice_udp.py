@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.parameters import ON_CONNECT, SPEAKS_UDP
 from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig.advice_receive import limit
@@ -16,7 +17,7 @@ from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.wording import age, count
 
-UDP_BLOCKS: Final = frozenset(("URECV_C", "USEND_C"))
+UDP_BLOCKS: Final = SPEAKS_UDP - ON_CONNECT
 ANY: Final = "0.0.0.0"
 
 

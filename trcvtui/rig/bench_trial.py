@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.parameters import MOVES_BYTES, SENDS, SPEAKS_UDP
+from trcvtui.blocks.parameters import RECEIVERS, SPEAKS_UDP
 from trcvtui.plc.project import Project
 from trcvtui.plc.tables import shown, whole
 from trcvtui.rig.bench_conditions import read_instance
@@ -13,7 +13,7 @@ from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_values import duration, value_of
 from trcvtui.rig.bench_words import TrySplits, TryStop
 
-RECEIVES: Final = MOVES_BYTES - SENDS - SPEAKS_UDP
+RECEIVES: Final = RECEIVERS - SPEAKS_UDP
 LONGEST: Final = 1024  # a message of n bytes takes n runs of some scans each
 DIFFER: Final = whole(0, LONGEST - 1)
 ANY: Final = "any"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.blocks.parameters import SENDS
+from trcvtui.blocks.parameters import SENDERS, SPEAKS_UDP
 from trcvtui.plc.instance import Outputs
 from trcvtui.rig.assembly import Bench
 
@@ -24,6 +24,7 @@ class Delivery:
     read_by_peer: int | None
 
 
+STREAMS: Final = SENDERS - SPEAKS_UDP
 NONE_SENT: Final[Mapping[str, Delivery]] = {}
 
 
@@ -32,7 +33,7 @@ def deliveries(bench: Bench, changed: Iterable[Outputs]) -> Mapping[str, Deliver
     return {
         out.instance: found
         for out in changed
-        if out.done and out.block in SENDS and (found := _delivery(bench, out.instance)) is not None
+        if out.done and out.block in STREAMS and (found := _delivery(bench, out.instance)) is not None
     }
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.plc.project import Project
+from trcvtui.rig.bench_trial import RECEIVES
 from trcvtui.rig.picture import PeerSnapshot
 
-RECEIVES: Final = ("TRCV_C", "TRCV")
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"
 MODES: Final = (HEX, TEXT, UDT)

@@ -12,7 +12,7 @@ from textual.app import App
 from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
-from tests.tui.looking import SMALL, WIDE, same_screen, screen_text
+from tests.tui.looking import SMALL, WIDE, follow, same_screen, screen_text
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.local_driver import LocalDriver
@@ -36,7 +36,7 @@ class Analyser:
     async def press(self, *keys: str) -> None:
         for key in keys:
             await self.pilot.press(key)
-        await self.pilot.pause(0.08)
+        await follow(self.app, self.pilot)
 
     async def type(self, text: str) -> None:
         await self.press(*[{" ": "space", ".": "full_stop", "/": "slash"}.get(c, c) for c in text])
@@ -44,7 +44,7 @@ class Analyser:
     async def say(self, line: str, scans: int = 0) -> None:
         self.app.submit(line)
         self.driver.scan(scans)
-        await self.pilot.pause(0.15)
+        await follow(self.app, self.pilot)
 
     @property
     def pane(self) -> Timing:
@@ -85,7 +85,7 @@ async def analysing(size: tuple[int, int] = WIDE, jobs: int = 3) -> AsyncIterato
         driver.submit("peer P1 send random 8 seed=1")
         driver.scan(13)
     async with app.run_test(size=size) as pilot:
-        await pilot.pause(0.15)
+        await follow(app, pilot)
         look = Analyser(app, driver, pilot)
         await look.press("8")
         yield look
@@ -115,7 +115,7 @@ async def test_a_pulse_between_two_frames_is_drawn_and_the_ghost_row_misses_it()
         look.driver.scan(13)
         look.driver.submit("peer P1 send random 8 seed=1")
         look.driver.scan(30)
-        await look.pilot.pause(0.15)
+        await follow(look.app, look.pilot)
         assert look.row("DONE").count("█") == 1
         assert "▔" not in look.row("watch DONE")
         assert "a 100 ms watch table saw 0 of 1 DONE" in look.text
@@ -153,7 +153,7 @@ async def test_the_signs_are_the_same_in_every_theme(theme: str) -> None:
     async with analysing(WIDE) as look:
         before = look.row("DONE"), look.row("STATUS")
         look.app.theme = theme
-        await look.pilot.pause(0.1)
+        await follow(look.app, look.pilot)
         assert (look.row("DONE"), look.row("STATUS")) == before
 
 
@@ -249,7 +249,7 @@ async def test_c_draws_the_other_instances_of_this_connect_below() -> None:
         await look.press("M")
         assert "TSEND_C_1" not in look.text
         await look.press("c")
-        await look.pilot.pause(0.2)
+        await follow(look.app, look.pilot)
         await look.press("c", "c")
         await look.say("set TSEND_C_1 CONT=1", 3)
         await look.press(*["down"] * 30)
@@ -259,7 +259,7 @@ async def test_c_draws_the_other_instances_of_this_connect_below() -> None:
 async def test_a_column_of_many_scans_is_said_in_readable_time_and_zoom_ends_where_all_is_in_view() -> None:
     async with analysing() as look:
         look.driver.scan(60_000)
-        await look.pilot.pause(0.15)
+        await follow(look.app, look.pilot)
         await look.press(*["minus"] * 12)
         columns = look.pane.size.width
         assert look.pane.view.zoom * columns >= 60_000 > look.pane.view.zoom * columns / 3
@@ -282,13 +282,13 @@ async def test_a_click_sets_the_cursor_and_the_wheel_zooms() -> None:
     async with analysing() as look:
         x = look.row("DONE").index("█")
         await look.pilot.click("#timing", offset=(2 + LABEL + x, 1 + 4))
-        await look.pilot.pause(0.1)
+        await follow(look.app, look.pilot)
         assert look.value("DONE") == "1"
         look.pane.post_message(_wheel(look.app, events.MouseScrollDown))
-        await look.pilot.pause(0.1)
+        await follow(look.app, look.pilot)
         assert look.pane.view.zoom == 2 and "2 scans a column, 20 ms" in look.text
         look.pane.post_message(_wheel(look.app, events.MouseScrollUp))
-        await look.pilot.pause(0.1)
+        await follow(look.app, look.pilot)
         assert look.pane.view.zoom == 1
 
 
@@ -301,7 +301,7 @@ async def test_a_click_on_a_wide_column_goes_to_the_edge_inside_it() -> None:
         await look.press("minus", "minus", "minus")
         x = look.row("DONE").index("┃")
         await look.pilot.click("#timing", offset=(2 + LABEL + x, 1 + 4))
-        await look.pilot.pause(0.1)
+        await follow(look.app, look.pilot)
         assert look.value("DONE") == "1"
 
 
@@ -354,10 +354,10 @@ async def test_every_key_is_harmless_before_the_first_scan_and_without_instances
         driver = LocalDriver(Bench(project, "sim"))
         app = BenchApp(driver, project)
         async with app.run_test(size=SMALL) as pilot:
-            await pilot.pause(0.1)
+            await follow(app, pilot)
             moves = "8 left right shift+left shift+right n N exclamation_mark home end pageup pagedown"
             for key in f"{moves} plus minus f m m m c up down e escape e v f".split():
                 await pilot.press(key)
-            await pilot.pause(0.1)
+            await follow(app, pilot)
             assert "8 Timing" in screen_text(app)
         driver.close()

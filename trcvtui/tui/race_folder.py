@@ -19,7 +19,12 @@ class RaceFolder:
     def __init__(self) -> None:
         self._folder = TemporaryDirectory(prefix="trcvtui-race-")
         self.file = Path(self._folder.name) / SESSION_FILE
-        self._listens = HANG_UP is not None and current_thread() is main_thread()
+        # Where a hang-up is ignored (nohup) the program goes on, and so does its folder.
+        self._listens = (
+            HANG_UP is not None
+            and current_thread() is main_thread()
+            and signal.getsignal(HANG_UP) != signal.SIG_IGN
+        )
         if self._listens:
             assert HANG_UP is not None
             self._before = signal.signal(HANG_UP, self._hung_up)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import CONFIGS
+from trcvtui.plc.project_edit import adding
 from trcvtui.plc.project_file import load_project, read_project
 from trcvtui.plc.project_keys import keys_of
 from trcvtui.rig.bench import parse_line
@@ -63,6 +64,8 @@ def test_an_added_connect_of_iso_on_tcp_and_its_peer_can_be_saved(tmp_path: Path
     )
     added = [command.decl for line in lines if isinstance(command := parse_line(line, project, "w"), Add)]
     assert len(added) == 2
-    saved = save_project(project.path, tmp_path / "x.toml", added, "w", {})
+    saved = save_project(
+        project.path, tmp_path / "x.toml", tuple(adding(decl, project) for decl in added), "w", {}
+    )
     assert saved.connect("C2") == added[0]
     assert saved.peer("P2") == added[1]

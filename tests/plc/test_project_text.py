@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
 from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.plc.project import DataDecl, MessageDecl, Project
+from trcvtui.plc.project import DataDecl, Declaration, MessageDecl, Project
 from trcvtui.plc.project_edit import names_of, read_entry, with_entry
 from trcvtui.plc.project_file import read_project
-from trcvtui.plc.project_keys import KIND_OF, Declaration, keys_of
+from trcvtui.plc.project_keys import KIND_OF, keys_of
 from trcvtui.plc.project_text import with_entries, with_files_from
 
 PLAIN = """\

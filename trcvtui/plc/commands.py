@@ -60,13 +60,32 @@ class CreateInstance:
     """A new instance: it is called from this scan on, behind those of its task that are there already."""
 
     decl: InstanceDecl
+    place: int | None = None  # in the call order of all; None: the last
+
+
+Part = DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
 
 
 @dataclass(frozen=True, slots=True)
 class Declare:
     """One more global variable, CONNECT, UDP_CONFIG, ADDR or ComBuffer; no instance has it yet."""
 
-    decl: DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl
+    decl: Part
+
+
+@dataclass(frozen=True, slots=True)
+class Redeclare:
+    """Another declaration of the same name: what has it, or is called on it, begins anew; inputs stay."""
+
+    before: Part | InstanceDecl
+    decl: Part | InstanceDecl
+
+
+@dataclass(frozen=True, slots=True)
+class Withdraw:
+    """A declaration is gone that no instance has."""
+
+    decl: Part
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +129,8 @@ Command = (
     | PlcRun
     | CreateInstance
     | Declare
+    | Redeclare
+    | Withdraw
     | DeleteInstance
     | DownloadInstance
     | ResizeData

@@ -24,6 +24,35 @@ def keys_of_description(config: ConnectConfig, description: Description) -> Keys
     return keys + _of_the_bench(config, says)
 
 
+def field_keys(config: ConnectConfig, description: Description) -> Keys:
+    """Return the same CONNECT by the names of its fields, as somebody writes it who changes one of them."""
+    keys: Keys = [("type", description.structure.name)]
+    for field in description.structure.fields:
+        is_named = field.name == "RemotePort" and isinstance(config.remote_port, str)
+        value = config.remote_port if is_named else description.value(field.name)
+        keys.append((field.name, f"hex {value.hex(' ')}" if isinstance(value, bytes) else value))
+    return [(key, value) for key, value in keys if value != "hex "] + _of_the_bench(
+        config, meaning(description)
+    )
+
+
+def plain_keys(config: ConnectConfig, description: Description) -> Keys:
+    """Return a CONNECT of plain TCP as one is written that names no structure."""
+    says = meaning(description)
+    keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
+    keys += [("ActiveEstablished", config.active), ("LocalPort", config.local.port)]
+    keys += [
+        ("RemoteAddress", config.remote_address),
+        ("RemotePort", config.remote_port),
+        ("ID", says.identity),
+    ]
+    interface = description.number("InterfaceId")
+    keys += [("InterfaceId", interface)] if interface else []
+    return keys + [("KeepAliveTimeInterval", config.keep_alive_interval_s)] * bool(
+        config.keep_alive_interval_s
+    )
+
+
 def _of_the_bench(config: ConnectConfig, says: Meaning) -> Keys:
     keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
     if says.protocol is Protocol.ISO:

@@ -19,7 +19,7 @@ from trcvtui.net.description_check import meaning
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
-from trcvtui.plc.tls_words import Certificates
+from trcvtui.plc.tls_words import CertificateDecl, Certificates
 from trcvtui.udt.layout import Layout
 from trcvtui.udt.rules import LayoutRules, rules_for
 from trcvtui.udt.type_set import TypeSet
@@ -156,6 +156,44 @@ class SimDecl:
     names: tuple[tuple[str, str], ...] | None = None
 
 
+Declaration = (
+    ConnectConfig
+    | UdpConfig
+    | AddrParam
+    | ComBufferDecl
+    | DataDecl
+    | InstanceDecl
+    | PeerDecl
+    | MessageDecl
+    | SequenceDecl
+    | CertificateDecl
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edit:
+    """One entry before and after; None: it was not there, it is there no more. `place` among its kind."""
+
+    kind: str
+    before: Declaration | None
+    after: Declaration | None
+    place: int
+
+    @property
+    def undone(self) -> Edit:
+        """Return the edit that takes this one back."""
+        return Edit(self.kind, self.after, self.before, self.place)
+
+    @property
+    def name(self) -> str:
+        """Return the name of the entry."""
+        decl = self.before or self.after
+        return decl.name if decl else ""
+
+
+Edits = tuple[Edit, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Project:
     """Everything that a project file says. Instances stand in call order."""
@@ -185,6 +223,7 @@ class Project:
     udt_files: tuple[Path, ...] = ()
     certificates: Certificates = field(default_factory=dict)
     combuffers: tuple[ComBufferDecl, ...] = ()
+    undoable: tuple[Edits, ...] = ()  # the newest edits since it was read, each with all that it did
 
     def pins(self, block: str) -> tuple[Pin, ...]:
         """Return the pins of a block, in the order of the manual."""

@@ -14,8 +14,8 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.net.description import CONNECTIONS
 from trcvtui.plc import project_parts as parts
 from trcvtui.plc.combuffers import find_shared_ends, joined_up, read_combuffer
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_keys import KIND_OF, Declaration, entry_of
+from trcvtui.plc.project import ComBufferDecl, DataDecl, Declaration, Edit, Edits, Project
+from trcvtui.plc.project_keys import KIND_OF, entry_of, forms_of, keys_of
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
 from trcvtui.plc.project_reader import Head, Reader
 from trcvtui.plc.tables import Given, Table
@@ -44,12 +44,18 @@ CHECKS: Final[dict[str, Callable[[Names, Table], None]]] = {
     "message": Names.check_message,
 }
 _GIVEN: Final = "--set "
+CERTIFICATE: Final = "certificate"
+CERTIFICATE_REFS: Final = ("TLSServerCertRef", "TLSClientCertRef")
+MOST_UNDOABLE: Final = 20
 
 
-def read_entry(kind: str, content: Mapping[str, Any], project: Project, where: str) -> Declaration:
+def read_entry(
+    kind: str, content: Mapping[str, Any], project: Project, where: str, number: int = 0
+) -> Declaration:
     """Return the declaration of one table; raise UserError with all that is wrong with it.
 
-    `content` holds TOML values, or the text of one as Given with the key as its path.
+    `content` holds TOML values, or the text of one as Given with the key as its path. `number` is its place
+    among its kind from 1 on, 0: behind the last one.
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)
@@ -63,7 +69,7 @@ def read_entry(kind: str, content: Mapping[str, Any], project: Project, where: s
     if kind == "combuffer":
         known = [Table(dict(entry_of(b)), "", problems) for b in project.combuffers]
         find_shared_ends([*known, table])
-    decl = _read(kind, table, project)
+    decl = _read(kind, table, project, number or len(entries_of(kind, project)) + 1)
     if problems or decl is None:
         raise UserError(dict.fromkeys(_placed(problem, where) for problem in problems))
     return decl
@@ -86,7 +92,7 @@ def _instances(block: str, project: Project) -> tuple[str, ...]:
     return tuple([each.name for each in project.instances if each.block == block])
 
 
-def _read(kind: str, table: Table, project: Project) -> Declaration | None:
+def _read(kind: str, table: Table, project: Project, number: int) -> Declaration | None:
     reader = Reader({}, table.where, project.base, table.problems)
     match kind:
         case "data":
@@ -96,7 +102,7 @@ def _read(kind: str, table: Table, project: Project) -> Declaration | None:
             reader.check_pins(table, _head(project))
             return parts.read_instance(table, blocks, project.tasks[0].name, project.rules)
         case "connect":
-            return reader.connect(table, len(project.connects) + 1, _head(project), project.certificates)
+            return reader.connect(table, number, _head(project), project.certificates)
         case "combuffer":
             buffer = read_combuffer(table)
             return buffer and joined_up((buffer,), project.instances)[0]
@@ -157,11 +163,158 @@ def entries_of(kind: str, project: Project) -> tuple[Declaration, ...]:
     return tuple(found.values()) if isinstance(found, Mapping) else found
 
 
+def entry(kind: str, name: str, project: Project) -> Declaration | None:
+    """Return the entry of a kind that has this name."""
+    return next((each for each in entries_of(kind, project) if each.name == name), None)
+
+
+def kinds_named(name: str, project: Project) -> tuple[str, ...]:
+    """Return the kinds of which an entry has this name; a certificate has a number."""
+    return tuple([kind for kind in FIELDS if kind != CERTIFICATE and name in names_of(kind, project)])
+
+
+# -- edits -----------------------------------------------------------------------------------------------
+
+
+def adding(decl: Declaration, project: Project) -> Edit:
+    """Return the edit that adds an entry as the last of its kind."""
+    kind = KIND_OF[type(decl)]
+    return Edit(kind, None, decl, len(entries_of(kind, project)))
+
+
+def changing(before: Declaration, after: Declaration | None, project: Project) -> Edit:
+    """Return the edit that puts `after` in the place of an entry; None takes the entry away."""
+    kind = KIND_OF[type(before)]
+    return Edit(kind, before, after, names_of(kind, project).index(before.name))
+
+
+def with_edits(project: Project, edits: Edits) -> Project:
+    """Return the project after these edits."""
+    for edit in edits:
+        found = [each for each in entries_of(edit.kind, project) if each.name != edit.name]
+        if edit.after is not None:
+            found.insert(edit.place, edit.after)
+        kept: Any = tuple(found)
+        if edit.kind == CERTIFICATE:
+            kept = {each.number: each for each in found if isinstance(each, CertificateDecl)}
+        changed: dict[str, Any] = {FIELDS[edit.kind]: kept}
+        project = replace(project, **changed)
+    return replace(project, combuffers=joined_up(project.combuffers, project.instances))
+
+
+def edited(project: Project, edits: Edits) -> Project:
+    """Return the project after a step of edits, which can be taken back."""
+    return replace(with_edits(project, edits), undoable=(*project.undoable, edits)[-MOST_UNDOABLE:])
+
+
+def taken_back(project: Project) -> Edits:
+    """Return the edits that take the newest step back; none where there is no step."""
+    return tuple([edit.undone for edit in reversed(project.undoable[-1])]) if project.undoable else ()
+
+
+def undone(project: Project) -> Project:
+    """Return the project without its newest step."""
+    return replace(with_edits(project, taken_back(project)), undoable=project.undoable[:-1])
+
+
 def with_entry(project: Project, decl: Declaration) -> Project:
     """Return the project with one more entry, the last of its kind."""
-    if isinstance(decl, CertificateDecl):
-        return replace(project, certificates={**project.certificates, decl.number: decl})
-    field = FIELDS[KIND_OF[type(decl)]]
-    changed: dict[str, Any] = {field: (*getattr(project, field), decl)}
-    grown = replace(project, **changed)
-    return replace(grown, combuffers=joined_up(grown.combuffers, grown.instances))
+    return with_edits(project, (adding(decl, project),))
+
+
+def read_changed(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
+    """Return a declaration with some keys changed, None as a value: no such key; raise UserError.
+
+    It is written anew in the first of its forms that says the same, and read as the file would be.
+    """
+    edit = changing(decl, None, project)
+    others = with_edits(project, (edit,))
+    first: UserError | None = None
+    for form in forms_of(decl):
+        own: dict[str, Any] = {"number" if edit.kind == CERTIFICATE else "name": _called(decl), **dict(form)}
+        if not _says(edit, own, others, decl):
+            continue
+        changed = own | dict(pairs)
+        if "LocalPort" in pairs and "ListenPort" not in pairs:
+            changed.pop("ListenPort", None)  # it only says where the bench listens in place of LocalPort
+        kept = {key: value for key, value in changed.items() if value is not None}
+        try:
+            return read_entry(edit.kind, kept, others, where, edit.place + 1)
+        except UserError as wrong:
+            first = first or wrong
+    raise first or UserError([Problem(where, "an entry that cannot be written", "add and remove")])
+
+
+def _called(decl: Declaration) -> str | int:
+    return decl.number if isinstance(decl, CertificateDecl) else decl.name
+
+
+def _says(edit: Edit, content: Mapping[str, Any], others: Project, decl: Declaration) -> bool:
+    try:
+        return same(read_entry(edit.kind, content, others, "", edit.place + 1), decl)
+    except UserError:
+        return False
+
+
+def same(decl: Declaration, other: Declaration) -> bool:
+    """Return whether two declarations say the same; a type is laid out anew with each reading."""
+    # Who writes and feeds a ComBuffer, its neighbours tell.
+    if isinstance(decl, DataDecl | ComBufferDecl):
+        return decl.name == other.name and keys_of(decl) == keys_of(other)
+    return decl == other
+
+
+def difference(before: Project, after: Project) -> Edits:
+    """Return the edits that make the entries of one project those of another."""
+    found: list[Edit] = []
+    for kind in FIELDS:
+        old = {each.name: each for each in entries_of(kind, before)}
+        new = {each.name: each for each in entries_of(kind, after)}
+        found += [changing(each, None, before) for name, each in old.items() if name not in new]
+        for place, (name, each) in enumerate(new.items()):
+            was = old.get(name)
+            if was is None or not (was is each or same(was, each)):
+                found.append(Edit(kind, was, each, place))
+    return tuple(found)
+
+
+def users_left(edits: Edits, project: Project) -> list[tuple[Declaration, UserError]]:
+    """Return the entries that could not stand any more after these edits, each with the reason."""
+    after = with_edits(project, edits)
+    gone = {(edit.kind, edit.name) for edit in edits}
+    found = _of_certificates(edits, after)
+    for kind in FIELDS:
+        for place, each in enumerate(entries_of(kind, after), 1):
+            if (kind, each.name) in gone or not _mentions(each, [edit.name for edit in edits]):
+                continue
+            wrong = _refused(each, kind, place, after)
+            if wrong is not None and _refused(each, kind, place, project) is None:
+                found.append((each, wrong))
+    return found
+
+
+def _of_certificates(edits: Edits, after: Project) -> list[tuple[Declaration, UserError]]:
+    """Return who has a certificate in his session, which is made when he is read."""
+    numbers = {edit.name for edit in edits if edit.kind == CERTIFICATE and edit.before is not None}
+    refs = (*CERTIFICATE_REFS, "certificate", "authority")
+    having: tuple[Declaration, ...] = (*after.connects, *after.peers)
+    return [
+        (each, UserError([Problem(each.name, f"certificate {value}", "the one that it has")]))
+        for each in having
+        for key, value in forms_of(each)[-2:][0]
+        if key in refs and str(value) in numbers
+    ]
+
+
+def _mentions(decl: Declaration, names: list[str]) -> bool:
+    texts = [str(value) for _, value in keys_of(decl)]
+    return any(name in text for name in names for text in texts)
+
+
+def _refused(decl: Declaration, kind: str, number: int, project: Project) -> UserError | None:
+    others = with_edits(project, (changing(decl, None, project),))
+    try:
+        read_entry(kind, dict(entry_of(decl)), others, "", number)
+    except UserError as wrong:
+        return wrong
+    return None

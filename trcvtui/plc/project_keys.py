@@ -12,13 +12,14 @@ from trcvtui.blocks.parameters import POINTERS, TIMES
 from trcvtui.net.connect_config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
-from trcvtui.plc.description_keys import keys_of_description, keys_of_iso
+from trcvtui.plc.description_keys import field_keys, keys_of_description, keys_of_iso, plain_keys
 from trcvtui.plc.project import (
     DEFAULT_EVERY_NS,
     SERIAL,
     SIMULATED,
     ComBufferDecl,
     DataDecl,
+    Declaration,
     InstanceDecl,
     MessageDecl,
     PeerDecl,
@@ -28,18 +29,6 @@ from trcvtui.plc.project_parts import FREE_PORT, link_key
 from trcvtui.plc.tls_words import CertificateDecl
 from trcvtui.udt.literals import format_time
 
-Declaration = (
-    ConnectConfig
-    | UdpConfig
-    | AddrParam
-    | ComBufferDecl
-    | DataDecl
-    | InstanceDecl
-    | PeerDecl
-    | MessageDecl
-    | SequenceDecl
-    | CertificateDecl
-)
 KeyValue = bool | int | float | str | list[str]
 Keys = list[tuple[str, KeyValue]]
 
@@ -60,6 +49,13 @@ KIND_OF: Final[dict[type, str]] = {
 def keys_of(decl: Declaration) -> Keys:
     """Return the keys behind `name` with their TOML values, in the order of the contract."""
     return _KEYS[type(decl)](decl)
+
+
+def forms_of(decl: Declaration) -> list[Keys]:
+    """Return the ways to write the keys of a declaration, the easiest to change first."""
+    if isinstance(decl, ConnectConfig) and decl.description is not None:
+        return [plain_keys(decl, decl.description), field_keys(decl, decl.description), keys_of(decl)]
+    return [keys_of(decl)]
 
 
 def entry_of(decl: Declaration) -> Keys:
@@ -133,6 +129,8 @@ def _peer(p: PeerDecl) -> Keys:
     keys += [("says", list(p.says))] if p.says else []
     keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
     keys += [("replies", list(p.replies))] if p.replies else []
+    keys += [("layout", p.layout)] if p.layout is not None else []
+    keys += [("byte_order", p.byte_order)] if p.byte_order is not None else []
     keys += keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else []
     return keys + list(p.tls)
 
@@ -154,7 +152,7 @@ _KEYS: Final[dict[type, Callable[[Any], Keys]]] = {
     UdpConfig: _udp_config,
     AddrParam: _addr,
     ComBufferDecl: _combuffer,
-    DataDecl: lambda d: [("type", d.type_name)],
+    DataDecl: lambda d: [("type", d.type_name), *_unless(False, "optimized", d.optimized)],
     InstanceDecl: _instance,
     PeerDecl: _peer,
     MessageDecl: _message,

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.plc.project_keys import KIND_OF, Declaration, KeyValue, entry_of
+from trcvtui.plc.project import Declaration, Edit
+from trcvtui.plc.project_keys import KIND_OF, KeyValue, entry_of, forms_of
 from trcvtui.plc.toml_file import parse_toml
 
 if TYPE_CHECKING:
@@ -33,6 +34,44 @@ def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
         if isinstance(entries, list):
             entries.append(dict(entry_of(decl)))
     return _checked(text, wanted, where, lambda plain: _in_their_places(plain, decls), _at_the_end(decls))
+
+
+def with_change(text: str, edit: Edit, form: int, where: str) -> str:
+    """Return the text with one entry changed or gone; only the keys that change are written.
+
+    `form` is the way to write it, of those that `forms_of` knows. Raise UserError when there is no place.
+    """
+    wanted = parse_toml(text, where)
+    _change(wanted, edit, form, lambda value: value)
+
+    def change(plain: str) -> str | None:
+        document = _parsed(plain)
+        if document is None or not _change(document, edit, form, _item):
+            return None
+        return document.as_string()
+
+    return _checked(text, wanted, where, change)
+
+
+def _change(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any]) -> bool:
+    """Change the table of an entry; return whether it was found."""
+    called = "number" if edit.kind == "certificate" else "name"
+    entries = document.get(edit.kind, [])
+    place = next((n for n, each in enumerate(entries) if str(each.get(called)) == edit.name), None)
+    if place is None:
+        return False
+    if edit.after is None or edit.before is None:
+        del entries[place]
+        if not len(entries):
+            del document[edit.kind]
+        return True
+    old, new = (dict(forms_of(decl)[form]) for decl in (edit.before, edit.after))
+    for key in [key for key in old if key not in new]:
+        entries[place].pop(key, None)
+    for key, value in new.items():
+        if old.get(key) != value:
+            entries[place][key] = item(value)
+    return True
 
 
 def with_files_from(text: str, old: Path, new: Path, where: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.environment import Environment
@@ -35,11 +36,14 @@ from trcvtui.plc.commands import (
     DeleteInstance,
     DownloadInstance,
     FeedBuffer,
+    Part,
     PlcRun,
     PlcStop,
     PulseInput,
+    Redeclare,
     ResizeData,
     SetInput,
+    Withdraw,
     WriteData,
 )
 from trcvtui.plc.elements import elements_of, text_lens_of
@@ -52,6 +56,8 @@ from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import ConnectionSnapshot, FramerSnapshot, SentBytes, Snapshot
 from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
 from trcvtui.plc.variables import area_of, data_snapshot
+
+T = TypeVar("T")
 
 
 class Runtime:
@@ -285,10 +291,14 @@ class Runtime:
                 self._stop()
             case PlcRun():
                 self._run()
-            case CreateInstance(decl):
-                self._create(decl)
+            case CreateInstance(decl, place):
+                self._create(decl, place)
             case Declare(declared):
                 self._declare(declared)
+            case Redeclare(before, declared_anew):
+                self._redeclare(before, declared_anew)
+            case Withdraw(withdrawn):
+                self._withdraw(withdrawn)
             case DeleteInstance(name):
                 self._delete(name)
             case DownloadInstance(name):
@@ -300,9 +310,10 @@ class Runtime:
                 self._data[data.name].resize(data.type_name, data.size, *kind)
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
-    def _create(self, decl: InstanceDecl) -> None:
-        instance = self._instances[decl.name] = self._instance(decl)
-        self._instance_snapshots[decl.name] = instance.snapshot()
+    def _create(self, decl: InstanceDecl, place: int | None) -> None:
+        instance = self._instance(decl)
+        self._instances = _with(self._instances, decl.name, instance, place)
+        self._instance_snapshots = _with(self._instance_snapshots, decl.name, instance.snapshot(), place)
         self._roster = self._new_roster()
         self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
 
@@ -325,6 +336,71 @@ class Runtime:
                 self._addrs[name] = RemoteAddress(decl)
         self._roster = self._new_roster()
         self.ledger.write(BenchNote(decl.name, "declared"))
+
+    def _redeclare(self, before: Part | InstanceDecl, decl: Part | InstanceDecl) -> None:
+        """Put a declaration in the place of another; who is bound to the old one is bound anew."""
+        name, ends = decl.name, set[str]()
+        match decl:
+            case DataDecl():
+                if before.type_name != decl.type_name:  # type: ignore[union-attr]
+                    self._apply(ResizeData(decl))
+                self._data[name].symbolic = decl.optimized
+            case ConnectConfig():
+                old = self._connections[name]
+                old.stop()
+                self._connections[name] = self._connection(decl)
+                self._connections[name].incarnation = old.incarnation  # what it received is still told apart
+            case UdpConfig():
+                port = self._ports[name]
+                port.stop()
+                self._ports[name] = self._port(decl)
+                self._ports[name].incarnation = port.incarnation
+            case AddrParam():
+                self._addrs[name] = RemoteAddress(decl)
+            case ComBufferDecl():
+                self._lines.redeclare(decl)
+                ends = {decl.source, decl.line}
+            case InstanceDecl():
+                self._instances[name].decl = decl
+                ends = {name}
+        if isinstance(before, ComBufferDecl):
+            ends |= {before.source, before.line}
+        if not isinstance(decl, DataDecl):
+            for instance in [i for i in self._instances.values() if i.name in ends or _has(i.decl, decl)]:
+                self._bind_anew(instance, before)
+        self._roster = self._new_roster()
+        self.ledger.write(BenchNote(name, "declared anew"))
+
+    def _bind_anew(self, instance: Instance, before: Part | InstanceDecl) -> None:
+        """Begin an instance again on what is there now; its inputs stay as they are."""
+        decl, kept = instance.decl, dict(instance.inputs)
+        if isinstance(before, InstanceDecl):
+            given = dict(before.inputs)
+            kept |= {pin: value for pin, value in decl.inputs if given.get(pin) != value}
+        self._lines.leave(decl.name)
+        instance.leave("declared anew")
+        fresh = self._instances[decl.name] = self._instance(decl)
+        fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
+        self._instance_snapshots[decl.name] = fresh.snapshot()
+
+    def _withdraw(self, decl: Part) -> None:
+        name = decl.name
+        match decl:
+            case DataDecl():
+                del self._data[name], self._data_snapshots[name]
+            case ConnectConfig():
+                self._connections.pop(name).stop()
+                del self._connection_snapshots[name]
+                self._resources.unsettled.pop(name, None)
+            case UdpConfig():
+                self._ports.pop(name).stop()
+                del self._connection_snapshots[name]
+            case AddrParam():
+                del self._addrs[name]
+            case ComBufferDecl():
+                self._lines.withdraw(name)
+        self._roster = self._new_roster()
+        self.ledger.write(BenchNote(name, "removed"))
 
     def _delete(self, name: str) -> None:
         instance = self._instances.pop(name)
@@ -398,7 +474,7 @@ class Runtime:
                 self._instance_snapshots[name] = instance.snapshot()
         # The time to the next attempt runs on also where nobody is left to make it.
         pausing = {name for name, connection in self._connections.items() if connection.retry_at is not None}
-        for name in stirring | pausing:
+        for name in (stirring | pausing) & self._connection_snapshots.keys():
             if name not in self._lines:
                 self._connection_snapshots[name] = self._link_snapshot(name)
         for name, data in self._data.items():
@@ -408,3 +484,21 @@ class Runtime:
     def _link_snapshot(self, name: str) -> ConnectionSnapshot:
         port, now = self._ports.get(name), self._env.now
         return port_snapshot(port, now) if port else connection_snapshot(self._connections[name], now)
+
+
+def _has(instance: InstanceDecl, decl: Part | InstanceDecl) -> bool:
+    """Return whether an instance is bound to this."""
+    if isinstance(decl, AddrParam):
+        return instance.addr == decl.name
+    if instance.connect != decl.name:
+        return False
+    if isinstance(decl, ComBufferDecl):
+        return instance.block in BUFFER_PIN
+    return isinstance(decl, UdpConfig) == instance.on_config and instance.block not in BUFFER_PIN
+
+
+def _with(entries: dict[str, T], name: str, entry: T, place: int | None) -> dict[str, T]:
+    """Return the entries with one more, at its place."""
+    kept = list(entries.items())
+    kept.insert(len(kept) if place is None else place, (name, entry))
+    return dict(kept)

@@ -68,6 +68,26 @@ class SerialLines:
             if other.line in self._ports:
                 self._ports[other.line].tx = self._buffers[other.name]
 
+    def redeclare(self, decl: ComBufferDecl) -> None:
+        """Put another ComBuffer in the place of one; its bytes are gone, its port is opened anew."""
+        self._forget(decl.name)
+        self.declare(decl)
+
+    def withdraw(self, name: str) -> None:
+        """Take a ComBuffer away that nobody has."""
+        self._forget(name)
+        del self._decls[name], self._buffers[name]
+
+    def _forget(self, name: str) -> None:
+        self._buffers[name].empty("declared anew")
+        port = self._ports.pop(name, None)
+        if port is not None:
+            port.close()
+        decl = self._decls[name]
+        for instance in {decl.source, decl.line} & self._streams.keys():
+            self._streams.pop(instance).left()
+            self._orphans.discard(instance)
+
     def __contains__(self, name: str) -> bool:
         """Return whether there is a ComBuffer of that name."""
         return name in self._buffers

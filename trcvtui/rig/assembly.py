@@ -21,14 +21,21 @@ from trcvtui.net.sim_kernel import SimKernel
 from trcvtui.net.work import Work
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project import InstanceDecl, MessageDecl, PeerDecl, Project, SequenceDecl
+from trcvtui.plc.project import (
+    ComBufferDecl,
+    Edit,
+    InstanceDecl,
+    PeerDecl,
+    Project,
+)
 from trcvtui.plc.runtime import Runtime
-from trcvtui.plc.tls_words import CertificateDecl
 from trcvtui.rig import bench_words as words
 from trcvtui.rig import clock
+from trcvtui.rig.bench_edit import edits_of
 from trcvtui.rig.bench_instances import after
 from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.checking import Checking
+from trcvtui.rig.edit_words import MENDS, Mend
 from trcvtui.rig.peer_links import link_of
 from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.program import Program, read_program
@@ -63,9 +70,9 @@ class Bench:
         self._links = [link_of(decl, project) for decl in project.peers]
         self._down: set[str] = set()
         self._checks: dict[str, Checking] = {}
-        self._self_acting = [
-            SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
-        ]
+        self._self_acting = {
+            name: SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
+        }
         self._program = Program(read_program(project), self)
         for rule in read_replies(project):
             self.peers[rule.peer].replies.add(rule)
@@ -144,7 +151,7 @@ class Bench:
     def step_peers(self) -> None:
         """Let every peer take what has arrived and send what is due."""
         self._peers_work.begin(self.now)
-        for acting in self._self_acting:
+        for acting in self._self_acting.values():
             acting.step(self.now)
         for check in self._checks.values():
             check.step(self.now)
@@ -176,8 +183,7 @@ class Bench:
             words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
             words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
             words.Create: lambda c: self._change(c, commands.CreateInstance(c.decl)),
-            words.Add: self._add,
-            words.AddData: lambda c: self._change(c, commands.Declare(c.decl)),
+            **dict.fromkeys(MENDS, self._mend),
             words.Delete: lambda c: self._change(c, commands.DeleteInstance(c.instance)),
             words.Download: lambda c: self._change(c, commands.DownloadInstance(c.instance)),
             words.Resize: lambda c: self._change(c, commands.ResizeData(c.decl)),
@@ -217,41 +223,74 @@ class Bench:
         self.project = after(command, self.project)
         return self._submit(change)
 
-    def _add(self, command: words.Add) -> str:
-        wrong = ""
-        match command.decl:
-            case InstanceDecl() as decl:
-                self._submit(commands.CreateInstance(decl))
-            case PeerDecl() as decl:
-                wrong = self._add_peer(decl)
-            case MessageDecl() | SequenceDecl() as decl:
-                self.note(decl.name, "in the library")
-            case CertificateDecl() as decl:
-                self.note(f"certificate {decl.name}", "added")
-            case decl:
-                self._let_sessions_in(decl)
-                self._submit(commands.Declare(decl))
-        if not wrong:
-            self.project = after(command, self.project)
-            self._links = [link_of(decl, self.project) for decl in self.project.peers]
+    def _mend(self, command: Mend) -> str:
+        """Let the project be another one, and what runs with it."""
+        edited = after(command, self.project)
+        for edit in edits_of(command, self.project):
+            wrong = self._take(edit, edited)
+            if wrong:
+                return wrong
+        self.project = edited
+        if isinstance(command, words.Add | words.Change | words.Remove | words.Undo):
+            self._say_anew()
+        self.peers = {decl.name: self.peers[decl.name] for decl in edited.peers}
+        self._links = [link_of(decl, edited) for decl in edited.peers]
+        return ""
+
+    def _take(self, edit: Edit, edited: Project) -> str:
+        if edit.kind == "peer":
+            before, decl = edit.before, edit.after
+            assert isinstance(before, PeerDecl | None) and isinstance(decl, PeerDecl | None)
+            return self._take_peer(before, decl, edited)
+        change = _change_of(edit, edited)
+        if change is None:
+            self.note(*_noted(edit))
+            return ""
+        self._let_sessions_in(edit.after)
+        if edit.after is None:
+            self._down.discard(edit.name)
+        return self._submit(change)
+
+    def _take_peer(self, before: PeerDecl | None, decl: PeerDecl | None, edited: Project) -> str:
+        """Let a peer go, come, or be another; a taken port is the user's to mend."""
+        old = self.peers.get(before.name) if before is not None else None
+        if old is not None:
+            old.end()
+        wrong = self._add_peer(decl, edited) if decl is not None else ""
+        if wrong and old is not None:
+            old.listen()
+        if not wrong and before is not None:
+            self._check_off(words.CheckOff(before.name))
+            if decl is None:
+                del self.peers[before.name]
+                self._self_acting.pop(before.name, None)
+                self.note(before.name, "removed")
         return wrong
+
+    def _say_anew(self) -> None:
+        """Let peers say messages as they are now."""
+        routines = read_routines(self.project)
+        for decl in self.project.peers:
+            if any(text.startswith("message ") for text in decl.says):
+                self._self_acting[decl.name] = SelfActing(self.peers[decl.name], routines[decl.name])
 
     def _let_sessions_in(self, decl: object) -> None:
         if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
             self._has_sessions = True
             self.runtime.stand_on(self._with_sessions())
 
-    def _add_peer(self, decl: PeerDecl) -> str:
+    def _add_peer(self, decl: PeerDecl, edited: Project) -> str:
         """Let one more peer begin as those of the file do; a taken port is the user's to mend."""
         peer = self._new_peer(decl)
         wrong = "" if decl.active else peer.listen()
         if wrong:
             peer.end()
             return wrong
-        alone = replace(self.project, peers=(decl,))
+        alone = replace(edited, peers=(decl,))
         for rule in read_replies(alone):
             peer.replies.add(rule)
-        self._self_acting += [SelfActing(peer, routine) for routine in read_routines(alone).values()]
+        self._self_acting.pop(decl.name, None)
+        self._self_acting |= {n: SelfActing(peer, routine) for n, routine in read_routines(alone).items()}
         self.peers[decl.name] = peer
         return ""
 
@@ -315,3 +354,32 @@ def _simulated(project: Project) -> SimKernel:
     sim = project.sim
     names = None if sim.names is None else dict(sim.names)
     return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment, names)
+
+
+def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
+    """Return what an edit changes in the PLC; None: nothing, it is of the library."""
+    before, decl = edit.before, edit.after
+    if isinstance(decl, ComBufferDecl):
+        decl = edited.combuffer(decl.name)  # who writes and feeds it, its neighbours tell
+    match before, decl:
+        case (None, InstanceDecl()):
+            return commands.CreateInstance(decl, edit.place)
+        case (InstanceDecl(), None):
+            return commands.DeleteInstance(edit.name)
+        case (InstanceDecl(), InstanceDecl()):
+            return commands.Redeclare(before, decl)
+    was, now = (each if isinstance(each, commands.Part) else None for each in (before, decl))
+    if now is None:
+        return commands.Withdraw(was) if was is not None else None
+    return commands.Declare(now) if was is None else commands.Redeclare(was, now)
+
+
+def _noted(edit: Edit) -> tuple[str, str]:
+    """Return what the ledger says of an edit in the library."""
+    is_certificate = edit.kind == "certificate"
+    subject = f"certificate {edit.name}" if is_certificate else edit.name
+    if edit.after is None:
+        return subject, "removed"
+    if edit.before is not None:
+        return subject, "declared anew"
+    return subject, "added" if is_certificate else "in the library"

@@ -16,7 +16,7 @@ from trcvtui.plc.project import InstanceDecl, Project
 from trcvtui.plc.tables import shown, whole
 from trcvtui.rig.bench_conditions import read_expect, read_instance, read_wait
 from trcvtui.rig.bench_data import read_write
-from trcvtui.rig.bench_edit import read_add
+from trcvtui.rig.bench_edit import read_add, read_change, read_remove, read_undo
 from trcvtui.rig.bench_feed import read_feed
 from trcvtui.rig.bench_instances import after, read_create, read_delete, read_download, read_resize
 from trcvtui.rig.bench_marks import read_prefix, read_suffix
@@ -26,6 +26,7 @@ from trcvtui.rig.bench_values import duration, pin_value, value_of
 from trcvtui.rig.bench_words import (
     FOREVER,
     BenchCommand,
+    Change,
     FaultClear,
     FaultOn,
     Link,
@@ -92,7 +93,10 @@ def _short(line: str) -> str:
 # -- inputs ----------------------------------------------------------------------------------------------
 
 
-def _set(words: Words, project: Project) -> Set:
+def _set(words: Words, project: Project) -> Set | Change:
+    change = read_change(words, project)
+    if change is not None:
+        return change
     instance = read_instance(words, project)
     pins: list[tuple[str, PinValue | Literal["blink"]]] = []
     for word in words.rest() or [words.next("an input such as CONT=1")]:
@@ -226,4 +230,6 @@ VERBS: Final[dict[str, Callable[[Words, Project], BenchCommand]]] = {
     "run": _run,
     "wait": read_wait,
     "expect": read_expect,
+    "remove": read_remove,
+    "undo": read_undo,
 }

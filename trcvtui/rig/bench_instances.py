@@ -21,15 +21,16 @@ from trcvtui.blocks.parameters import (
 from trcvtui.errors import UserError
 from trcvtui.plc.names import IDENTIFIER_TEXT, expected_name, is_identifier, with_article
 from trcvtui.plc.project import DataDecl, InstanceDecl, Project
-from trcvtui.plc.project_edit import with_entry
+from trcvtui.plc.project_edit import edited, undone
 from trcvtui.plc.project_names import WORDS
 from trcvtui.plc.project_parts import link_key
 from trcvtui.plc.tables import shown
 from trcvtui.rig.bench_conditions import read_instance
+from trcvtui.rig.bench_edit import edits_of
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_values import pin_value
 from trcvtui.rig.bench_words import BenchCommand, Create, Delete, Download, Resize
-from trcvtui.rig.edit_words import Add, AddData
+from trcvtui.rig.edit_words import Add, AddData, Change, Remove, Undo
 from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout import lay_out
 
@@ -168,8 +169,10 @@ def after(command: BenchCommand, project: Project) -> Project:
     match command:
         case Create(decl):
             return project.with_instance(decl)
-        case Add() | AddData():
-            return with_entry(project, command.decl)
+        case Add() | AddData() | Change() | Remove():
+            return edited(project, edits_of(command, project))
+        case Undo():
+            return undone(project)
         case Delete(name):
             return project.without_instance(name)
         case Resize(_, _, decl):

@@ -89,6 +89,15 @@ class Words:
         at = self._at + ahead
         return self._tokens[at].text if at < len(self._tokens) else ""
 
+    def ahead(self) -> list[str]:
+        """Return all words that are left, without taking them."""
+        return [token.text for token in self._tokens[self._at :]]
+
+    @property
+    def verb(self) -> str:
+        """Return the first word of the line."""
+        return self._tokens[0].text if self._tokens else ""
+
     def rest(self) -> list[str]:
         """Take all words that are left."""
         left = [token.text for token in self._tokens[self._at :]]

@@ -11,6 +11,9 @@ from typing import Final, Literal
 from trcvtui.plc.project import DataDecl, InstanceDecl
 from trcvtui.rig.edit_words import Add as Add
 from trcvtui.rig.edit_words import AddData as AddData
+from trcvtui.rig.edit_words import Change as Change
+from trcvtui.rig.edit_words import Remove as Remove
+from trcvtui.rig.edit_words import Undo as Undo
 from trcvtui.rig.fills import Fill
 from trcvtui.rig.mark_words import SetMark as SetMark
 from trcvtui.rig.reply_words import Match
@@ -356,6 +359,9 @@ BenchCommand = (
     | Delete
     | Add
     | AddData
+    | Change
+    | Remove
+    | Undo
     | Download
     | Resize
     | PlcStop

@@ -16,7 +16,9 @@ from trcvtui.plc.project import Project
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import KERNELS, Bench
 from trcvtui.rig.bench import parse_line
+from trcvtui.rig.bench_edit import told as told_of
 from trcvtui.rig.conditions import found, holds
+from trcvtui.rig.edit_words import Mend
 from trcvtui.rig.history_reader import HistoryReader
 from trcvtui.rig.job_history import JobHistory
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
@@ -127,24 +129,27 @@ class Console:
                 return self._trials.begin(self.bench, command)
             case words.TryStop():
                 return self._trials.stop()
-            case words.Add() | words.AddData():
-                return self._add(command)
+            case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
+                return self._mend(command)
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
             case _:
                 return self.bench.do(command)
 
-    def _add(self, command: words.Add | words.AddData) -> str:
-        """Add to the bench and to the project; the bench of a scenario is nobody's project."""
-        if self.player is not None:
-            return self.bench.do(command)
-        try:
-            self._edits.check(command)
-        except UserError as error:
-            return error.lines()[0]
+    def _mend(self, command: Mend) -> str:
+        """Edit the bench and the project; the bench of a scenario is nobody's project."""
+        told = told_of(command, self.bench.project)
+        mine = None
+        if self.player is None:
+            try:
+                mine = self._edits.check(command)
+            except UserError as error:
+                return error.lines()[0]
         wrong = self.bench.do(command)
         if not wrong:
-            self._edits.note(command)
+            self._told = told
+            if mine is not None:
+                self._edits.note(mine)
         return wrong
 
     def _udt(self, rest: str) -> str:
@@ -335,6 +340,7 @@ class Console:
             waves=self._wave_news(request.waves, known),
             history=self._history.window(request.history) if request.history and known else None,
             unsaved=self._edits.unsaved,
+            unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
         )
         return self._watching.completed(picture, request.partial_of, since) if known else picture

@@ -6,7 +6,16 @@ from dataclasses import dataclass, field
 
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.udp_config import AddrParam, UdpConfig
-from trcvtui.plc.project import ComBufferDecl, DataDecl, InstanceDecl, MessageDecl, PeerDecl, SequenceDecl
+from trcvtui.plc.project import (
+    ComBufferDecl,
+    DataDecl,
+    Declaration,
+    Edits,
+    InstanceDecl,
+    MessageDecl,
+    PeerDecl,
+    SequenceDecl,
+)
 from trcvtui.plc.tls_words import CertificateDecl
 
 AddedDecl = (
@@ -27,6 +36,8 @@ class Add:
     """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
 
     decl: AddedDecl
+    with_it: tuple[ConnectConfig | UdpConfig | AddrParam | ComBufferDecl | DataDecl, ...] = ()
+    text: str = field(default="", compare=False)  # as it was written, where more is made on the way
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,3 +47,34 @@ class AddData:
     data: str
     type_name: str
     decl: DataDecl = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """`set connect C2 LocalPort=2500`: other keys of an entry; what runs on it is built anew."""
+
+    kind: str
+    name: str
+    written: str  # `LocalPort=2500`
+    before: Declaration = field(compare=False)
+    decl: Declaration = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Remove:
+    """`remove connect C2`: an entry that nobody uses is there no more."""
+
+    kind: str
+    name: str
+    decl: Declaration = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Undo:
+    """`undo`: the newest edit of the project is taken back."""
+
+    edits: Edits = field(compare=False)
+
+
+Mend = Add | AddData | Change | Remove | Undo
+MENDS = (Add, AddData, Change, Remove, Undo)

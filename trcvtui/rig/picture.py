@@ -225,7 +225,8 @@ class Picture:
     trial: TrialSnapshot | None = None
     waves: tuple[WaveNews, ...] = ()
     history: HistoryWindow | None = None
-    unsaved: int = 0  # additions to the project that are in no file
+    unsaved: int = 0  # edits of the project that are in no file
+    unsaved_word: str = "addition"
     facts: tuple[tuple[str, Facts], ...] = ()
     armed: str = ""
     fired: Fired | None = None

@@ -1,7 +1,8 @@
-"""What was added to the project that was opened, and which of it is in a file.
+"""What was edited in the project that was opened, and which of it is in a file.
 
-Rule: `create`, `delete` and `resize` change the program that runs; `add` changes the project too, and is what
-`save project` writes. Inputs, DATA and faults of now are the session's (`save scenario`).
+Rule: `create`, `delete` and `resize` change the program that runs; `add`, `set` of a part, `remove` and
+`undo` change the project too, and are what `save project` writes. Inputs, DATA and faults of now are the
+session's (`save scenario`).
 """
 
 from __future__ import annotations
@@ -10,50 +11,58 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 
+from trcvtui.plc.project import Edits as Steps
 from trcvtui.plc.project import Project
-from trcvtui.plc.project_edit import with_entry
-from trcvtui.plc.project_keys import Declaration
+from trcvtui.plc.project_edit import difference
 from trcvtui.plc.toml_file import read_text
-from trcvtui.rig.bench_edit import refused
-from trcvtui.rig.edit_words import Add, AddData
-from trcvtui.rig.scenario import start_steps
+from trcvtui.rig.bench import parse_line
+from trcvtui.rig.bench_instances import after
+from trcvtui.rig.bench_lines import to_line
+from trcvtui.rig.edit_words import MENDS, Mend
+from trcvtui.rig.scenario import check_bench
 from trcvtui.rig.wording import count
 
 WHERE = "prompt"
 
 
 class Edits:
-    """The opened project with what was added; `done` counts the additions, `saved` those in its file."""
+    """The opened project as it was edited; `done` counts the edits, `saved` those in its file."""
 
     def __init__(self, project: Project) -> None:
         self.project = project
         self.done = self.saved = 0
         self.before: str | None = None  # what the file said when the bench began, once it has been saved
         self._begun_from_file = True
-        self._pending: list[Declaration] = []
+        self._in_file = project
+        self._edits: Steps = ()  # what makes the project of the one in the file
         self._constants: dict[str, int] = {}  # given since the project was opened, or saved
         self._written: set[str] = set()  # real paths
 
     @property
     def unsaved(self) -> int:
-        """Return how many additions are in no file."""
-        return len(self._pending) + len(self._constants)
+        """Return how many entries stand otherwise in the file, or not at all."""
+        return len(self._edits) + len(self._constants)
+
+    @property
+    def unsaved_word(self) -> str:
+        """Return what the unsaved are."""
+        return "addition" if all(edit.before is None for edit in self._edits) else "change"
 
     def begin(self) -> None:
         """A fresh bench begins with what is known now."""
         self.before, self._begun_from_file = None, self.saved == self.done
 
-    def check(self, command: Add | AddData) -> None:
-        """Raise UserError when the project cannot take what the running program could."""
-        wrong = refused(command, self.project, WHERE)
-        if wrong is not None:
-            raise wrong
-        start_steps(with_entry(self.project, command.decl))
+    def check(self, command: Mend) -> Mend:
+        """Return the command as this project takes it; raise UserError when it cannot be as the bench can."""
+        mine = parse_line(to_line(command), self.project, WHERE)
+        assert isinstance(mine, MENDS)
+        check_bench(after(mine, self.project))
+        return mine
 
-    def note(self, command: Add | AddData) -> None:
-        """Take what was added to the bench."""
-        self.project = with_entry(self.project, command.decl)
-        self._pending.append(command.decl)
+    def note(self, command: Mend) -> None:
+        """Take what was edited on the bench."""
+        self.project = after(command, self.project)
+        self._edits = difference(self._in_file, self.project)
         self.done += 1
 
     def take_types(self, fresh: Project, constants: Mapping[str, int]) -> None:
@@ -69,14 +78,14 @@ class Edits:
         own = self.project.path
         path = target_of(words, own, self._written, WHERE)
         if not self.unsaved and os.path.realpath(path) == os.path.realpath(own):
-            return f"nothing was added to {path}"
+            return f"nothing was added to {path}" if not self.done else f"nothing is unsaved in {path}"
         before = read_text(own) if self.before is None and self._begun_from_file else self.before
-        loaded = save_project(own, path, self._pending, WHERE, self._constants)
-        told = f"the project with {count(self.unsaved, 'addition')} in {path.absolute()}"
+        loaded = save_project(own, path, self._edits, WHERE, self._constants)
+        told = f"the project with {count(self.unsaved, self.unsaved_word)} in {path.absolute()}"
         self.before = before if before is None else with_files_from(before, own.parent, path.parent, str(own))
         self._written.add(os.path.realpath(path))
-        self._pending.clear()
         self._constants.clear()
         self.saved = self.done
         self.project = replace(self.project, path=loaded.path, base=loaded.base)
+        self._in_file, self._edits = self.project, ()
         return told

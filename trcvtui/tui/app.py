@@ -345,7 +345,8 @@ class BenchApp(App[None]):
         unsaved = self.scene.unsaved
         if unsaved and unsaved != self._told_unsaved and not self.last_words:
             self._told_unsaved = unsaved
-            text = f"{count(unsaved, 'addition')} to the project unsaved: `save project` keeps them, q quits"
+            what = count(unsaved, self.scene.unsaved_word)
+            text = f"{what} to the project unsaved: `save project` keeps them, q quits"
             (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
             return
         self.exit()

@@ -8,6 +8,7 @@ from typing import Final
 from textual.suggester import Suggester
 
 from trcvtui.plc.project import Project
+from trcvtui.plc.project_edit import kinds_named, names_of
 from trcvtui.plc.wired_pins import buffer_pin, mark_pins
 from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
 from trcvtui.tui.add_fields import BARE, KINDS, fields_of, first_name
@@ -16,7 +17,8 @@ PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
     "set", "pulse", "peer", "write", "fault", "link", "plc", "run", "hold", "go", "trigger", "expect",
     "scenarios", "race", "export timing", "find", "create", "delete", "download", "resize", "mark",
-    "save scenario", "add", "save project", "lab", "udt", "feed", "prefix", "suffix", "framing",
+    "save scenario", "add", "remove", "undo", "save project", "lab", "udt", "feed", "prefix", "suffix",
+    "framing",
 )  # fmt: skip
 TYPES: Final = ("ARRAY[0..", "BYTE", "WORD", "DWORD", "INT", "DINT", "REAL", "LREAL", "STRING[")
 SEND_MODES: Final = ("hex", "text", "udt", "file", "random")
@@ -52,8 +54,31 @@ def _next(words: list[str], project: Project) -> Iterable[str]:
 
 def _after_set(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return _instances(project)
-    return (f"{pin}=" for pin in _inputs(words[1], project, bools_only=False))
+        return (*_instances(project), *_parts(project), *KINDS)
+    kind = words[1] if words[1] in KINDS else next(iter(kinds_named(words[1], project)), "")
+    if words[1] in KINDS and len(words) == 2:
+        return names_of(kind, project)
+    name = words[2] if words[1] in KINDS else words[1]
+    pins = [f"{pin}=" for pin in _inputs(name, project, bools_only=False)] if kind == "instance" else []
+    return (*pins, *_keys_of(kind, words, project)) if kind else ()
+
+
+def _after_remove(words: list[str], project: Project) -> Iterable[str]:
+    if len(words) == 1:
+        return (*_parts(project), *_instances(project), *KINDS)
+    return names_of(words[1], project) if len(words) == 2 and words[1] in KINDS else ()
+
+
+def _parts(project: Project) -> list[str]:
+    return [
+        name for kind in KINDS if kind not in ("instance", "certificate") for name in names_of(kind, project)
+    ]
+
+
+def _keys_of(kind: str, words: list[str], project: Project) -> Iterable[str]:
+    given = {word.partition("=")[0] for word in words}
+    fields = [field for field in fields_of(kind, project) if field.key not in given and field.key not in BARE]
+    return (*(f"{f.key}={choice}" for f in fields for choice in f.choices), *(f"{f.key}=" for f in fields))
 
 
 def _after_pulse(words: list[str], project: Project) -> Iterable[str]:
@@ -177,15 +202,9 @@ def _after_add(words: list[str], project: Project) -> Iterable[str]:
         return (message.name for message in project.messages)
     if kind == "message":
         return (*SEND_MODES, "peer=") if len(words) == 3 else SEND_OPTIONS
-    given = {word.partition("=")[0] for word in words}
-    fields = [field for field in fields_of(kind, project) if field.key not in given and field.key not in BARE]
     block = next((word.removeprefix("block=") for word in words if word.startswith("block=")), "")
     pins = (f"{pin.name}=" for pin in project.pins(block)) if block in project.dialect.blocks else ()
-    return (
-        *(f"{f.key}={choice}" for f in fields for choice in f.choices),
-        *(f"{f.key}=" for f in fields),
-        *pins,
-    )
+    return (*_keys_of(kind, words, project), *pins)
 
 
 def _after_resize(words: list[str], project: Project) -> Iterable[str]:
@@ -235,6 +254,7 @@ _AFTER: Final[dict[str, Callable[[list[str], Project], Iterable[str]]]] = {
     "download": lambda words, project: _instances(project) if len(words) == 1 else (),
     "resize": _after_resize,
     "add": _after_add,
+    "remove": _after_remove,
     "udt": _after_udt,
     "save": lambda words, project: ("scenario", "project") if len(words) == 1 else (),
     "plc": lambda words, project: ("stop", "run"),

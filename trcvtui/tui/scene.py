@@ -208,8 +208,13 @@ class Scene:
 
     @property
     def unsaved(self) -> int:
-        """Return how many additions to the project are in no file."""
+        """Return how many edits of the project are in no file."""
         return self.live.unsaved if self.live else 0
+
+    @property
+    def unsaved_word(self) -> str:
+        """Return what these are: additions, or changes."""
+        return self.live.unsaved_word if self.live else ""
 
     @property
     def past(self) -> HistoryWindow | None:

@@ -160,6 +160,7 @@ async def test_a_pulse_stands_on_the_screen_as_drawn(
 @pytest.mark.parametrize("size", [(w, h) for w in (80, 100, 116, 140, 200) for h in (24, 34, 45, 60)])
 async def test_no_word_is_cut_without_a_sign_at_any_size(size: tuple[int, int]) -> None:
     async with looking(size, picture(lines=story())) as looker:
+        await looker.press("2", "1")
         text = looker.text
     assert max(len(line) for line in text.splitlines()) <= size[0]
     for words in ("TRCV_C_1", "7006 receiving", "RUN", "scan 920", "EN_R ─┤", "RCVD_LEN", "? help", "q quit"):

@@ -81,3 +81,34 @@ def test_the_screen_opens_and_q_ends_it(terminal: dict[str, str]) -> None:
         process.kill()
         process.wait()
         os.close(ours)
+
+
+@pytest.mark.parametrize("term", ["linux", "xterm", "screen", "tmux-256color"])
+def test_a_terminal_gets_no_more_colours_than_it_has(term: str) -> None:
+    """And what a colour says stands there as a word or a sign, too."""
+    process, ours = _start({"TERM": term})
+    try:
+        seen = _read_until(ours, b"help")
+        os.write(ours, b"q")
+        seen += _read_to_the_end(ours)
+        assert process.wait(SECONDS) == 0
+    finally:
+        process.kill()
+        process.wait()
+        os.close(ours)
+    colours = {each for sgr in re.findall(rb"\x1b\[([0-9;]*)m", seen) for each in _colours(sgr)}
+    if term == "tmux-256color":
+        assert "many" in colours
+    else:
+        assert colours and "many" not in colours, "its own sixteen, on its own background"
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", seen.decode())
+    for sign in ("▸ TRCV_C_1", "B■", "E□", "7006", "BUSY ■", "ERROR □"):
+        assert sign in text
+
+
+def _colours(sgr: bytes) -> set[str]:
+    """Return the colours that one SGR sets: `many` of a palette or of 24 bits, else a number."""
+    numbers = sgr.split(b";")
+    if b"38" in numbers or b"48" in numbers:
+        return {"many"}
+    return {n.decode() for n in numbers if n and (30 <= int(n) <= 47 or 90 <= int(n) <= 107)}

@@ -15,6 +15,7 @@ from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.wording import age, count, times
 
 ANY: Final = "0.0.0.0"
+MOST_FAILURES: Final = 2  # kinds of failed attempts told, the newest
 
 # How an attempt failed -> what that proves, and what to look at.
 FAILED: Final = {
@@ -108,8 +109,11 @@ def _called(e: Evidence) -> str:
         (e.link.remote if e.link is not None else "") or e.cause.peer or e.config.remote_name or "its partner"
     )
     text = f"waits for {end}{_since(e)}"
-    for failed in e.facts.failures:
+    newest = sorted(e.facts.failures, key=lambda failed: failed.last.scan)[-MOST_FAILURES:]
+    for failed in newest:
         text += f"; {_times_failed(failed)}"
+    if len(newest) < len(e.facts.failures):
+        text += f"; {count(len(e.facts.failures) - len(newest), 'other failure')} before"
     if e.link is None:
         return text
     if e.link.retry_in_ns is not None:

@@ -1,6 +1,7 @@
 """What the user has set in the config folder: the look, and which key does what; a mistake is told in a line.
 
-config.toml: theme = "dark" | "light" | "ansi". keys.toml: action = "key", or a list of keys. Lower-case
+config.toml: theme = "dark" | "light" | "ansi"
+(without it the terminal's colours decide). keys.toml: action = "key", or a list of keys. Lower-case
 letters belong to the pins and the panes, so no action can take one that it has not by itself.
 """
 
@@ -12,8 +13,9 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
+from rich.console import Console
 from textual.binding import Binding, BindingType
 from textual.keys import Keys, _character_to_key, format_key
 
@@ -22,6 +24,8 @@ from trcvtui.plc.names import expected_name
 from trcvtui.plc.tables import shown
 from trcvtui.tui.theme import THEMES
 
+FEW_COLOURS: Final = (None, "standard")
+COLOUR_SYSTEMS: Final[tuple[Literal["standard", "256", "truecolor"], ...]] = ("standard", "256", "truecolor")
 MOST_BYTES: Final = 65_536
 CONFIG, KEYMAP = "config.toml", "keys.toml"
 FIXED: Final = frozenset((
@@ -78,15 +82,24 @@ def _table(path: Path, problems: list[str]) -> dict[str, Any]:
         return {}
 
 
+def theme_for(environ: Mapping[str, str]) -> str:
+    """Return the look for a terminal as its variables describe it: at 16 colours or fewer its own ones."""
+    told = environ.get("TEXTUAL_COLOR_SYSTEM", "auto")  # what Textual goes by, in a browser too
+    system = told if told in COLOUR_SYSTEMS else "auto"
+    console = Console(color_system=system, force_terminal=True, _environ=environ)
+    return "ansi" if console.color_system in FEW_COLOURS else "dark"
+
+
 def _theme(told: Mapping[str, Any], path: Path, problems: list[str]) -> str:
+    by_itself = theme_for(os.environ)
     for key in told:
         if key != "theme":
             problems.append(f"{path}: found {shown(key)}, expected theme")
-    theme = told.get("theme", "dark")
+    theme = told.get("theme", by_itself)
     if isinstance(theme, str) and theme in THEMES:
         return theme
     problems.append(f"{path}: theme: found {shown(theme)}, expected one of {', '.join(THEMES)}")
-    return "dark"
+    return by_itself
 
 
 # -- keys --------------------------------------------------------------------------------------------------

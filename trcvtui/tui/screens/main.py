@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
@@ -15,7 +16,7 @@ from trcvtui.errors import UserError
 from trcvtui.tui import messages
 from trcvtui.tui.keys import TAKEN
 from trcvtui.tui.scene import Scene
-from trcvtui.tui.sizes import TABS, sizes
+from trcvtui.tui.sizes import FRAME, PAIR, REST, TABS, grid_rows, grown, sizes
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.timing_lines import is_for_timing, obey_line
 from trcvtui.tui.voice import Voice
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
 ZOOM, FROZEN = "-zoom", "-frozen"
 SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
 PAST: Final = {4, 8}  # history and timing
+CALM_PICTURES: Final = 60  # three seconds: a STATUS that comes and goes moves no pane to and fro
+BESIDE: Final = {2, 3}  # Block and STATUS stand side by side
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
 
@@ -72,7 +75,8 @@ class MainScreen(Screen[None]):
         super().__init__()
         self._scene = scene
         self._submit = submit
-        self._pane = 2
+        self._pane = 3
+        self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
         self._past = 4  # history or timing, where one place is for both
         voice = Voice(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.header = HeaderLine(scene)
@@ -85,16 +89,21 @@ class MainScreen(Screen[None]):
         self.received = Received(scene)
         self.table = UdtTable(scene)
         self.peer = PeerPanel(scene, voice)
+        self._grid = Container(id="panes")
+        self._rows = ""  # as the style sheet writes them
+        self._sizes: dict[str, bool] = {}
+        self._instances = 0  # of the project, when the panes were arranged
         self.prompt = Prompt(scene, self.peer.lines.heard(submit))
         self.key_line = KeyLine()
 
     def compose(self) -> Iterator[Widget]:
         """Compose header, instances, panes, prompt, keys."""
         self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
+        self._grid.styles.grid_rows = self._rows = _written(grid_rows(self._sizes, timing=False))
         yield self.header
         yield self.instances
         yield self.tabs
-        with Container(id="panes"):
+        with self._grid:
             yield from self._panes().values()
         yield self.prompt
         yield self.key_line
@@ -130,21 +139,46 @@ class MainScreen(Screen[None]):
         """Take all panes side by side only where nothing has to be cut."""
         self._fit(*event.size)
         self._arrange()
+        self.call_after_refresh(self._give_rows)
 
     def _fit(self, width: int, height: int) -> None:
-        self.update_classes(sizes(width, height, len(self._scene.project.instances)))
+        self._instances = len(self._scene.project.instances)
+        self._sizes = sizes(width, height, self._instances)
+        self._status_rows.clear()
+        self.update_classes(self._sizes)
+
+    def _give_rows(self) -> None:
+        """Give STATUS the rows that it needs for its advice, from panes that leave some empty."""
+        if self.status.line_width > 0:
+            self._status_rows.append(self.status.least_rows + FRAME)
+        panes, peer = self._grid, self.peer.least_rows + FRAME
+        if self.has_class(TABS) or self.has_class(ZOOM):
+            above = self.status.display and self.peer.display
+            self.peer.styles.height = min(peer, panes.size.height - FRAME - 1) if above else None
+            return
+        self.peer.styles.height = None
+        rows = grid_rows(self._sizes, self._past == 8)
+        rows = grown(rows, panes.size.height, max(self._status_rows, default=0), peer) if panes.size.height else rows
+        wanted = _written(rows)
+        if wanted != self._rows:
+            self._rows = wanted
+            panes.styles.grid_rows = wanted
 
     # -- what comes in ------------------------------------------------------------------------------
 
     def show(self) -> None:
         """Let every pane repaint what changed."""
         self.set_class(self._scene.is_frozen, FROZEN)
+        if self._instances != len(self._scene.project.instances):  # more of them leave less to the panes
+            self._fit(*self.size)
+            self._arrange()
         panes = self.header, self.instances, self.block, self.status, self.timing, self.history, self.table
         for pane in panes:
             pane.show()
         self.received.show()
         self.peer.show()
         self.prompt.answered(self._scene.answers)
+        self._give_rows()
         self._show_keys()
 
     def _show_keys(self) -> None:
@@ -179,6 +213,7 @@ class MainScreen(Screen[None]):
         """Let all panes follow another instance."""
         self.history.forget()
         self.timing.forget()
+        self._status_rows.clear()
         self.status.point_at(None)
         self._link(range(0), range(0))
         self.table.cursor, self.table.of_job = None, False
@@ -279,10 +314,20 @@ class MainScreen(Screen[None]):
         alone = self.has_class(TABS) or self.has_class(ZOOM)
         both = self.has_class("-broad") or self.has_class("-high") or self.has_class("-strip")
         away = set() if both else PAST - {self._past}
+        seen = self._in_tabs() if alone else self._panes().keys() - away
         self.set_class(self._past == 8, "-timing")
+        self.set_class(seen == BESIDE, "-beside")
         for digit, pane in self._panes().items():
-            pane.display = digit == self._pane if alone else digit not in away
+            pane.display = digit in seen
         self.tabs.mark(self._pane)
+        if self.status.is_mounted:
+            self._give_rows()
+
+    def _in_tabs(self) -> set[int]:
+        """Return what stands where not all panes do: one, and STATUS with Block and Peer where it has room."""
+        if self.has_class(ZOOM) or not self.has_class(PAIR):
+            return {self._pane}
+        return BESIDE if self._pane in BESIDE else {3, 7} if self._pane == 7 else {self._pane}
 
     def action_zoom(self) -> None:
         """Give the pane the whole screen, or take it back."""
@@ -400,3 +445,8 @@ class MainScreen(Screen[None]):
         from trcvtui.tui.screens.help import HelpScreen  # read when first asked for
 
         self.app.push_screen(HelpScreen(self._scene, self.focused))
+
+
+def _written(rows: Iterable[int]) -> str:
+    """Return the heights of rows as a style sheet writes them."""
+    return " ".join(str(each) if each != REST else "1fr" for each in rows)

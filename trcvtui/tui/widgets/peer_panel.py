@@ -80,6 +80,14 @@ class PeerPanel(Vertical):
         """Return where the focus goes: the lines of a project without peers, else the peers."""
         return self.lines if self.lines.names and not self._scene.project.peers else self.peers
 
+    @property
+    def least_rows(self) -> int:
+        """Return the rows of what stands in it: the others are empty."""
+        listed = [each for each in (self.lines, self.peers) if each.display]
+        said = [self._buttons, self._notes] if self._speaks and self._notes.is_mounted else []
+        composed = self.composer.size.height if said else 0
+        return composed + sum(each.size.height for each in listed) + sum(each.row_count() for each in said)
+
     def show(self) -> None:
         """Show the lines, the peers and what the buttons would do."""
         name = plain(self._scene.peer) if self._scene.peer or not self.lines.names else self.lines.chosen

@@ -10,7 +10,7 @@ from trcvtui.plc.secure_view import WARNING, security_of
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.tui.afterglow import DONE, ERROR
 from trcvtui.tui.explain import Explainer
-from trcvtui.tui.formatting import GLOW, lamp, moment, plain, status_word, wrapped
+from trcvtui.tui.formatting import GLOW, cells, lamp, moment, plain, status_word, wrapped
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
@@ -33,6 +33,12 @@ class StatusCard(LineView):
         self._explainer = Explainer(scene)
         self._past: Line | None = None
         self._rows: list[Row] = []
+        self._whole = 0
+
+    @property
+    def least_rows(self) -> int:
+        """Return the lines from the STATUS word to the last `next`: less would cut the advice."""
+        return self._whole
 
     def point_at(self, line: Line | None) -> None:
         """Explain this edge of the past; None: the present."""
@@ -42,7 +48,9 @@ class StatusCard(LineView):
     def show(self) -> None:
         """Repaint what changed."""
         self.set_title(3, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
+        self._whole = 0
         self._rows = self._card()
+        self._whole = self._whole or len(self._rows)
         super().show()
 
     def row_count(self) -> int:
@@ -90,13 +98,9 @@ class StatusCard(LineView):
         title = found.title if found else shown.condition
         style = "error" if shown.error else "done" if shown.done else "busy" if shown.busy else "strong"
         flag = "ERROR  " if shown.error else ""
-        head: tuple[Part, ...] = (
-            (f"{status_word(shown.status)}  ", style),
-            (flag, "error"),
-            (title, style),
-            (f"  {when}", "dim"),
-        )
-        rows = [row(*head)]
+        head: list[Part] = [(f"{status_word(shown.status)}  ", style), (flag, "error"), (title, style)]
+        fits = sum(cells(text) for text, _ in head) + 2 + len(when) <= self.line_width
+        rows = [row(*head, (f"  {when}", "dim"))] if fits else [row(*head), row((when, "dim"))]
         if sum(len(text) for text, _ in lamps) > self.line_width:
             lamps, rest = lamps[:-1], lamps[-1:]
             rows += [row(*lamps), row(*rest)]
@@ -106,6 +110,7 @@ class StatusCard(LineView):
         rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
         rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
         rows += self._paragraph("next", told.checks, "strong")
+        self._whole = len(rows)
         label = "else" if told.checks else "next"
         if told.code is not None:  # the last attempt's row says more than "connecting"
             found = self._scene.project.dialect.row(told.code, shown.block) or found

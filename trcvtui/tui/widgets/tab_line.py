@@ -8,7 +8,7 @@ from trcvtui.tui.messages import PaneWanted
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 TABS = (
-    (2, "Block"), (3, "STATUS"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"), (8, "Timing"),
+    (3, "STATUS"), (2, "Block"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"), (8, "Timing"),
 )  # fmt: skip
 
 
@@ -17,7 +17,7 @@ class TabLine(LineView, can_focus=False):
 
     DEFAULT_CSS = "TabLine { height: 1; background: $background; padding: 0 1; }"
 
-    def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 2) -> None:
+    def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 3) -> None:
         super().__init__(id="tabs")
         self._tabs = tabs
         self._open = opened

@@ -336,7 +336,12 @@ def _add_serve(parser: _Parser) -> None:
 
 
 def _add_theme(parser: _Parser, default: str | None) -> None:
-    parser.add_argument("--theme", choices=LOOKS, default=default, help="default: dark; ansi where the terminal has 16 colours or fewer")
+    parser.add_argument(
+        "--theme",
+        choices=LOOKS,
+        default=default,
+        help="default: dark; ansi where the terminal has 16 colours or fewer",
+    )
 
 
 def _add_scenario(parser: _Parser) -> None:

@@ -37,6 +37,7 @@ async def test_the_keys_of_the_pins_work_from_the_list_of_instances(size: tuple[
 @BOTH
 async def test_a_click_on_a_drawn_pin_toggles_it(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
+        await looker.press("2")
         await looker.pilot.click("#block", offset=(10, 3))
         await looker.settle()
         assert looker.lines == ["set TRCV_C_1 CONT=0"]
@@ -45,6 +46,7 @@ async def test_a_click_on_a_drawn_pin_toggles_it(size: tuple[int, int]) -> None:
 @BOTH
 async def test_a_click_on_an_output_does_nothing(size: tuple[int, int]) -> None:
     async with looking(size) as looker:
+        await looker.press("2")
         await looker.pilot.click("#block", offset=(34, 3))
         await looker.settle()
         assert looker.lines == []
@@ -94,6 +96,7 @@ async def test_the_largest_len_is_never_cut() -> None:
         receiving(), inputs=(*receiving().inputs[:2], ("LEN", 4294967295), *receiving().inputs[3:])
     )
     async with looking(SMALL, picture(huge, connecting())) as looker:
+        await looker.press("2")
         assert "4294967295" in looker.line("LEN ─┤")
 
 

@@ -94,6 +94,7 @@ async def test_an_injected_error_is_called_injected(size: tuple[int, int]) -> No
 async def test_a_done_of_one_scan_glows_with_its_scan_for_a_second(size: tuple[int, int]) -> None:
     pulse = written((900, armed()), (902, received(24)), (903, armed()))
     async with looking(size, picture(lines=pulse, scan=903, t_ns=9_020 * MS)) as looker:
+        await looker.press("2")
         assert "D◆" in looker.line("TRCV_C_1 ")
         assert "◂902" in looker.line("DONE ", "block")
         assert "◂24" in looker.line("RCVD_LEN")
@@ -108,6 +109,7 @@ async def test_a_done_of_one_scan_glows_with_its_scan_for_a_second(size: tuple[i
 async def test_an_error_of_one_scan_glows_with_its_status(size: tuple[int, int]) -> None:
     pulse = written((902, edge(0x80C5, Condition.PARTNER_CLOSED, error=True)), (903, armed()))
     async with looking(size, picture(lines=pulse)) as looker:
+        await looker.press("2")
         assert "E◆" in looker.line("TRCV_C_1 ")
         assert "◂902" in looker.line("ERROR ", "block")
         assert "◂80C5" in looker.line("STATUS", "block")

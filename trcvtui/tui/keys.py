@@ -38,7 +38,13 @@ LETTERS: Final = (
     ("l", "write LEN: the prompt opens with the command"),
     ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
 )
+INSTANCES: Final = (
+    ("↑ ↓, g G", "choose an instance; the first, the last one"),
+    ("/", "list only those with these words: name, block, code, address, `error`; esc: all"),
+    ("!", "the next one with an ERROR"),
+)
 PINS: Final = (
+    *INSTANCES,
     *LETTERS,
     ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
     ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),

@@ -20,6 +20,7 @@ from trcvtui.tui.sizes import FRAME, PAIR, REST, TABS, grid_rows, grown, sizes
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.timing_lines import is_for_timing, obey_line
 from trcvtui.tui.voice import Voice
+from trcvtui.tui.widgets.filter_line import FilterLine
 from trcvtui.tui.widgets.function_block import FunctionBlock
 from trcvtui.tui.widgets.header_line import HeaderLine
 from trcvtui.tui.widgets.hex_view import HexView
@@ -37,7 +38,7 @@ from trcvtui.tui.widgets.udt_table import UdtTable
 if TYPE_CHECKING:
     from trcvtui.tui.yank import Format, Subject
 
-ZOOM, FROZEN = "-zoom", "-frozen"
+ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
 SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
 PAST: Final = {4, 8}  # history and timing
 CALM_PICTURES: Final = 60  # three seconds: a STATUS that comes and goes moves no pane to and fro
@@ -81,6 +82,9 @@ class MainScreen(Screen[None]):
         voice = Voice(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
+        self.filter = FilterLine(
+            self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
+        )
         self.tabs = TabLine()
         self.block = FunctionBlock(scene, voice)
         self.status = StatusCard(scene)
@@ -134,6 +138,7 @@ class MainScreen(Screen[None]):
         with self.app.batch_update():
             await self.prompt.prepare()
             await self.peer.prepare()
+            await self.mount(self.filter, before=self.tabs)
 
     def on_resize(self, event: events.Resize) -> None:
         """Take all panes side by side only where nothing has to be cut."""
@@ -158,7 +163,11 @@ class MainScreen(Screen[None]):
             return
         self.peer.styles.height = None
         rows = grid_rows(self._sizes, self._past == 8)
-        rows = grown(rows, panes.size.height, max(self._status_rows, default=0), peer) if panes.size.height else rows
+        rows = (
+            grown(rows, panes.size.height, max(self._status_rows, default=0), peer)
+            if panes.size.height
+            else rows
+        )
         wanted = _written(rows)
         if wanted != self._rows:
             self._rows = wanted
@@ -301,6 +310,8 @@ class MainScreen(Screen[None]):
             self._open(digit)
         elif self.has_class(ZOOM):
             self.action_zoom()
+        if digit != 1 and self.has_class(LIST):
+            self.action_zoom()
         self.set_focus(self._focus_target(digit))
 
     def _open(self, digit: int) -> None:
@@ -324,14 +335,16 @@ class MainScreen(Screen[None]):
             self._give_rows()
 
     def _in_tabs(self) -> set[int]:
-        """Return what stands where not all panes do: one, and STATUS with Block and Peer where it has room."""
+        """Return what stands where not all panes do: one, and STATUS with Block and Peer in a pair."""
         if self.has_class(ZOOM) or not self.has_class(PAIR):
             return {self._pane}
         return BESIDE if self._pane in BESIDE else {3, 7} if self._pane == 7 else {self._pane}
 
     def action_zoom(self) -> None:
-        """Give the pane the whole screen, or take it back."""
-        self.toggle_class(ZOOM)
+        """Give the pane the whole screen, or take it back; the list of instances where it is a long one."""
+        long_list = self.focused is self.instances and self.instances.show_vertical_scrollbar
+        zoomed = next((each for each in (ZOOM, LIST) if self.has_class(each)), LIST if long_list else ZOOM)
+        self.toggle_class(zoomed)
         self._arrange()
 
     def action_pin(self, letter: str) -> None:
@@ -432,9 +445,16 @@ class MainScreen(Screen[None]):
 
     def action_calm(self) -> None:
         """Leave what was opened: the zoom, the past."""
-        if self.has_class(ZOOM):
+        if self.has_class(ZOOM) or self.has_class(LIST):
             self.action_zoom()
+        elif self.focused is self.instances and self.instances.is_filtered:
+            self.filter.clear()
         self.history.action_now()
+
+    def action_filter(self) -> None:
+        """Let the words be typed that an instance has to have to be listed."""
+        self.action_pane(1)
+        self.filter.open()
 
     def action_scenarios(self) -> None:
         """Open the scenarios."""

@@ -30,6 +30,7 @@ class FilterInput(TypedField):
     async def action_submit(self) -> None:
         """Keep the filter."""
         self._line.close()
+        self._line.taken()
 
     def action_drop(self) -> None:
         """Show everything again."""
@@ -51,8 +52,15 @@ class FilterLine(Horizontal):
     FilterLine Input:focus { background: $panel; background-tint: $primary 12%; }
     """
 
-    def __init__(self, narrow: Callable[[str], None], move: Callable[[int], None], back: Widget) -> None:
+    def __init__(
+        self,
+        narrow: Callable[[str], None],
+        move: Callable[[int], None],
+        back: Widget,
+        taken: Callable[[], None] = lambda: None,
+    ) -> None:
         super().__init__()
+        self.taken = taken
         self._narrow = narrow
         self.move = move
         self._back = back
@@ -67,6 +75,11 @@ class FilterLine(Horizontal):
         """Let the words be typed; the very next key is one of them."""
         self.display = True
         self.screen.set_focus(self._input)
+
+    def clear(self) -> None:
+        """Show everything again, from outside the line."""
+        self._input.value = ""
+        self._narrow("")
 
     def close(self) -> None:
         """Close the line; what stands in it now is the filter."""

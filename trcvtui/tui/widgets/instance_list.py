@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar, Final, NamedTuple
 
 from textual import events
+from textual.binding import Binding
 
 from trcvtui.plc.secure_view import TLS, security_of
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
@@ -12,11 +14,12 @@ from trcvtui.tui.afterglow import DONE, ERROR, Pulse
 from trcvtui.tui.formatting import age, bar, clip, lamp, plain, squeeze, status_word
 from trcvtui.tui.messages import InstanceSelected
 from trcvtui.tui.scene import Scene
-from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 ROOMY: Final = 110
 NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
 BAR: Final = 10
+MANY: Final = 8  # from here on there are keys to find one
 
 
 class Columns(NamedTuple):
@@ -36,29 +39,83 @@ class InstanceList(LineView):
 
     DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
     KEYS: ClassVar = (("↑↓", "instance"),)
+    BINDINGS: ClassVar = [
+        Binding("slash", "screen.filter", show=False),
+        Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),
+    ]
 
     def __init__(self, scene: Scene, digit: int = 1) -> None:
         super().__init__(id="instances")
         self._digit = digit
         self._scene = scene
+        self._words: list[str] = []  # of the filter: those listed have all of them
+        self._listed: Sequence[InstanceSnapshot] = ()
         self._columns = self._measure()
 
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the keys; those for many instances where there are many."""
+        many = self._words or len(self._scene.instances) > MANY
+        return (*self.KEYS, ("/", "filter"), ("!", "ERROR")) if many else self.KEYS
+
+    @property
+    def is_filtered(self) -> bool:
+        """Return whether some may be left out."""
+        return bool(self._words)
+
+    def narrow(self, words: str) -> None:
+        """List only the instances that have all of these words: in name, block, code or address."""
+        self._words = words.casefold().split()
+        self.show()
+        self._keep_selected_in_view()
+
     def row_count(self) -> int:
-        """Return the number of instances."""
+        """Return the number of instances that are listed."""
+        if self._words:
+            return max(1, len(self._listed))
         return len(self._scene.instances) or len(self._scene.project.instances)
 
     def show(self) -> None:
-        """Repaint what changed; the title names the CONNECT budget when it gets tight."""
-        self.set_title(self._digit, "Instances")
+        """Repaint what changed; the title says how many a filter lets through, and who shows an ERROR."""
+        instances = self._scene.instances
+        self._listed = [each for each in instances if self._has_words(each)] if self._words else instances
+        told = [f"{len(self._listed)} of {len(instances)} with {plain(' '.join(self._words))}, esc: all"]
+        told = told if self._words else []
+        if len(instances) > MANY and (errors := sum(map(self._shows_error, instances))):
+            told.append(f"{errors} with ERROR")
+        self.set_title(self._digit, "Instances", " · ".join(told))
         self._columns = self._measure()
         super().show()
 
     def row_at(self, y: int) -> Row:
         """Return one instance."""
-        instances = self._scene.instances
-        if y >= len(instances):
-            return row((f"  {plain(self._scene.project.instances[y].name)}", "dim"))
-        return self._row(instances[y], self._columns)
+        if y < len(self._listed):
+            return self._row(self._listed[y], self._columns)
+        if self._words:
+            return row(("  none has these words in its name, code or address", "dim")) if y == 0 else EMPTY
+        declared = self._scene.project.instances
+        return row((f"  {plain(declared[y].name)}", "dim")) if y < len(declared) else EMPTY
+
+    def _has_words(self, instance: InstanceSnapshot) -> bool:
+        pulses = self._pulses(instance)
+        codes = {instance.status, *(pulse.status for pulse in pulses)}
+        spoken = (
+            f"{instance.name} {instance.block} {self._scene.project.dialect.label(instance.condition)}",
+            _partner(self._scene.connection_of(instance), True),
+            " ".join(f"16#{code:04X}" for code in codes if code is not None),
+            "error" if self._shows_error(instance) else "",
+        )
+        text = " ".join(spoken).casefold()
+        return all(word in text for word in self._words)
+
+    def _pulses(self, instance: InstanceSnapshot) -> list[Pulse]:
+        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        found = [glow(instance.name, lamp_name, now) for lamp_name in (DONE, ERROR)]
+        return [pulse for pulse in found if pulse is not None]
+
+    def _shows_error(self, instance: InstanceSnapshot) -> bool:
+        """Return whether its ERROR is 1, or was a moment ago."""
+        glowing = self._scene.afterglow.glow(instance.name, ERROR, self._scene.t_ns)
+        return instance.error or glowing is not None
 
     def _measure(self) -> Columns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
@@ -148,32 +205,58 @@ class InstanceList(LineView):
         ]
 
     def _newest_pulse(self, instance: InstanceSnapshot) -> Pulse | None:
-        glow, now = self._scene.afterglow.glow, self._scene.t_ns
-        pulses = [glow(instance.name, lamp_name, now) for lamp_name in (DONE, ERROR)]
-        return max((pulse for pulse in pulses if pulse), key=lambda pulse: pulse.scan, default=None)
+        return max(self._pulses(instance), key=lambda pulse: pulse.scan, default=None)
 
     # -- choosing -----------------------------------------------------------------------------------
 
     def action_move(self, rows: int) -> None:
-        """Select another instance."""
-        names = [instance.name for instance in self._scene.instances]
+        """Select another instance of those that are listed."""
+        names = [instance.name for instance in self._listed]
         if not names:
             return
-        here = names.index(self._scene.selected) if self._scene.selected in names else 0
+        if self._scene.selected not in names:  # it is filtered away
+            self._choose(0)
+            return
+        here = names.index(self._scene.selected)
         self._choose(max(0, min(len(names) - 1, here + rows)))
+
+    def action_next_error(self) -> None:
+        """Select the next instance that shows an ERROR; where none does, the next that has had one."""
+        names = [instance.name for instance in self._listed]
+        here = names.index(self._scene.selected) if self._scene.selected in names else -1
+        order = [*range(here + 1, len(names)), *range(here + 1)]
+        for found in (self._shows_error, _has_had_an_error):
+            for y in order:
+                if found(self._listed[y]):
+                    self._choose(y)
+                    return
 
     def on_click(self, event: events.Click) -> None:
         """Select the instance under the mouse."""
         place = self.place_of(event)
-        if place is not None and place[1] < len(self._scene.instances):
+        if place is not None and place[1] < len(self._listed):
             self._choose(place[1])
+
+    def choose_listed(self) -> None:
+        """Select the first one that a filter has left, where it has left the selected one out."""
+        if self._listed and self._scene.selected not in {each.name for each in self._listed}:
+            self._choose(0)
 
     def _choose(self, y: int) -> None:
         # At once and not by the message: the next key may come before it is heard.
-        self._scene.selected = self._scene.instances[y].name
+        self._scene.selected = self._listed[y].name
         self.post_message(InstanceSelected())
         self.keep_in_view(y)
         self.show()
+
+    def _keep_selected_in_view(self) -> None:
+        names = [instance.name for instance in self._listed]
+        if self._scene.selected in names:
+            self.keep_in_view(names.index(self._scene.selected))
+
+
+def _has_had_an_error(instance: InstanceSnapshot) -> bool:
+    return instance.last_error_scan is not None
 
 
 def _numbers(instance: InstanceSnapshot) -> str:

@@ -345,3 +345,9 @@ def test_every_condition_has_an_answer_whatever_is_known(condition: Condition) -
 def test_no_rule_is_asked_twice_for_one_condition() -> None:
     for condition, rules in NEXT.items():
         assert len(set(rules)) == len(rules), condition
+
+
+def test_a_fin_is_no_error_of_recv() -> None:
+    told = Told(*UP, "peer P1 close", "run 9").then("X", Condition.PARTNER_CLOSED)
+    assert "recv gave 0 bytes" in told.why
+    assert "error" not in told.why

@@ -168,7 +168,24 @@ def test_the_demo_is_alive_by_itself() -> None:
     try:
         picture = wait_for(driver, lambda p: all(i.jobs_done >= 2 for i in p.snapshot.instances))
         assert [i.block for i in picture.snapshot.instances] == ["TRCV_C", "TRCV_C", "TSEND_C"]
-        assert [i.errors for i in picture.snapshot.instances[2:]] == [0]
+        assert [i.errors for i in picture.snapshot.instances] == [0, 0, 0], "no 80A1: EN_R rises at 7004"
+    finally:
+        driver.close()
+
+
+def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
+    driver = start_engine(demo_path(), "live")
+    try:
+        names = [each.name for each in driver.project().instances]
+        first = driver.pid
+        assert first is not None
+        os.kill(first, signal.SIGKILL)
+        with pytest.raises(EngineStopped):
+            wait_for(driver, lambda p: False)
+        driver.restart()
+        picture = wait_for(driver, lambda p: p.snapshot.scan > 2)
+        assert driver.pid != first
+        assert [each.name for each in picture.snapshot.instances] == names
     finally:
         driver.close()
 

@@ -250,6 +250,12 @@ class FakeDriver:
         self.requests: list[PictureRequest] = []
         self.stopped = ""
         self.closed = False
+        self.restarts = 0
+
+    def restart(self) -> None:
+        """Run again."""
+        self.stopped = ""
+        self.restarts += 1
 
     def submit(self, line: str) -> int:
         """Remember a line."""

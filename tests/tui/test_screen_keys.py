@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from rich.color import Color
 
 from tests.tui.fakes import bench_project, picture
-from tests.tui.looking import BOTH, SMALL, WIDE, looking
+from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.rig.picture import Answer
 
 
@@ -206,6 +207,32 @@ async def test_an_engine_that_ends_is_told_and_leaves_the_last_picture() -> None
         assert "7006 receiving" in looker.text
         await looker.press("n")
         assert looker.lines == []
+
+
+async def test_after_the_end_of_the_engine_the_lamps_are_grey_and_r_starts_it_anew() -> None:
+    async with looking(WIDE) as looker:
+        lamp = lamp_colour(looker)
+        grey = looker.app.main.instances.named_style("faint cursor").color
+        assert lamp != grey, "BUSY is 1 and shines"
+        looker.driver.stopped = "killed"
+        await looker.pilot.pause(0.15)
+        assert lamp_colour(looker) == grey
+        assert "R starts the engine anew" in looker.text
+        await looker.press("R")
+        assert looker.driver.restarts == 1
+        await looker.show(picture(scan=3))
+        assert "ENGINE ENDED" not in looker.text and "scan 3 " in looker.text
+        assert lamp_colour(looker) == lamp
+        await looker.press("n")
+        assert looker.lines == ["set TRCV_C_1 EN_R=0"], "and it commands again"
+
+
+def lamp_colour(looker: Looker) -> Color | None:
+    """Return the colour of the BUSY lamp in the first line of the list."""
+    strip = looker.app.main.instances.render_line(0)
+    segments = [each for each in strip if "B■" in each.text]
+    assert len(segments) == 1 and segments[0].style is not None
+    return segments[0].style.color
 
 
 @pytest.mark.parametrize("theme", ["bench-light", "ansi-dark", "ansi-light", "textual-dark", "nord"])

@@ -11,6 +11,8 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.picture import Picture
+from trcvtui.tui.widgets.instance_list import Columns
+from trcvtui.tui.widgets.line_view import Row
 
 
 def bench(count: int, *failed: int) -> Picture:
@@ -113,7 +115,12 @@ async def test_a_picture_of_250_instances_draws_only_the_rows_in_view() -> None:
     async with looking(WIDE, bench(250)) as looker:
         pane, drawn = looker.app.main.instances, list[str]()
         row = pane._row
-        pane._row = lambda instance, columns: (drawn.append(instance.name), row(instance, columns))[1]  # type: ignore[method-assign]
+
+        def counted(instance: InstanceSnapshot, columns: Columns) -> Row:
+            drawn.append(instance.name)
+            return row(instance, columns)
+
+        pane._row = counted  # type: ignore[method-assign]
         pane.show()
         assert len(drawn) <= pane.size.height
 

@@ -114,3 +114,44 @@ async def test_a_yank_without_its_file_says_clipboard_yes_and_file_no(state: Pat
         await looker.settle()
         line = looker.line("✗")
         assert "to the terminal (OSC 52); no file was written: " in line
+
+
+# -- what a command does other than one might think ----------------------------------------------------
+
+
+async def test_com_rst_without_a_connection_says_that_it_has_no_effect() -> None:
+    async with on_a_bench() as looker:
+        await looker.press("x")
+        looker.bench.scan()
+        await looker.pictures()
+        assert "without effect: CONT is 0, and the edge is not remembered" in looker.pane("prompt")
+        looker.bench.do("set TRCV_C_1 CONT=1")
+        looker.bench.scan(5)
+        await looker.pictures()
+        await looker.press("x")
+        await looker.pictures()
+        assert "without effect: C1 is not connected" in looker.pane("prompt")
+
+
+async def test_com_rst_of_a_connection_that_stands_says_nothing() -> None:
+    async with on_a_bench() as looker:
+        await connected(looker)
+        await looker.press("x")
+        await looker.pictures()
+        assert "without effect" not in looker.text
+        looker.bench.scan()
+        snapshot = looker.bench.console.bench.runtime.snapshot()
+        assert snapshot.instances[0].status == 0x8000, "it resets"
+
+
+async def test_len_changed_under_a_job_says_that_it_counts_from_the_next_one() -> None:
+    async with on_a_bench() as looker:
+        await connected(looker)
+        await looker.type(":set TRCV_C_1 LEN=4\r")
+        await looker.pictures()
+        assert "from the next job: the one that runs goes on with 24 bytes" in looker.pane("prompt")
+        await looker.type(":set TRCV_C_1 EN_R=0\r")
+        looker.bench.scan(2)
+        await looker.type(":set TRCV_C_1 LEN=8\r")
+        await looker.pictures()
+        assert "from the next job" not in looker.pane("prompt"), "no job runs"

@@ -24,6 +24,7 @@ from trcvtui.rig.job_history import JobHistory
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
 from trcvtui.rig.project_edits import Edits
+from trcvtui.rig.remarks import remark_on
 from trcvtui.rig.scenario import load_scenario, start_steps
 from trcvtui.rig.session import Session
 from trcvtui.rig.trial import Trials
@@ -133,6 +134,11 @@ class Console:
                 return self._mend(command)
             case words.Wait() | words.Expect() | words.ExpectTrace():
                 return "waits and traces belong into a scenario file"
+            case words.Set() | words.Pulse():
+                remark = remark_on(command, self.bench.runtime.snapshot())
+                wrong = self.bench.do(command)
+                self._told = "" if wrong else remark
+                return wrong
             case _:
                 return self.bench.do(command)
 

@@ -38,6 +38,10 @@ class Driver(Protocol):
         """Return the newest picture that has arrived since the last call."""
         ...
 
+    def restart(self) -> None:
+        """Start the bench anew from its file, after it has ended."""
+        ...
+
     def close(self) -> None:
         """End the bench."""
         ...
@@ -54,19 +58,26 @@ class EngineDriver:
         netns: bool = False,
         read_only: bool = False,
     ) -> None:
+        self._asked = path, kernel, tuple(overrides), netns, read_only
+        self._number = 0
+        self._start()
+
+    def _start(self) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
         from trcvtui.rig.engine_process import engine_main
 
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
-        self._process = context.Process(
-            target=engine_main, args=(theirs, path, kernel, tuple(overrides), netns, read_only), daemon=True
-        )
+        self._process = context.Process(target=engine_main, args=(theirs, *self._asked), daemon=True)
         self._process.start()
         theirs.close()
-        self._number = 0
         self._outstanding = False
         self._project: Project | None = None
+
+    def restart(self) -> None:
+        """Start the engine anew; the project that it reads comes with the first picture."""
+        self.close()
+        self._start()
 
     @property
     def pid(self) -> int | None:

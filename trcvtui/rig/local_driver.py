@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.console import Console
+from trcvtui.rig.console import Console, fresh_bench
 from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
 
 
@@ -34,6 +34,12 @@ class LocalDriver:
         """Return the picture taken since the last call."""
         picture, self._picture = self._picture, None
         return picture
+
+    def restart(self) -> None:
+        """Begin anew with the project as it is now."""
+        bench = self.console.bench
+        bench.close()
+        self.console = Console(fresh_bench(bench.project, bench.kernel_name))
 
     def close(self) -> None:
         """End the bench."""

@@ -219,6 +219,20 @@ class BenchApp(App[None]):
             self.lab.dismiss()
         self.main.end(words.strip().splitlines()[-1] if words.strip() else "the engine has ended")
 
+    def action_restart(self) -> None:
+        """Start the engine anew, after it has ended."""
+        if self.screen is not self.main:
+            return
+        if self._read_only or not self.last_words:
+            self.main.prompt.complain(
+                READ_ONLY if self._read_only else "the engine runs: R starts it anew when it has ended"
+            )
+            return
+        self.last_words = ""
+        self._engine.restart()
+        self.scene.restart()
+        self.main.restart()
+
     # -- scenarios ----------------------------------------------------------------------------------
 
     def _open_scenarios(self) -> None:

@@ -30,6 +30,7 @@ EVERYWHERE: Final = (
     ("U", "leave the mouse to the terminal for its own selection, and take it back"),
     ("? or F1", "this help"),
     ("esc", "leave a field, close the prompt, back to now"),
+    ("R", "start the engine anew, after it has ended"),
     ("q or ctrl+q", "quit"),
 )
 BLOCK: Final = "Block"

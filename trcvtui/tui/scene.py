@@ -22,6 +22,7 @@ from trcvtui.tui.history import History
 from trcvtui.tui.provenance import Provenance
 
 MOST_LINES: Final = 400
+NO_BENCH: Final = -1  # a number that no bench and no project has
 MOST_DRAWN: Final = 8  # instances over time at once
 THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
 KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
@@ -159,6 +160,13 @@ class Scene:
         self._left, self.picture = self.bench, None
         self.thaw()
         self._take_project(self._home)
+
+    def restart(self) -> None:
+        """Know nothing: the engine has begun anew, and its first picture brings the project."""
+        self.leave()
+        self.live, self._left = None, None
+        self._begin_anew(NO_BENCH)
+        self._project_number = NO_BENCH
 
     def freeze(self) -> None:
         """Keep what is shown; the PLC runs on."""

@@ -26,6 +26,7 @@ from trcvtui.tui.widgets.header_line import HeaderLine
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.instance_list import InstanceList
 from trcvtui.tui.widgets.key_line import KeyLine
+from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.peer_panel import PeerPanel
 from trcvtui.tui.widgets.prompt import Prompt
 from trcvtui.tui.widgets.received import Received
@@ -66,6 +67,7 @@ class MainScreen(Screen[None]):
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
         Binding("L", "app.lab", show=False, id="lab"),
         Binding("question_mark,f1", "help", show=False, id="help"),
+        Binding("R", "app.restart", show=False, id="restart"),
         Binding("escape", "calm", show=False),
         Binding("q", "app.quit", show=False, id="quit"),
     ]
@@ -211,10 +213,21 @@ class MainScreen(Screen[None]):
         return True
 
     def end(self, last_words: str) -> None:
-        """The engine has ended: say so, and leave the last picture standing."""
-        self.header.ended = True
+        """The engine has ended: say so, and leave the last picture standing, its lamps grey."""
+        self._run(False)
+        self.prompt.complain(f"{last_words}; R starts the engine anew, q quits")
+
+    def restart(self) -> None:
+        """The engine has been started anew."""
+        self._run(True)
+        self.begin_anew()
+        self.prompt.tell("the engine is started anew")
+
+    def _run(self, runs: bool) -> None:
+        self.header.ended = not runs
         self.header.show()
-        self.prompt.complain(last_words)
+        for pane in (self.instances, *self._grid.query(LineView)):
+            pane.end(not runs)
 
     # -- what the panes say -------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ never markup, so whatever bytes a partner sends stay text.
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, Final, NamedTuple, Self
 
 from rich.segment import Segment
 from rich.style import Style
@@ -31,6 +31,7 @@ class Row(NamedTuple):
 
 
 EMPTY = Row()
+LAMPS: Final = frozenset(("busy", "done", "error", "on", "glow", "warn"))  # styles of what is so now
 
 
 def ruled(width: int, *parts: Part) -> Row:
@@ -75,6 +76,7 @@ class LineView(ScrollView, can_focus=True):
         self._painted: dict[int, Row] = {}
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
+        self._is_over = False
         self._strips_in_view: tuple[Region, list[Strip]] | None = None
 
     # -- what a subclass says -----------------------------------------------------------------------
@@ -155,8 +157,16 @@ class LineView(ScrollView, can_focus=True):
             strip = Strip([*strip.crop(0, width - 1), Segment("…", base)])
         return strip.adjust_cell_length(width, base)
 
+    def end(self, is_over: bool) -> None:
+        """Let the lamps go grey: what they told is no longer so; or let them tell again."""
+        self._is_over = is_over
+        self._ready_styles.clear()
+        self.refresh()
+
     def named_style(self, names: str) -> Style:
         """Return the style of names such as `cursor dim`; made once a theme."""
+        if self._is_over:
+            names = " ".join("faint" if name in LAMPS else name for name in names.split())
         if names not in self._ready_styles:
             self._ready_styles[names] = composed(self, names.split())
         return self._ready_styles[names]

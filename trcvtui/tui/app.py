@@ -225,7 +225,7 @@ class BenchApp(App[None]):
             return
         if self._read_only or not self.last_words:
             self.main.prompt.complain(
-                READ_ONLY if self._read_only else "the engine runs: R starts it anew when it has ended"
+                REFUSED if self._read_only else "the engine runs: R starts it anew when it has ended"
             )
             return
         self.last_words = ""

@@ -8,6 +8,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
+from tests.properties.promises import FramesKept
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote, What
 from trcvtui.plc.instance import Outputs
@@ -87,6 +88,7 @@ class BenchMachine(RuleBasedStateMachine):
         self.streams: dict[tuple[str, int], Stream] = {}
         self.sent: dict[tuple[str, str], bytes] = {}  # by the peer's local and remote end
         self.number = 0
+        self.kept = FramesKept()
 
     def teardown(self) -> None:
         if hasattr(self, "bench"):
@@ -126,6 +128,7 @@ class BenchMachine(RuleBasedStateMachine):
 
     def run(self, scans: int) -> None:
         for _ in range(scans):
+            self.is_disturbed = self.bench.plan.active
             self.bench.step()
             BenchMachine.scans += 1
             self.check_scan()
@@ -146,10 +149,29 @@ class BenchMachine(RuleBasedStateMachine):
         peer=st.sampled_from(PEERS), move=st.sampled_from(("connect", "connect", "close", "rst", "shutdown"))
     )
     def move_peer(self, peer: str, move: str) -> None:
-        if move != "connect" or peer != "P2":
-            self.do(f"peer {peer} {move}")
-        else:
-            self.do("peer P2 listen")
+        before = self.bench.peers[peer].snapshot()
+        self.do(f"peer {peer} {'listen' if (peer, move) == ('P2', 'connect') else move}")
+        after = self.bench.peers[peer].snapshot()
+        if before.state == "connected" and move != "connect":
+            self.kept.goes((before.local, before.remote))
+        if move == "connect" and after.state == "connected" and after.local != before.local:
+            self.kept.comes((after.local, after.remote))
+
+    @rule(
+        peers=st.lists(st.sampled_from(("P1", "P3")), min_size=1, max_size=5),
+        size=st.integers(0, 30),
+        move=st.sampled_from(("close", "rst", "shutdown")),
+        gap=st.sampled_from((0, 0, 0, 1, 3)),
+    )
+    def call_for_one_message(self, peers: list[str], size: int, move: str, gap: int) -> None:
+        """Let devices come one after the other: each connects, sends, and is gone at once."""
+        for peer in peers:
+            self.move_peer(peer, "close")
+            self.move_peer(peer, "connect")
+            if size:
+                self.send(peer, size, 0)
+            self.move_peer(peer, move)
+            self.run(gap)
 
     @rule(peer=st.sampled_from(PEERS), size=st.integers(1, 200), split=st.integers(0, 20))
     def send(self, peer: str, size: int, split: int) -> None:
@@ -189,6 +211,8 @@ class BenchMachine(RuleBasedStateMachine):
         news = self.bench.runtime.ledger.since(self.seq)
         self.seq = self.bench.runtime.ledger.last_seq
         delivered = self.read_news(news)
+        disturbed = self.is_disturbed or self.bench.plan.active
+        self.kept.check(news, self.bench.runtime.snapshot(), disturbed)
         for out in self.bench.runtime.called:
             self.check_outputs(out)
         self.check_data(delivered)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from tests.properties.byte_model import ByteModel
+from collections.abc import Iterable
+
+from tests.properties.byte_model import ByteModel, Ends
 from trcvtui.blocks.parameters import MOVES_BYTES
 from trcvtui.dialects.baosky_status import STATUS
+from trcvtui.net.notes import BytesDropped, ConnectionNote, What
 from trcvtui.plc.instance import Outputs
-from trcvtui.plc.snapshot import Snapshot
+from trcvtui.plc.ledger import Line
+from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 
 LISTED = {
     block: {row.code for row in STATUS if block in row.blocks} for row in STATUS for block in row.blocks
@@ -16,6 +20,7 @@ BUSY, DONE = {0x7005, 0x7006}, {0x7008, 0x7009}
 BEHIND = {0x7001: 0x0001, 0x7007: 0x7003, 0x7008: 0x7006, 0x7009: 0x7005}  # a code -> the scan before
 NO_BUFFER, IN_USE = 0x80A7, 0x80C3
 GONE = " (gone)"
+MAX_LEN = 65535
 
 
 def check_outputs(out: Outputs, before: Outputs | None) -> None:
@@ -79,3 +84,64 @@ def check_in_use(out: Outputs, before: Snapshot, after: Snapshot, began: list[st
         assert connection is not None
         holders.update(connection.senders if sends else connection.receivers)
     assert holders - {out.instance}, f"{out.instance} is kept out by nobody"
+
+
+class FramesKept:
+    """No whole frame is dropped with a lost connection while a reader stands; nobody resets a successor.
+
+    A reader stands as long as its pins ask, its job could start, and no fault is planned.
+    """
+
+    def __init__(self) -> None:
+        self._asked: dict[str, dict[str, int]] = {}  # CONNECT -> reader -> the least bytes of a frame
+        self._incarnations: dict[str, int] = {}
+        self._partners: dict[str, Ends] = {}
+        self._ended: set[Ends] = set()
+        self._successors: set[tuple[Ends, str]] = set()  # who has come after whose end
+
+    def comes(self, client: Ends) -> None:
+        """A client has connected: those who have ended by now came before him."""
+        self._successors |= {(ended, client[0]) for ended in self._ended}
+
+    def goes(self, client: Ends) -> None:
+        """A client has sent FIN or RST."""
+        self._ended.add(client)
+
+    def check(self, news: Iterable[Line], picture: Snapshot, is_disturbed: bool) -> None:
+        """Check one scan; `is_disturbed`: a fault was, or is, planned."""
+        now = {c.name: {} if is_disturbed else _readers(picture, c.name) for c in picture.connections}
+        for line in news:
+            match line.event:
+                case ConnectionNote(name, _, What.CONNECTED, local, peer):
+                    self._partners[name] = peer, local
+                    self._asked[name] = now[name]
+                case ConnectionNote(name, _, What.REPLACED):
+                    self._asked[name] = {}
+                case ConnectionNote(name, _, What.SECOND_CLIENT, _, peer):
+                    assert (self._partners[name], peer) not in self._successors, "he comes after the end"
+                case BytesDropped(name, _, -1, size, "connection lost"):
+                    for reader, least in self._asked.get(name, {}).items():
+                        stands = now[name].get(reader) == least
+                        assert not stands or size < least, f"{reader} asked for {least} of {size} bytes"
+        for name, readers in self._asked.items():
+            self._asked[name] = dict(readers.items() & now.get(name, {}).items())
+
+
+def _readers(picture: Snapshot, connect: str) -> dict[str, int]:
+    """Return whose job on this CONNECT can start, and with how many bytes it is complete."""
+    connection = picture.connection(connect)
+    if connection is None or any(name.endswith(GONE) for name in connection.receivers):
+        return {}
+    sizes = {data.name: data.size for data in picture.data}
+    readers = {}
+    for instance in picture.instances:
+        size = sizes.get(instance.data or "", 0)
+        if instance.connect == connect and _asks(instance):
+            length = int(instance.pin("LEN") or 0)
+            if size > 0 and max(length, 1) <= size and (length or size) <= MAX_LEN:
+                readers[instance.name] = 1 if instance.pin("ADHOC") else length or size
+    return readers
+
+
+def _asks(instance: InstanceSnapshot) -> bool:
+    return bool(instance.pin("EN_R")) and instance.pin("CONT") in (None, True)

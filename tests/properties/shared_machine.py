@@ -10,7 +10,14 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from tests.properties.byte_model import ByteModel
 from tests.properties.drawn_projects import BLOCKS, DATA, Document, projects
-from tests.properties.promises import NO_BUFFER, check_in_use, check_orphans, check_outputs, check_owners
+from tests.properties.promises import (
+    NO_BUFFER,
+    FramesKept,
+    check_in_use,
+    check_orphans,
+    check_outputs,
+    check_owners,
+)
 from tests.properties.witness import Witness
 from trcvtui.blocks.parameters import MOVES_BYTES, inputs_of
 from trcvtui.net.kernel import CALLS
@@ -55,6 +62,7 @@ class SharedMachine(RuleBasedStateMachine):
         self.task_of = {i.name: i.task for i in self.bench.project.instances}
         self.cut: set[str] = set()  # CONNECTs whose wire has been cut
         self.seq = self.number = 0
+        self.kept = FramesKept()
         self.is_sound = True
 
     def teardown(self) -> None:
@@ -80,6 +88,7 @@ class SharedMachine(RuleBasedStateMachine):
     def run(self, scans: int) -> None:
         for _ in range(scans):
             self.is_sound = False
+            self.is_disturbed = self.bench.plan.active
             self.bench.step()
             SharedMachine.scans += 1
             self.check_scan()
@@ -187,6 +196,25 @@ class SharedMachine(RuleBasedStateMachine):
         self.do(f"peer {before.name} {move}")
         if before.state == "connected" and move in ("close", "rst", "shutdown"):
             self.note_end((before.local, before.remote), move, before.pending)
+        after = peer.snapshot()
+        if move == "connect" and after.state == "connected" and after.local != before.local:
+            self.kept.comes((after.local, after.remote))
+
+    @rule(
+        picks=st.lists(PICK, min_size=1, max_size=5),
+        size=st.integers(0, 100),
+        move=st.sampled_from(("close", "rst", "shutdown")),
+        gap=st.sampled_from((0, 0, 0, 1, 3)),
+    )
+    def call_for_one_message(self, picks: list[int], size: int, move: str, gap: int) -> None:
+        """Let devices come one after the other: each connects, sends, and is gone at once."""
+        for pick in picks:
+            self.move_peer(pick, "close")
+            self.move_peer(pick, "open")
+            if size:
+                self.send(pick, size, 0)
+            self.move_peer(pick, move)
+            self.run(gap)
 
     def note_end(self, ends: tuple[str, str], move: str, unsent: int) -> None:
         """Keep what the PLC can see of a FIN or RST in its next scan, as long as wire and window are open."""
@@ -199,6 +227,7 @@ class SharedMachine(RuleBasedStateMachine):
             self.model.finished.setdefault(ends, len(said))
         if (move == "rst" and not self.cut) or self.is_flowing(ends):
             self.model.ended.add(ends)
+            self.kept.goes(ends)
 
     def is_flowing(self, ends: tuple[str, str]) -> bool:
         return not self.cut and ends not in self.witness.crowded
@@ -329,9 +358,11 @@ class SharedMachine(RuleBasedStateMachine):
 
     def check_scan(self) -> None:
         runtime, model = self.bench.runtime, self.model
-        model.read(runtime.ledger.since(self.seq))
+        news = runtime.ledger.since(self.seq)
+        model.read(news)
         self.seq = runtime.ledger.last_seq
         before, self.picture = self.picture, runtime.snapshot()
+        self.kept.check(news, self.picture, self.is_disturbed or self.bench.plan.active)
         for name in model.anew if runtime.running else tuple(self.before):
             self.before.pop(name, None)
         called = runtime.called

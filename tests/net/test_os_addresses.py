@@ -12,6 +12,7 @@ from tests.net.test_os_kernel import no_descriptor_left
 from trcvtui.net import os_addresses
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.identities import Identities
+from trcvtui.net.ipv4 import broadcast_of
 from trcvtui.net.kernel import Endpoint, Fault, LocalAddress
 from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.os_addresses import interface_addresses
@@ -75,3 +76,31 @@ def test_where_no_list_was_ever_got_bind_decides_about_the_address() -> None:
     assert wrong_local_address("192.0.2.7", nobody_knows, strict=False) == ""
     assert "multicast" in wrong_local_address("224.0.0.1", nobody_knows, strict=False)
     assert "no address" in wrong_local_address("192.0.2.7", kernel.local_addresses(), strict=False)
+
+
+@pytest.mark.parametrize(
+    ("address", "mask", "everybody"),
+    [
+        ("127.0.0.1", "255.0.0.0", "127.255.255.255"),
+        ("10.1.2.3", "255.255.252.0", "10.1.3.255"),
+        ("192.0.2.7", "255.255.255.0", "192.0.2.255"),
+        ("192.0.2.6", "255.255.255.252", "192.0.2.7"),
+        ("192.0.2.6", "255.255.255.254", ""),
+        ("192.0.2.6", "255.255.255.255", ""),
+        ("192.0.2.6", "", ""),
+    ],
+)
+def test_the_last_address_of_a_network_is_its_broadcast_address(
+    address: str, mask: str, everybody: str
+) -> None:
+    assert broadcast_of(address, mask) == everybody
+
+
+def test_the_broadcast_address_of_an_interface_is_no_local_address_but_an_own_one_is() -> None:
+    own = (
+        LocalAddress("10.0.0.5", "eth0", broadcast="10.0.0.255"),
+        LocalAddress("10.0.1.255", "eth1", broadcast="10.0.255.255"),
+        LocalAddress("10.0.1.9", "eth2", broadcast="10.0.1.255"),
+    )
+    assert "broadcast address of eth0" in wrong_local_address("10.0.0.255", own, strict=False)
+    assert wrong_local_address("10.0.1.255", own, strict=False) == ""

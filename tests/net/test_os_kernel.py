@@ -234,7 +234,8 @@ def test_a_user_timeout_that_no_system_takes_is_refused_by_name(network: OsNetwo
 def test_every_address_in_the_list_can_be_bound(network: OsNetwork) -> None:
     b = Bench(network)
     own = b.kernel.local_addresses()
-    assert LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True) in own
+    everybody = "127.255.255.255"
+    assert LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True, broadcast=everybody) in own
     for address in own:
         b.socket(end=Endpoint(address.address, 0))
 

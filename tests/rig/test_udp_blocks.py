@@ -113,7 +113,7 @@ def test_an_instance_deleted_in_mid_job_locks_until_the_socket_is_closed(tmp_pat
     desk.say("set URECV_C_1 CONT=1 EN_R=1", "run 4", "delete URECV_C_1")
     desk.say("create URECV_C R2 config=U1 addr=SOURCE data=rx CONT=1 EN_R=1", "run 3")
     assert desk.status("R2") == "80C3"
-    desk.say("set R2 CONT=0", "run 1", "set R2 CONT=1", "run 3")
+    desk.say("set R2 CONT=0", "run 1", "set R2 CONT=1", "run 4")
     assert desk.status("R2") == "7006"
     desk.close()
 

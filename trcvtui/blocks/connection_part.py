@@ -94,7 +94,7 @@ class ConnectionPart:
         self.cont, self._com_rst = cont, com_rst
         if fell or (self._close_wanted and not cont):
             return self._close()
-        if rose:
+        if rose and not self._script:  # else a close that has begun ends first (row 26)
             return self._start()
         if not cont:
             return self._script.popleft() if self._script else self._level.idle
@@ -108,6 +108,8 @@ class ConnectionPart:
             self._script.popleft()
         if self._script:
             return self._script.popleft()
+        if self.phase is Phase.IDLE:
+            return self._start()
         if self._kept_off.rival:
             return self._go_on_kept_off()
         if self.phase is Phase.STARTING:

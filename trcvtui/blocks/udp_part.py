@@ -28,21 +28,24 @@ class UdpPart:
         self._incarnation = 0  # of the socket that this block works on, 0: of none
         self._held_back: Outcome | None = None
         self._script: deque[Outcome] = deque()
+        self._is_late = False  # CONT rose while a close was still shown
 
     def call(self, cont: bool) -> Outcome | None:
         """Answer for this scan, or None while the socket is there."""
         rose, fell = cont and not self.cont, self.cont and not cont
         self.cont = cont
-        if fell:
+        if fell and not self._is_late:
             return self._close()
-        if rose:
+        if self._script:  # a close that has begun ends first (row 26)
+            self._is_late = cont
+            return self._script.popleft()
+        if cont and (rose or self._is_late):
             return self._start()
-        if not cont:
-            return self._script.popleft() if self._script else NO_JOB
-        return self._hold()
+        self._is_late = False
+        return self._hold() if cont else NO_JOB
 
     def _start(self) -> Outcome:
-        self._script.clear()
+        self._is_late = False
         if self._port.is_open:
             return self._ready("another block has created the socket")
         self.waits = 1

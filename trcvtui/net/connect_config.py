@@ -14,6 +14,7 @@ from trcvtui.net.session import Settings
 ANY_ADDRESS: Final = "0.0.0.0"
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
 SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system setting, 10 s
+LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPIDLE); a UINT can ask for more
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,15 @@ class ConnectConfig:
     @property
     def keep_alive_s(self) -> int:
         """Return the keep-alive interval in seconds that is in force."""
-        return self.keep_alive_interval_s or SYSTEM_KEEP_ALIVE_S
+        return min(self.keep_alive_interval_s or SYSTEM_KEEP_ALIVE_S, LONGEST_KEEP_ALIVE_S)
+
+    @property
+    def keep_alive_limited(self) -> str:
+        """Return in words that another interval is in force than the one asked for, else ""."""
+        if self.keep_alive_interval_s <= self.keep_alive_s:
+            return ""
+        asked, taken = self.keep_alive_interval_s, self.keep_alive_s
+        return f"KeepAliveTimeInterval {asked} s: {taken} s is in force, the most that the stack takes"
 
     @property
     def dead_after_ms(self) -> int:

@@ -27,6 +27,14 @@ def is_group(address: str) -> bool:
     return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))
 
 
+def broadcast_of(address: str, mask: str) -> str:
+    """Return the last address of a network; "" where it has but two or one (RFC 3021)."""
+    parts, bits = octets(address), octets(mask)
+    if parts is None or bits is None or bits >= (255, 255, 255, 254):
+        return ""
+    return ".".join(str(part | ~bit & 255) for part, bit in zip(parts, bits, strict=True))
+
+
 def pair(end: Endpoint) -> tuple[str, int]:
     """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
     if octets(end.address) is None:

@@ -32,12 +32,16 @@ CALLS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class LocalAddress:
-    """One address of this machine and the port (interface) it belongs to."""
+    """One address of this machine and the port (interface) it belongs to.
+
+    `broadcast`: the address of all hosts on its network, "" where there is none.
+    """
 
     address: str
     interface: str
     ethernet: bool = True
     loopback: bool = False
+    broadcast: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,14 @@ def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: boo
         return "0.0.0.0 names no port of the PLC"
     if is_group(address):
         return f"{address} is a multicast or broadcast address"
+    mine = next((a for a in own if a.address == address), None)
+    everybody = next((a for a in own if a.broadcast == address), None)
+    if everybody is not None and mine is None:
+        return f"{address} is the broadcast address of {everybody.interface}"
     if is_loopback(address):
         return f"{address} is loopback, no Ethernet port" if strict else ""
     if not own:
         return ""
-    mine = next((a for a in own if a.address == address), None)
     if mine is None:
         return f"{address} is no address of this machine"
     return "" if mine.ethernet else f"{address} is on {mine.interface}, which is no Ethernet port"

@@ -27,6 +27,7 @@ class What(StrEnum):
     SECOND_CLIENT = "second client reset"
     REPLACED = "replaced by a second client"
     OPTION_REFUSED = "option refused"
+    OPTION_LIMITED = "option limited"
     RELEASED = "released"
     TPDUS_WAIT = "TPDUs wait"  # these: a partner asks for more work than one scan does (net/work.py)
     RECORDS_WAIT = "TLS records wait"

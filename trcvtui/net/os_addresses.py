@@ -9,17 +9,25 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from trcvtui.net.connect_config import ANY_ADDRESS
+from trcvtui.net.ipv4 import broadcast_of
 from trcvtui.net.kernel import LocalAddress
 
 AF_INET: Final = 2  # the same number on Linux, macOS and Windows
 ARPHRD_ETHER: Final = 1  # also veth, bridge, macvlan, VLAN and WLAN; tun is 65534, loopback 772
+IFF_BROADCAST: Final = 0x2
 IFF_LOOPBACK: Final = 0x8
 IFF_POINTOPOINT: Final = 0x10
-LOOPBACK_ONLY: Final = (LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True),)
+LOOPBACK_ONLY: Final = (
+    LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True, broadcast="127.255.255.255"),
+)
 
 
 class _IfAddrs(ctypes.Structure):
-    """The head of `struct ifaddrs`, which Linux and the BSDs share; the rest is not read."""
+    """The head of `struct ifaddrs`, which Linux and the BSDs share; the rest is not read.
+
+    `everybody` is the broadcast address, of a point-to-point interface the partner's.
+    """
 
 
 _IfAddrs._fields_ = [
@@ -27,6 +35,8 @@ _IfAddrs._fields_ = [
     ("name", ctypes.c_char_p),
     ("flags", ctypes.c_uint),
     ("address", ctypes.c_void_p),
+    ("netmask", ctypes.c_void_p),
+    ("everybody", ctypes.c_void_p),
 ]
 
 
@@ -65,8 +75,18 @@ def _entries(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
         item = entry.contents
         address = _ipv4(item.address)
         if address is not None:
-            yield _local_address(address, item.name.decode(errors="replace"), item.flags)
+            name, loopback = item.name.decode(errors="replace"), bool(item.flags & IFF_LOOPBACK)
+            everybody = _broadcast(address, item)
+            yield LocalAddress(address, name, _is_ethernet(name, item.flags), loopback, everybody)
         entry = item.next
+
+
+def _broadcast(address: str, item: _IfAddrs) -> str:
+    """Return the broadcast address that the interface tells, else that of its network."""
+    told = _ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
+    if told in (None, ANY_ADDRESS):
+        told = broadcast_of(address, _ipv4(item.netmask) or "")
+    return "" if told is None or told == address else told
 
 
 def _ipv4(address: int | None) -> str | None:
@@ -79,11 +99,6 @@ def _ipv4(address: int | None) -> str | None:
     if family != AF_INET:
         return None
     return ".".join(str(octet) for octet in ctypes.string_at(address + 4, 4))
-
-
-def _local_address(address: str, interface: str, flags: int) -> LocalAddress:
-    loopback = bool(flags & IFF_LOOPBACK)
-    return LocalAddress(address, interface, _is_ethernet(interface, flags), loopback)
 
 
 def _is_ethernet(interface: str, flags: int) -> bool:

@@ -84,6 +84,7 @@ class SetUp:
         self._verdict: Fault | None = None
         self._is_asking = False  # for the address of the partner's name
         self._deadline = 0
+        self._has_told_limit = False
         self._resolved_port: int | None = None
         self._kept_port = config.local.port
         self._successor: Accepted | None = None  # accepted while the partner before him was ending
@@ -125,6 +126,9 @@ class SetUp:
     def prepare(self, now: int) -> StepFault | None:
         """Bind the socket, then listen or start to connect."""
         assert self.attempt is not None
+        if self.config.keep_alive_limited and not self._has_told_limit:
+            self._has_told_limit = True
+            self._note(What.OPTION_LIMITED, None, self.config.keep_alive_limited)
         self._set_options(self.attempt)
         return self._bind(self.attempt) or (
             self._connect(self.attempt, now) if self.config.active else self._listen(self.attempt)
@@ -290,7 +294,7 @@ class SetUp:
     def free(self) -> Fault | None:
         """Close the listener and withdraw the attempt."""
         fault = None
-        self.is_withdrawn = False
+        self.is_withdrawn = self._has_told_limit = False
         self._identities.give_back(self._holder)
         if self._successor is not None:
             self._kernel.abort(self._successor.handle)

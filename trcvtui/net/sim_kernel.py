@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Final
 
+from trcvtui.net.ipv4 import broadcast_of
 from trcvtui.net.kernel import (
     WOULD_BLOCK,
     Accepted,
@@ -31,6 +32,9 @@ from trcvtui.net.sim_timers import MS
 from trcvtui.net.sim_wire import SimWire
 
 WASTE_BYTES: Final = 65536
+LOOPBACK_PORT: Final = LocalAddress(
+    LOOPBACK, "lo", ethernet=False, loopback=True, broadcast=broadcast_of(LOOPBACK, "255.0.0.0")
+)
 
 
 class SimKernel:
@@ -84,7 +88,7 @@ class SimKernel:
             LocalAddress(a, "tun0", ethernet=False) if a in self._not_ethernet else LocalAddress(a, "eth0")
             for a in self._wire.addresses
         )
-        return (LocalAddress(LOOPBACK, "lo", ethernet=False, loopback=True), *others)
+        return (LOOPBACK_PORT, *others)
 
     # -- the poll set --------------------------------------------------------------------------------
 

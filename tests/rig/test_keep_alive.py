@@ -1,4 +1,4 @@
-"""KeepAliveTimeInterval beyond what the stack takes: the nearest value is in force, and the ledger says it."""
+"""KeepAliveTimeInterval beyond what the stack takes: the nearest value is in force, and it is told."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def _options(project: Project, dialect: Dialect, notes: list[str]) -> dict[str, 
 
 
 def _data(decl: DataDecl, rules: LayoutRules) -> DataDecl:
-    layout = lay_out(decl.type, rules, decl.name)
+    layout = lay_out(decl.type, decl.choice.rules(rules), decl.name)
     return replace(decl, layout=layout, size=layout.size)
 
 

@@ -21,7 +21,7 @@ from trcvtui.net.session import Settings
 from trcvtui.net.udp_config import AddrParam, UdpConfig
 from trcvtui.plc.tls_words import CertificateDecl, Certificates
 from trcvtui.udt.layout import Layout
-from trcvtui.udt.rules import LayoutRules, rules_for
+from trcvtui.udt.rules import NO_CHOICE, LayoutChoice, LayoutRules
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Type
 
@@ -45,6 +45,7 @@ class DataDecl:
     """One global variable: its type as written and as laid out; size in bytes.
 
     `optimized`: it stands in a block that a PLC orders by itself, so that blocks take it as a whole.
+    `choice` is the layout of its own, None in each field: as the PLC lays it out.
     """
 
     name: str
@@ -53,6 +54,7 @@ class DataDecl:
     layout: Layout
     size: int
     optimized: bool = False
+    choice: LayoutChoice = NO_CHOICE
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +106,8 @@ class PeerDecl:
     itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
     every `every_ns`; a message is written as behind `peer P1 send`. `replies` are rules, written as behind
     `peer P1 reply on`. With `udp` it receives datagrams at `end`
-    and sends to `remote`, None: to whoever was heard last. `layout` and `byte_order` are those of the device
-    that it stands for, None: as the PLC. With a `session` it speaks that on its connection.
+    and sends to `remote`, None: to whoever was heard last. `choice` is the layout of the device that it
+    stands for, None in each field: as the PLC. With a `session` it speaks that on its connection.
     """
 
     name: str
@@ -118,8 +120,7 @@ class PeerDecl:
     udp: bool = False
     remote: Endpoint | str | None = None
     replies: tuple[str, ...] = ()
-    layout: str | None = None
-    byte_order: str | None = None
+    choice: LayoutChoice = NO_CHOICE
     session: Settings | None = None
     tls: tuple[tuple[str, bool | int | str], ...] = ()  # what its table says of TLS, certificates by number
 
@@ -275,10 +276,15 @@ class Project:
     def beside(self, peer: str) -> Project:
         """Return the project as a peer lays out UDTs."""
         decl = self.peer(peer)
-        if decl is None or (decl.layout, decl.byte_order) == (None, None):
+        if decl is None or decl.choice == NO_CHOICE:
             return self
-        rules = self.layout if decl.layout is None else rules_for(decl.layout)
-        return replace(self, layout=replace(rules, byte_order=decl.byte_order or rules.byte_order))
+        as_peer = tuple([replace(data, choice=NO_CHOICE) for data in self.data])
+        return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
+
+    def rules_of(self, type_name: str) -> LayoutRules:
+        """Return how a UDT travels: as DATA of that type lies, where all of it has one layout of its own."""
+        choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
+        return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
 
     def task(self, name: str) -> Task | None:
         """Return the task of that name."""

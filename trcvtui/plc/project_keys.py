@@ -28,6 +28,7 @@ from trcvtui.plc.project import (
 from trcvtui.plc.project_parts import FREE_PORT, link_key
 from trcvtui.plc.tls_words import CertificateDecl
 from trcvtui.udt.literals import format_time
+from trcvtui.udt.rules import LayoutChoice
 
 KeyValue = bool | int | float | str | list[str]
 Keys = list[tuple[str, KeyValue]]
@@ -129,10 +130,18 @@ def _peer(p: PeerDecl) -> Keys:
     keys += [("says", list(p.says))] if p.says else []
     keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
     keys += [("replies", list(p.replies))] if p.replies else []
-    keys += [("layout", p.layout)] if p.layout is not None else []
-    keys += [("byte_order", p.byte_order)] if p.byte_order is not None else []
+    keys += _choice(p.choice)
     keys += keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else []
     return keys + list(p.tls)
+
+
+def _data(d: DataDecl) -> Keys:
+    return [("type", d.type_name), *_unless(False, "optimized", d.optimized), *_choice(d.choice)]
+
+
+def _choice(choice: LayoutChoice) -> Keys:
+    given = zip(choice._fields, choice, strict=True)
+    return [(name, value) for name, value in given if value is not None]
 
 
 def _message(m: MessageDecl) -> Keys:
@@ -152,7 +161,11 @@ _KEYS: Final[dict[type, Callable[[Any], Keys]]] = {
     UdpConfig: _udp_config,
     AddrParam: _addr,
     ComBufferDecl: _combuffer,
-    DataDecl: lambda d: [("type", d.type_name), *_unless(False, "optimized", d.optimized)],
+    DataDecl: lambda d: [
+        ("type", d.type_name),
+        *_unless(False, "optimized", d.optimized),
+        *_choice(d.choice),
+    ],
     InstanceDecl: _instance,
     PeerDecl: _peer,
     MessageDecl: _message,

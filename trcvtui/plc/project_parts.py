@@ -54,12 +54,13 @@ from trcvtui.plc.tables import (
     Kind,
     Table,
     of_text,
+    one_of,
     parse_endpoint,
     shown,
     whole,
 )
 from trcvtui.plc.tls_words import Certificates, read_peer_tls
-from trcvtui.udt.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS
+from trcvtui.udt.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS, LayoutChoice
 from trcvtui.udt.types import ELEMENTARY
 
 NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
@@ -110,6 +111,10 @@ LAYOUT: Final = of_text(
     lambda text: text if text in LAYOUTS or text in LAYOUT_ALIASES else None,
 )
 BYTE_ORDER: Final = of_text("little or big", lambda text: text if text in BYTE_ORDERS else None)
+TEXT_FORM: Final = of_text(
+    "a form of STRING: " + ", ".join(TEXT_FORMS), lambda text: text if text in TEXT_FORMS else None
+)
+POINTER_SIZE: Final = one_of(*POINTER_SIZES)
 
 
 def entries(document: Mapping[str, Any], key: str, where: str, problems: list[Problem]) -> list[Table]:
@@ -248,7 +253,7 @@ def read_peer(table: Table, certificates: Certificates) -> PeerDecl | None:
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
-    layout, byte_order = table.read("layout", LAYOUT), table.read("byte_order", BYTE_ORDER)
+    choice = read_choice(table)
     session, tls = _read_session(table, certificates)
     table.finish()
     if name is None or end is None:
@@ -256,7 +261,7 @@ def read_peer(table: Table, certificates: Certificates) -> PeerDecl | None:
     decl = PeerDecl(
         name, active, end, source, reconnect, says, every, replies=replies, session=session, tls=tls
     )
-    return replace(decl, layout=layout, byte_order=byte_order)
+    return replace(decl, choice=choice)
 
 
 def _read_session(
@@ -274,7 +279,7 @@ def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     says = table.get("says", MESSAGES, ())
     every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
     replies = table.get("replies", RULES, ())
-    layout, byte_order = table.read("layout", LAYOUT), table.read("byte_order", BYTE_ORDER)
+    choice = read_choice(table)
     for key in ("active", "reconnect"):
         if table.has(key):
             table.know(key)
@@ -283,7 +288,18 @@ def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
     if name is None:
         return None
     decl = PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote, replies=replies)
-    return replace(decl, layout=layout, byte_order=byte_order)
+    return replace(decl, choice=choice)
+
+
+def read_choice(table: Table) -> LayoutChoice:
+    """Return the layout that a table names, as far as it names one."""
+    return LayoutChoice(
+        table.read("layout", LAYOUT),
+        table.read("byte_order", BYTE_ORDER),
+        table.read("text", TEXT_FORM),
+        table.read("pointer_size", POINTER_SIZE),
+        table.read("string_even", TRUTH),
+    )
 
 
 def read_message(table: Table) -> MessageDecl | None:

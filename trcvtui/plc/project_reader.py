@@ -196,17 +196,18 @@ class Reader:
         name = table.must("name", parts.NAME)
         text = table.must("type", TEXT)
         optimized = head.rules().area.symbolic_alone and table.get("optimized", TRUTH, False)
+        choice = parts.read_choice(table)
         table.finish()
         if text is None:
             return None
         try:
             type_ = parse_type(text, types or NO_TYPES, table.place("type"))
-            laid_out = _placed(type_, head.layout, name or "?", table.place("type"))
+            laid_out = _placed(type_, choice.rules(head.layout), name or "?", table.place("type"))
         except UserError as refused:
             if types is not None:  # else the type may stand in the file that cannot be read
                 self.problems += refused.problems
             return None
-        return DataDecl(name or "", text, type_, laid_out, laid_out.size, optimized)
+        return DataDecl(name or "", text, type_, laid_out, laid_out.size, optimized, choice)
 
     def connects(
         self, tables: list[Table], head: Head, certificates: Certificates

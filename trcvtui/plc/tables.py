@@ -57,6 +57,16 @@ def whole(least: int, most: int) -> Kind[int]:
     )
 
 
+def one_of(*numbers: int) -> Kind[int]:
+    """Return the kind of just these whole numbers."""
+    near = whole(min(numbers), max(numbers))
+    return Kind(
+        " or ".join(map(str, numbers)),
+        lambda value: number if (number := near.read(value)) in numbers else None,
+        lambda text: number if (number := near.from_text(text)) in numbers else None,
+    )
+
+
 def _truth(value: object) -> bool | None:
     # 1 and 0 are BOOL literals of IEC 61131-3; 1.0 and "1" are not.
     return bool(value) if isinstance(value, int) and value in (0, 1) else None

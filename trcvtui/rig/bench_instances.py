@@ -33,6 +33,7 @@ from trcvtui.rig.bench_words import BenchCommand, Create, Delete, Download, Resi
 from trcvtui.rig.edit_words import Add, AddData, Change, Remove, Undo
 from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout import lay_out
+from trcvtui.udt.rules import NO_CHOICE
 
 
 def read_create(words: Words, project: Project) -> Create:
@@ -157,11 +158,13 @@ def read_resize(words: Words, project: Project) -> Resize:
 
 
 def declare(name: str, type_name: str, project: Project, where: str) -> DataDecl:
-    """Return a global variable of this type, laid out as the project says; raise UserError."""
+    """Return a global variable of this type, laid out as it or the project says; raise UserError."""
     type_ = parse_type(type_name, project.types, where)
-    layout = lay_out(type_, project.layout, name)
     known = project.data_decl(name)
-    return DataDecl(name, type_name, type_, layout, layout.size, known is not None and known.optimized)
+    choice = known.choice if known is not None else NO_CHOICE
+    layout = lay_out(type_, choice.rules(project.layout), name)
+    is_optimized = known is not None and known.optimized
+    return DataDecl(name, type_name, type_, layout, layout.size, is_optimized, choice)
 
 
 def after(command: BenchCommand, project: Project) -> Project:

@@ -67,7 +67,7 @@ def _udt(words: Words, project: Project) -> bytes:
     if name.casefold() not in project.types.types:
         raise words.wrong(shown(name), expected_name(name, project.types.names(), "UDT"))
     braces = words.rest_text("members in braces such as {speed=1.5}")
-    layout = lay_out(project.types.named(name), project.layout, name)
+    layout = lay_out(project.types.named(name), project.rules_of(name), name)
     content = struct_bytes(layout, braces, words.where)
     if not content:
         raise words.wrong(f"{name}, which has no bytes", "a UDT with members")

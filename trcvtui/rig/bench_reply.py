@@ -102,7 +102,7 @@ def _field(words: Words, project: Project) -> FieldIs:
     name, _, path = target.partition(".")
     if name.casefold() not in project.types.types:
         raise words.wrong(shown(name), expected_name(name, project.types.names(), "UDT"))
-    layout = lay_out(project.types.named(name), project.layout, name)
+    layout = lay_out(project.types.named(name), project.rules_of(name), name)
     try:
         leaf = layout.leaf(layout.number_of(path))
     except UserError:

@@ -231,6 +231,9 @@ class LayoutChoice(NamedTuple):
         return " ".join(f"{name}={choice_text(value)}" for name, value in given if value is not None)
 
 
+NO_CHOICE: Final = LayoutChoice()
+
+
 def choice_text(value: str | int | bool) -> str:
     """Return the value of a choice as a line has it."""
     return ("yes" if value else "no") if isinstance(value, bool) else str(value)

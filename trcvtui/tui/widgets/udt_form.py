@@ -148,7 +148,7 @@ def form_of(text: str, mode: str, scene: Scene) -> UdtForm | None:
     name = next((name for name in names if name.casefold() in types.types), "")
     if not name:
         return None
-    layout = lay_out(types.named(name), scene.project.layout, name)
+    layout = lay_out(types.named(name), scene.project.rules_of(name), name)
     values = _values(text, scene) if mode == UDT and name == first else {}
     return UdtForm(scene.project, scene.peer, name, layout, values)
 

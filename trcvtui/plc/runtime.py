@@ -342,7 +342,7 @@ class Runtime:
         name, ends = decl.name, set[str]()
         match decl:
             case DataDecl():
-                if before.type_name != decl.type_name:  # type: ignore[union-attr]
+                if (before.type_name, before.size) != (decl.type_name, decl.size):  # type: ignore[union-attr]
                     self._apply(ResizeData(decl))
                 self._data[name].symbolic = decl.optimized
             case ConnectConfig():

@@ -156,7 +156,7 @@ def a_name_becomes_an_address_and_an_unknown_one_a_fault(b: Bench) -> None:
     for name in ("localhost.", "localhost"):
         assert answer(b, name) == LOOPBACK
     for nobody in ("nobody.invalid.", "a\0b."):
-        assert answer(b, nobody) in (Fault("resolve", "EAI_NONAME"), Fault("resolve", "EAI_AGAIN"))
+        assert answer(b, nobody) == Fault("resolve", "EAI_NONAME")
 
 
 @fact

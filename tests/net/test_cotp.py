@@ -50,6 +50,7 @@ READ_ONLY = {
     ),
     "CR without parameters": ("03 00 00 0b 06 e0 00 00 00 01 00", Connect(Code.CR, 0, 1)),
     "CR of class 4": ("03 00 00 0b 06 e0 00 00 00 01 40", Connect(Code.CR, 0, 1)),
+    "CR of class 2": ("03 00 00 0b 06 e0 00 00 00 01 20", Connect(Code.CR, 0, 1, other_class=2)),
     "CR with a parameter that nobody knows": (
         "03 00 00 0f 0a e0 00 00 00 01 00 c4 02 01 02",
         Connect(Code.CR, 0, 1),
@@ -63,7 +64,6 @@ MALFORMED = {
     "length indicator 9 in a TPDU of 3 bytes": "03 00 00 07 09 f0 80",
     "length indicator 255 in a TPDU of 3 bytes": "03 00 00 07 ff f0 80",
     "a CR of 4 bytes": "03 00 00 09 04 e0 00 00 00",
-    "class 2 in a CR": "03 00 00 0b 06 e0 00 00 00 01 20",
     "parameters of a CR that run over its end": "03 00 00 0e 09 e0 00 00 00 01 00 c1 02 e0",
     "a DR of 3 bytes": "03 00 00 08 03 80 00 05",
     "an ER of 2 bytes": "03 00 00 07 02 70 00",
@@ -143,9 +143,10 @@ TPDUS = st.one_of(
     st.builds(Disconnect, REFS, REFS, st.integers(0, 255)),
     st.builds(Rejected, REFS, st.integers(0, 255)),
     st.builds(
-        Connect, st.sampled_from([Code.CR, Code.CC]), REFS, REFS, TSAPS, TSAPS, st.none() | st.integers(7, 13)
+        Connect, st.sampled_from([Code.CR, Code.CC]), REFS, REFS, TSAPS, TSAPS,
+        st.none() | st.integers(7, 13), st.sampled_from([0, 1, 2, 3]),
     ),
-)
+)  # fmt: skip
 
 
 @given(st.lists(TPDUS, max_size=8))

@@ -213,6 +213,19 @@ def test_any_other_port_is_taken(port: int) -> None:
 
 
 @pytest.mark.parametrize(
+    ("is_active", "size", "is_right"), [(False, 1, False), (True, 1, True), (False, 2, True)]
+)
+def test_a_passive_end_needs_two_bytes_of_a_local_tsap(is_active: bool, size: int, is_right: bool) -> None:
+    values: dict[str, Value] = {"InterfaceId": 64, "ID": 1, "ConnectionType": 12}
+    values |= {"ActiveEstablished": is_active, "LocalTSelector": b"\xe0\1"[:size]}
+    values |= {"RemoteAddress": "10.0.0.7"}
+    structure = CONNECTIONS["TCON_IP_RFC"]
+    description = Description(structure, pack(structure, values))
+    found = flaw_of(Asked(description, meaning(description), "10.0.0.1"))
+    assert found is (None if is_right else Flaw.TSAP)
+
+
+@pytest.mark.parametrize(
     ("tsap", "wide", "narrow"),
     [
         (b"\xe0\1", True, True),

@@ -146,6 +146,32 @@ def test_a_size_without_room_for_data_ends_the_connection(size: int, is_active: 
     assert session.ended == Ended("EPROTO", f"the TPDU size code {size:02X} leaves no room for data")
 
 
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        (Connect(Code.CR, 0, 7, E001, E002, other_class=2), "class 2 in a CR"),
+        (Connect(Code.CR, 0, 7, E001, E002, 0), "the TPDU size code 00 leaves no room for data"),
+    ],
+)
+def test_a_cr_that_cannot_be_agreed_to_is_answered_with_a_dr_before_the_end(
+    request_: Connect, why: str
+) -> None:
+    passive = CALLED.new(is_active=False)
+    fed(passive, encode(request_))
+    assert TpktReader().feed(passive.take_output()) == [Disconnect(7, 0, 0x82)]
+    assert passive.ended == Ended("EPROTO", why)
+
+
+@pytest.mark.parametrize(
+    "cc", [Connect(Code.CC, 1, 7, other_class=2), Connect(Code.CC, 1, 7, E001, E002, size_code=0)]
+)
+def test_a_cc_that_cannot_be_agreed_to_ends_the_connection_without_a_word(cc: Connect) -> None:
+    active = CALLER.new(is_active=True)
+    active.take_output()
+    fed(active, encode(cc))
+    assert (active.take_output(), active.ended is not None) == (b"", True)
+
+
 def test_a_cc_cannot_raise_what_was_proposed() -> None:
     active = IsoSettings(E001, E002, 8192, 7).new(is_active=True)
     fed(active, encode(Connect(Code.CC, 1, 5, E001, E002, 13)))

@@ -210,11 +210,19 @@ def test_garbage_behind_the_handshake_ends_the_connection_and_is_told(
     assert b.net.heard == [("C1", ENDED, why)]
 
 
-def test_a_size_that_leaves_no_room_for_data_is_refused_and_told(b: IsoBench) -> None:
+@pytest.mark.parametrize(
+    ("asked", "why"),
+    [
+        (Connect(Code.CR, 0, 1, E001, E002, 1), "the TPDU size code 01 leaves no room for data"),
+        (Connect(Code.CR, 0, 1, E001, E002, other_class=2), "class 2 in a CR"),
+    ],
+)
+def test_a_cr_that_nobody_can_agree_to_gets_a_dr_and_is_told(b: IsoBench, asked: Connect, why: str) -> None:
     listener = b.iso_listener(WAITS)
-    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 1)))
-    b.until(lambda: b.net.told)
-    assert b.net.told == [("C1", "the TPDU size code 01 leaves no room for data")]
+    client = raw_client(b, b.end(listener), encode(asked))
+    assert answer_of(b, client, 11) == [Disconnect(1, 0, 0x82)]
+    assert b.answer(client) == 0
+    assert b.net.told == [("C1", why)]
     b.close_all(client, listener)
 
 

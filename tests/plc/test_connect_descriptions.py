@@ -98,6 +98,11 @@ def test_an_active_end_to_another_machine_takes_the_address_that_routing_gives_i
 # -- ISO-on-TCP ----------------------------------------------------------------------------------------------
 
 
+def test_iso_port_beside_a_connection_type_that_is_wrong_is_the_flaw_of_the_type() -> None:
+    (config,) = read('type = "TCON_IP_RFC"\nConnectionType = 11\nLocalTSelector = "E0 02"\nIsoPort = 0')
+    assert flaw_of(config) is Flaw.TYPE
+
+
 def test_iso_on_tcp_listens_on_102_or_where_the_bench_says() -> None:
     usual, free, called = read(
         'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"',

@@ -50,7 +50,8 @@ TABLE = '[sim]\nnames = { "plc2.line.local." = "127.0.0.1" }'
     [
         ("sim", TABLE, "PLC2.line.local.", "wait X STATUS=7004"),
         ("sim", TABLE, "plc3.line.local.", "wait X STATUS=80D3\nexpect X trace 7001 7002+ 80D3!"),
-        ("sim", "", "plc2.line.local.", "wait X STATUS=80D2\nexpect X trace 7001 7002+ 80D2!"),
+        ("sim", "", "plc9.line.invalid.", "wait X STATUS=80D3\nexpect X trace 7001 7002+ 80D3!"),
+        ("live", "", "plc9.line.invalid.", "wait X STATUS=80D3\nexpect X trace 7001 7002+ 80D3!"),
         ("live", "", "localhost.", "wait X STATUS=7004\nexpect X trace 7001 7002+ 7004"),
         ("sim", TABLE, "plc2.line.local.", FAILS),
         ("live", "", "localhost.", FAILS),

@@ -172,6 +172,7 @@ def test_a_code_that_says_something_else_is_not_waited_for(tmp_path: Path) -> No
     steps = "set TRCV_C_1 CONT=1 EN_R=1\nrun 1\nwait TRCV_C_1 STATUS=0001 within T#300ms\n"
     race = race_file(story(tmp_path, steps, project), BOTH)
     assert notes(race) == [
+        ("baosky", 0, "C1: TCON_IP_v4 is written as a TCP_CONNECTCONFIG, without its ID"),
         ("baosky", 3, "wait TRCV_C_1 STATUS=0001 within T#300ms: not waited for: "
                       "here 0001 is 'Creating the socket'"),
         ("s7-1500", 3, "wait TRCV_C_1 STATUS=0001 within T#300ms: found STATUS=7002"),

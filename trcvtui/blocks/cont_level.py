@@ -1,4 +1,4 @@
-"""CONT as the connection sees it: the pin itself, or what the S7-1200 manual makes of it and of a request.
+"""CONT as the connection sees it: the pin itself, or what one manual makes of it and of a request.
 
 By that manual a request (an edge of REQ, EN_R = 1) or CONT = 1 builds a connection, which then stays. It ends
 at once when CONT falls while no job waits or runs, else behind the job; and behind a job that had CONT = 0

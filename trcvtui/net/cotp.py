@@ -17,6 +17,8 @@ LONGEST_HEADER: Final = 255  # bytes of a TPDU without data: its length indicato
 NO_LIMIT: Final = 1 << 62
 LEAST_TPKT: Final = 7
 DATA_HEADER: Final = 3  # bytes of a DT that count against the negotiated size
+TAKEN_AS_0: Final = (0, 4)  # some texts of RFC 1006 show class 4
+LEAST_SIZE_CODE: Final = 2  # 4 bytes, of which 1 is data
 LAST: Final = 0x80  # of the message: the EOT mark of a DT
 LONGEST_TSAP: Final = 32
 
@@ -39,6 +41,7 @@ class Refusal(IntEnum):
     UNKNOWN_TSAP = 0x03
     NORMAL = 0x80
     PROTOCOL_ERROR = 0x85
+    NEGOTIATION_FAILED = 0x82
     REFUSED = 0x88
 
 
@@ -49,7 +52,10 @@ class _Parameter(IntEnum):
 
 
 class Connect(NamedTuple):
-    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not told."""
+    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not told.
+
+    `other_class`: the one that it asks for where that is not taken as class 0.
+    """
 
     code: Code
     destination_ref: int
@@ -57,6 +63,16 @@ class Connect(NamedTuple):
     calling: bytes = b""
     called: bytes = b""
     size_code: int | None = None
+    other_class: int = 0
+
+    @property
+    def unfit(self) -> str:
+        """Return what class 0 cannot agree to; "" where there is nothing."""
+        if self.other_class:
+            return f"class {self.other_class} in a {self.code.name}"
+        if self.size_code is not None and self.size_code < LEAST_SIZE_CODE:
+            return f"the TPDU size code {self.size_code:02X} leaves no room for data"
+        return ""
 
 
 class Data(NamedTuple):
@@ -178,8 +194,6 @@ def parse(tpdu: bytes) -> Tpdu:
 def _connect(code: Code, header: bytes) -> Tpdu:
     if len(header) < 6:
         return Malformed(f"a {code.name} of {len(header)} bytes")
-    if header[5] & 0xF0 not in (0x00, 0x40):  # some texts of RFC 1006 show class 4
-        return Malformed(f"class {header[5] >> 4} in a {code.name}")
     parameters = _parameters(header[6:])
     if parameters is None:
         return Malformed(f"parameters of a {code.name} that run over its end")
@@ -187,6 +201,7 @@ def _connect(code: Code, header: bytes) -> Tpdu:
     if max(len(calling), len(called)) > LONGEST_TSAP:
         return Malformed(f"a TSAP of {max(len(calling), len(called))} bytes")
     size = parameters.get(_Parameter.SIZE)
+    asked = header[5] >> 4
     return Connect(
         code,
         int.from_bytes(header[1:3], "big"),
@@ -194,6 +209,7 @@ def _connect(code: Code, header: bytes) -> Tpdu:
         calling,
         called,
         size[0] if size is not None and len(size) == 1 else None,
+        asked if asked not in TAKEN_AS_0 else 0,
     )
 
 
@@ -227,7 +243,8 @@ def encode(tpdu: Connect | Data | Disconnect | Rejected) -> bytes:
     """Return the TPDU with its TPKT header."""
     match tpdu:
         case Connect():
-            body = bytes([tpdu.code]) + _refs(tpdu.destination_ref, tpdu.source_ref) + b"\0" + _own(tpdu)
+            refs = _refs(tpdu.destination_ref, tpdu.source_ref)
+            body = bytes([tpdu.code]) + refs + bytes([tpdu.other_class << 4]) + _own(tpdu)
         case Data():
             return _framed(bytes([2, Code.DT, LAST if tpdu.is_last else 0]) + tpdu.payload)
         case Disconnect():

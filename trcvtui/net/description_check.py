@@ -115,6 +115,11 @@ def types_of(structure: str) -> tuple[int, ...]:
     return tuple(_TYPES[structure])
 
 
+def speaks_iso(structure: str) -> bool:
+    """Return whether the structure can describe a connection of ISO-on-TCP."""
+    return Protocol.ISO in _TYPES[structure].values()
+
+
 def meaning(description: Description) -> Meaning:
     """Return what a description says; what is wrong in it is nobody's matter here."""
     if description.structure.name == "TCON_Param":
@@ -255,6 +260,10 @@ def _tsap_of_any(asked: Asked) -> Finding | None:
             return Finding(Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}")
     if not local:
         return Finding(Flaw.TSAP, "LocalTSelector", "the local T-selector is empty")
+    if len(local) < TSAP_SIZES.start and not asked.meaning.is_active:
+        return Finding(
+            Flaw.TSAP, "LocalTSelector", "the local T-selector of a passive end has one byte, two or more"
+        )
     if len(local) == 2 and local[0] not in _firsts(asked):
         return Finding(Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}")
     if local.startswith(b"SIMATIC-"):

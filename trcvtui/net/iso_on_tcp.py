@@ -243,8 +243,8 @@ class IsoOnTcp:
         match tpdu:
             case Malformed(what):
                 self._end("EPROTO", what)
-            case Connect(size_code=size) if size is not None and size < SIZE_CODES.start:
-                self._end("EPROTO", f"the TPDU size code {size:02X} leaves no room for data")
+            case Connect(unfit=unfit) if unfit:
+                self._cannot_agree(tpdu)
             case Connect(code=Code.CR) if self.phase is Phase.WAITS_FOR_CR and self.request is None:
                 self.request = tpdu
             case Connect(code=Code.CC) if self.phase is Phase.WAITS_FOR_CC:
@@ -262,6 +262,12 @@ class IsoOnTcp:
                 self._end("EPROTO", "a DT out of turn")
             case Ignored(code=code):  # what class 0 does not know is no reason to end
                 self._pass_over(code)
+
+    def _cannot_agree(self, asked: Connect) -> None:
+        """End it; who has asked for a connection is told by a DR."""
+        if asked.code is Code.CR and self.phase is Phase.WAITS_FOR_CR and self.request is None:
+            self._output += encode(Disconnect(asked.source_ref, 0, Refusal.NEGOTIATION_FAILED))
+        self._end("EPROTO", asked.unfit)
 
     def _pass_over(self, code: int) -> None:
         self._ignored += 1

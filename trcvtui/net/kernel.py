@@ -162,7 +162,7 @@ class Kernel(Protocol):
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
         """Return the address of a name; WOULD_BLOCK: ask again. Freeing the handle ends the question.
 
-        EAI_AGAIN: nobody who could know answers; EAI_NONAME: the name is unknown.
+        EAI_NONAME: nobody knows the name, or nobody who could know answers.
         """
         ...
 

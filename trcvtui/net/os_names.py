@@ -16,9 +16,10 @@ from trcvtui.net.os_errors import error_name
 
 QUESTIONS: Final = 8
 LONGEST_ANSWER: Final = 64  # bytes
-NO_SERVER: Final = "EAI_AGAIN"  # nobody who could know has answered
 UNKNOWN: Final = "EAI_NONAME"
-# Prints an address or the name of an error. A hosts file knows names without their last dot.
+# Prints an address or why there is none. Whether nobody knows the name or nobody answers says more of this
+# machine than of the partner: both are an unknown name, as on the simulated network. A hosts file knows
+# names without their last dot.
 PROGRAM: Final = """
 import socket, sys
 said = "EAI_NONAME"
@@ -26,8 +27,6 @@ for name in (sys.argv[1], sys.argv[1].rstrip(".")):
     try:
         said = socket.getaddrinfo(name, None, socket.AF_INET, socket.SOCK_STREAM)[0][4][0]
         break
-    except socket.gaierror as problem:
-        said = "EAI_AGAIN" if problem.errno == socket.EAI_AGAIN else "EAI_NONAME"
     except (OSError, UnicodeError):
         pass
 print(said)
@@ -52,7 +51,7 @@ class Questions:
         self.forget(handle)
         if octets(said) is not None:
             return said
-        return Fault("resolve", said if said == NO_SERVER else UNKNOWN)
+        return Fault("resolve", UNKNOWN)
 
     def _begin(self, handle: int, name: str) -> WouldBlock | Fault:
         if len(self._asked) < QUESTIONS:

@@ -51,7 +51,7 @@ class SimKernel:
     ) -> None:
         self._wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
         self._datagrams = DatagramWire(self._wire, latency_ns)
-        self._names = None if names is None else {n.rstrip(".").lower(): a for n, a in names.items()}
+        self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
         self._random = random.Random(seed)
         self._not_ethernet = not_ethernet
         self._fragment = fragment
@@ -203,13 +203,11 @@ class SimKernel:
         return Accepted(self._keep(SimSocket(self._wire, socket.owner, stream)), stream.remote)
 
     def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
-        """Return the address of a name; without a table of names there is no server to ask."""
+        """Return the address of a name; without a table nobody knows any but localhost."""
         if handle not in self._sockets:
             return Fault("resolve", "EBADF")
         if name in ("localhost", "localhost."):
             return LOOPBACK
-        if self._names is None:
-            return Fault("resolve", "EAI_AGAIN")
         return self._names.get(name.rstrip(".").lower()) or Fault("resolve", "EAI_NONAME")
 
     def connect(self, handle: Handle, end: Endpoint) -> Fault | None:

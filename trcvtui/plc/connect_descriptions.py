@@ -33,6 +33,7 @@ from trcvtui.net.description_check import (
     Protocol,
     judge,
     meaning,
+    speaks_iso,
     types_of,
 )
 from trcvtui.net.ipv4 import is_loopback, octets
@@ -155,8 +156,9 @@ def read_described(
 def _check_own_keys(table: Table, description: Description, says: Meaning) -> None:
     """Refuse a key of the bench that would have no effect here."""
     iso_port, is_iso = table.text("IsoPort"), says.protocol is Protocol.ISO
+    may_be_iso = is_iso or (says.protocol is Protocol.UNKNOWN and speaks_iso(description.structure.name))
     useless = (
-        ("IsoPort", not is_iso, "nothing: only ISO-on-TCP has it"),
+        ("IsoPort", not may_be_iso, "nothing: only ISO-on-TCP has it"),
         ("ListenPort", is_iso, "IsoPort"),
         ("ListenPort", says.is_active, "nothing: an active end does not listen"),
         ("DnsAnswer", not _has_name(description), "nothing: there is no RemoteQDN"),

@@ -137,6 +137,7 @@ def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str])
     has_interface = bool(description.number("InterfaceId"))
     found = as_param(meaning(description), has_interface) if is_plain else None
     if found is not None:
+        notes.append(f"{config.name}: {description.structure.name} is written as a {found.structure.name}")
         return replace(config, description=found)
     text = f"{description.structure.name}: {dialect.name} takes {', '.join(taken)} only"
     notes.append(f"{config.name}: {text}")
@@ -172,6 +173,9 @@ def _plain(
 ) -> ConnectConfig:
     """Return a connection description of plain TCP as a TCP_CONNECTCONFIG."""
     _must_be_plain_tcp(config, description, other)
+    notes.append(
+        f"{config.name}: {description.structure.name} is written as a TCP_CONNECTCONFIG, without its ID"
+    )
     local = config.local
     if config.any_local:
         local = Endpoint(next(iter(project.sim.addresses), LOOPBACK), local.port)

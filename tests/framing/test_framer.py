@@ -122,6 +122,20 @@ def test_p1_frames_do_not_depend_on_how_the_stream_is_cut(
     assert frames[0] == byte_by_byte(framing, stream)
 
 
+@given(DATA, STREAMS)
+def test_a_false_start_is_known_within_one_call_as_it_is_byte_by_byte(
+    framing: Framing, stream: bytes
+) -> None:
+    at_once, single, was_busy = Framer(), Framer(), False
+    at_once.take(stream, framing, 0)
+    for n in range(len(stream)):
+        used, frame = single.take(stream[n : n + 1], framing, 0)
+        was_busy |= single.busy
+        if frame is not None or not used:
+            return  # one frame a call: from here on the calls differ
+    assert (at_once.busy or at_once.had_false_start) is was_busy
+
+
 @given(ALL, STREAMS, CUTS, st.integers(0, 3))
 def test_p2_and_p5_nothing_is_lost_doubled_or_reordered(
     framing: Framing, stream: bytes, cuts: list[int], timeout_ms: int

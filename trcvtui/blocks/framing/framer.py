@@ -14,10 +14,14 @@ KEPT_NOISE: Final = 256
 
 
 class Framer:
-    """The part of a frame, and the noise before it. `discarded` counts every byte that was thrown away."""
+    """The part of a frame, and the noise before it. `discarded` counts every byte that was thrown away.
+
+    `had_false_start`: in the last call bytes began a prefix, and turned out to be noise.
+    """
 
     def __init__(self) -> None:
         self.discarded = 0
+        self.had_false_start = False
         self.noise = b""  # the last of them
         self.last_byte: int | None = None  # ns
         self._part = bytearray()
@@ -52,6 +56,7 @@ class Framer:
 
     def take(self, received: bytes, framing: Framing, now: int) -> Taken:
         """Take bytes until none is left or a frame is complete; without any, look at the gap (row 6)."""
+        self.had_false_start = False
         if not received:
             return Taken(0, self._gap(framing, now))
         self._framing, self.last_byte = framing, now
@@ -84,6 +89,7 @@ class Framer:
         self._has_prefix = at >= 0
         start = at if self._has_prefix else len(joined) - _longest_start(joined, head)
         end = start + len(head) if self._has_prefix else len(joined)
+        self.had_false_start = head[:1] in joined[:start] if head else False
         self._discard(joined[:start])
         self._part[:] = joined[start:end]
         return end - before

@@ -123,8 +123,10 @@ class Reception:
             have = Cause(Why.BYTES, "the frame has no end yet", have=self.framer.size, need=self.need)
             if self._idle.cause != have:
                 self._idle = Outcome(Condition.FRAME_PART, have, lamp=Lamp.BUSY)
-        elif self._idle.condition is Condition.FRAME_PART:
-            self._idle = AWAITED  # a false start of the prefix
+        elif self._idle.condition is Condition.FRAME_PART or self.framer.had_false_start:
+            self._idle = (
+                AWAITED  # the start of a prefix has cleared what the last frame left, also within a call
+            )
         return self._idle
 
     def _note_dropped(self, part: bytes, reason: str) -> None:

@@ -43,6 +43,12 @@ class Terminal:
         """Return the text on the screen now."""
         return self._call("capture-pane", "-p")
 
+    @property
+    def modes(self) -> str:
+        """Return what the program has asked of the terminal."""
+        asked = "alternate #{alternate_on}, mouse #{mouse_any_flag}"
+        return self._call("display-message", "-p", asked).strip()
+
     def keys(self, *keys: str) -> None:
         """Press keys, by tmux's names."""
         self._call("send-keys", *keys)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,6 +39,21 @@ def test_the_demo_is_alive_and_quits_on_q(terminals: list[Terminal], columns: in
     assert all(len(line) <= columns for line in screen.splitlines())
     terminal.keys("q")
     terminal.wait("ended with 0")
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_a_signal_that_ends_it_gives_the_terminal_back(
+    terminals: list[Terminal], tmp_path: Path, name: str
+) -> None:
+    number, pid = signal.Signals[name], tmp_path / "pid"
+    script = f"sh -c 'echo $$ > {pid}; exec {TRCVTUI}'; echo ended with $?; exec cat"
+    terminals.append(Terminal(80, 24, script))
+    terminal = terminals[-1]
+    terminal.wait(lambda text: len(re.findall("7006", text)) >= 2)
+    assert terminal.modes == "alternate 1, mouse 1"
+    os.kill(int(pid.read_text()), number)
+    terminal.wait(f"ended with {128 + number}")
+    assert terminal.modes == "alternate 0, mouse 0"
 
 
 def test_socat_as_the_device_five_bytes_then_three_then_twenty_five(terminals: list[Terminal]) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
 import os
+import signal
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
 
 FRAME_S: Final = 1 / 20
 HANG_UP_S: Final = 1.0
+ENDING_SIGNALS: Final = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 ENGINE_ENDED: Final = 1
 
@@ -77,6 +81,7 @@ class BenchApp(App[None]):
         self.last_words = ""
         self._told_unsaved = 0
         self._early_keys: list[events.Key | events.Paste] | None = []
+        self._ended_by = 0  # a signal
         for theme in THEMES.values():
             self.register_theme(theme)
         theme = THEMES[self._settings.theme]
@@ -84,6 +89,11 @@ class BenchApp(App[None]):
             # Without its watcher: every rule would be read twice before the first frame.
             self.set_reactive(BenchApp.theme, theme.name)
             self.stylesheet.set_variables(self.get_css_variables())
+
+    def on_load(self) -> None:
+        """Listen to signals before the terminal is asked for anything."""
+        if not self.is_headless:
+            self._end_on_signals()
 
     def on_mount(self) -> None:
         """Put the bench on the screen, then let the pictures flow."""
@@ -114,6 +124,8 @@ class BenchApp(App[None]):
         while self._early_keys:
             await self._obey_early(self._early_keys.pop(0))
         self._early_keys = None
+        if self._ended_by:
+            self._end_by_signal(self._ended_by)
         if self._read_only:
             self.main.prompt.tell("read-only: this screen looks, it commands nothing")
         if self._settings.problems:
@@ -152,6 +164,25 @@ class BenchApp(App[None]):
             if self.scene.bench != before:
                 self.main.begin_anew()
             self.main.show()
+
+    def _end_on_signals(self) -> None:
+        """Let SIGTERM and SIGHUP end the screen as `q` does: the terminal gets back what it had."""
+        loop = asyncio.get_running_loop()
+        for number in ENDING_SIGNALS:
+            if signal.getsignal(number) is signal.SIG_IGN:  # below nohup
+                continue
+            with suppress(NotImplementedError, ValueError):  # not on every system, not beside the main thread
+                loop.add_signal_handler(number, self._end_by_signal, number)
+
+    def _end_by_signal(self, number: int) -> None:
+        if self._early_keys is not None:  # the screen is not there yet: as soon as it is
+            self._ended_by = number
+            return
+        if not self.is_web:
+            self._leave_a_dead_terminal()
+        if self.race is not None:
+            self.race.forget()
+        self.exit(return_code=128 + number)  # as a shell reports a signal
 
     def _leave_a_dead_terminal(self) -> None:
         """End when the terminal is gone: below `make` no SIGHUP comes, and reading it would spin for ever."""

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,8 @@ import pytest
 
 TRCVTUI = Path(sys.executable).with_name("trcvtui")
 _NUMBERS = itertools.count(1)
-LOOKS = 1500  # each look is a tmux call of a few milliseconds
+PATIENCE_S = 90  # a busy machine is slow, not wrong
+LOOK_S = 0.03  # between two looks the program gets the processor
 
 
 def need(tool: str) -> str:
@@ -61,10 +63,12 @@ class Terminal:
         """Look until the screen shows it; return the screen."""
         shows = seen if callable(seen) else lambda screen: seen in screen
         screen = ""
-        for _ in range(LOOKS):
+        limit = time.monotonic() + PATIENCE_S
+        while time.monotonic() < limit:
             screen = self.screen()
             if shows(screen):
                 return screen
+            time.sleep(LOOK_S)
         raise AssertionError(f"never seen: {seen}\n{screen}")
 
     def close(self) -> None:

@@ -6,12 +6,13 @@ import os
 import re
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.e2e.terminal import LOOKS, TRCVTUI, Terminal, need
+from tests.e2e.terminal import LOOK_S, PATIENCE_S, TRCVTUI, Terminal, need
 from tests.rig.scenarios import CONFIGS
 
 PASSIVE = CONFIGS / "passive.toml"
@@ -114,9 +115,11 @@ def test_the_program_ends_with_its_terminal_even_where_no_signal_comes(tmp_path:
     terminal.wait("7000")
     assert running(project)
     terminal.close()
-    for _ in range(LOOKS):
+    limit = time.monotonic() + PATIENCE_S
+    while time.monotonic() < limit:
         if not running(project):
             return
+        time.sleep(LOOK_S)
     raise AssertionError("still running without a terminal")
 
 

@@ -243,7 +243,8 @@ def test_a_mistake_elsewhere(old: str, new: str, said: str) -> None:
         ),
         (
             '[[data]]\nname = "a"\ntype = "INT"\nsize = 3',
-            "b.toml: data a: size: found an unknown key, expected one of name, type",
+            "b.toml: data a: size: found an unknown key, expected one of name, type, "
+            "layout, byte_order, text, pointer_size, string_even",
         ),
         (
             '[[udt]]\nfile = "nix.st"\n[[data]]\nname = "a"\ntype = "Telegram"',

@@ -49,7 +49,8 @@ def test_data_may_be_symbolic() -> None:
 
 def test_to_other_vendors_symbolic_means_nothing() -> None:
     assert mistake("baosky", DATA) == (
-        "b.toml: data rx: optimized: found an unknown key, expected one of name, type"
+        "b.toml: data rx: optimized: found an unknown key, expected one of name, type, "
+        "layout, byte_order, text, pointer_size, string_even"
     )
 
 

@@ -126,7 +126,7 @@ def test_the_view_shows_what_lies_between_the_fields_and_what_is_missing() -> No
     rfc = CONNECTIONS["TCON_IP_RFC"]
     shown = rows(Description(rfc, pack(rfc, {"LocalTSelector": b"TCP-1"})), {})
     assert shown[4] == Row(6, "", b"\0\0", "")
-    assert (shown[6].value, shown[7].value) == ("", "TCP-1")
+    assert (shown[6].value, shown[7].value) == ("", "TCP-1 (54 43 50 2D 31)")
     short = rows(Description(rfc, b"\x00\x40\x00"), {"": "3 bytes"})
     assert short[1] == Row(2, "ID", b"\x00", "(not there)")
     assert short[-1] == Row(3, "", b"", "", "3 bytes")

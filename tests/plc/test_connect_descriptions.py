@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.net.description_check import Flaw
 from trcvtui.net.iso_on_tcp import IsoSettings
-from trcvtui.plc.iso_words import db_bytes, parse_selector
+from trcvtui.plc.description_keys import keys_of_iso
+from trcvtui.plc.iso_words import db_bytes, either_way, parse_selector
 from trcvtui.plc.project_file import read_project
 
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
@@ -105,8 +109,8 @@ def test_iso_port_beside_a_connection_type_that_is_wrong_is_the_flaw_of_the_type
 
 def test_iso_on_tcp_listens_on_102_or_where_the_bench_says() -> None:
     usual, free, called = read(
-        'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"',
-        'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"\nIsoPort = 0',
+        'type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"',
+        'type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"\nIsoPort = 0',
         'type = "TCON_IP_RFC"\nActiveEstablished = true\nRemoteAddress = "127.0.0.1"\n'
         'LocalTSelector = "TCP-1"\nRemoteTSelector = "TCP-2"\nIsoPort = "@P1"',
     )
@@ -117,7 +121,7 @@ def test_iso_on_tcp_listens_on_102_or_where_the_bench_says() -> None:
 
 
 def test_the_longest_message_is_that_of_the_cpu() -> None:
-    (config,) = read('type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"', dialect="s7-1200")
+    (config,) = read('type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"', dialect="s7-1200")
     assert config.session == IsoSettings(b"\xe0\x02", b"", cap=8192)
 
 
@@ -161,12 +165,24 @@ def test_a_flaw_names_the_field_as_its_structure_has_it() -> None:
 @pytest.mark.parametrize(
     ("text", "tsap"),
     [
-        ("E0 02", b"\xe0\x02"),
+        ("16#E002", b"\xe0\x02"),
+        ("16#e0 02", b"\xe0\x02"),
         ("E0.02", b"\xe0\x02"),
+        ("02.00", b"\x02\x00"),
         ("hex e0 02", b"\xe0\x02"),
         ("TCP-1", b"TCP-1"),
+        ("text:E002", b"E002"),
+        ("text:16#E002", b"16#E002"),
         ("text E0 02", b"E0 02"),
         ("ISO-on-TCP-1", b"ISO-on-TCP-1"),
+        ("E002", None),
+        ("E0 02", None),
+        ("AB", None),
+        ("E0.02.01", None),
+        ("7", None),
+        ("...", None),
+        ("16#E0G2", None),
+        ("16#", None),
         ("", b""),
         ("x" * 33, None),
         ("hex zz", None),
@@ -175,6 +191,36 @@ def test_a_flaw_names_the_field_as_its_structure_has_it() -> None:
 )
 def test_a_tsap_is_written_in_hex_or_as_text(text: str, tsap: bytes | None) -> None:
     assert parse_selector(text) == tsap
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("E002", '"16#E002" (the bytes E0 02) or "text:E002" (the text)'),
+        ("E0 02", '"16#E002" (the bytes E0 02) or "text:E0 02" (the text)'),
+        ("AB", '"16#AB" (the bytes AB) or "text:AB" (the text)'),
+        ("E0.02.01", '"16#E00201" (the bytes E0 02 01) or "text:E0.02.01" (the text)'),
+        ("7", '"16#07" (the bytes 07) or "text:7" (the text)'),
+        ("16#XY", 'a TSAP of at most 32 bytes such as "16#E002", "E0.02" or "TCP-1"'),
+    ],
+)
+def test_a_tsap_that_could_be_hex_or_text_is_refused_with_both(text: str, wanted: str) -> None:
+    with pytest.raises(UserError) as refused:
+        read(f'type = "TCON_IP_RFC"\nLocalTSelector = "{text}"\nIsoPort = 0')
+    assert f"expected {wanted}" in str(refused.value)
+
+
+@given(st.binary(min_size=1, max_size=32))
+def test_a_tsap_of_any_bytes_is_written_so_that_it_reads_back_the_same(tsap: bytes) -> None:
+    written = dict(keys_of_iso(IsoSettings(tsap, tsap, 8192)))
+    assert parse_selector(str(written["local_tsap"])) == parse_selector(str(written["remote_tsap"])) == tsap
+
+
+@given(st.text(alphabet="09afAF .x#", max_size=8))
+def test_whatever_is_refused_as_a_tsap_can_be_written_in_each_of_the_two_ways(text: str) -> None:
+    if parse_selector(text) is None and either_way(text):
+        for way in re.findall('"([^"]*)"', either_way(text)):
+            assert parse_selector(way)
 
 
 # -- names ---------------------------------------------------------------------------------------------------
@@ -211,10 +257,10 @@ def test_the_ends_of_a_secure_description_are_those_of_the_plain_one() -> None:
         ('bytes = "00 zz"', "connect C1: bytes: found '00 zz'"),
         (f'bytes = "{EXAMPLE}"\nLocalPort = 2000', "connect C1: LocalPort: found an unknown key"),
         (f'bytes = "{EXAMPLE}"\nRemotePort = 2001', "connect C1: RemotePort: found 2001, expected @NAME"),
-        ('LocalTSelector = "E0 02"', "connect C1: LocalTSelector: found an unknown key"),
+        ('LocalTSelector = "16#E002"', "connect C1: LocalTSelector: found an unknown key"),
         ("IsoPort = 0", "connect C1: IsoPort: found 0, expected nothing: only ISO-on-TCP has it"),
         (
-            'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"\nIsoPort = "@P1"',
+            'type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"\nIsoPort = "@P1"',
             "connect C1: IsoPort: found '@P1', expected a port: a passive end listens on its own",
         ),
         ('type = "TCON_IP_RFC"\nIsoPort = "@P9"', "connect C1: IsoPort: found 'P9'"),
@@ -243,7 +289,7 @@ def peer(table: str) -> object:
 
 def test_a_peer_speaks_iso_on_tcp_with_its_tsaps_and_its_size() -> None:
     assert peer("") is None
-    assert peer('iso = true\nlocal_tsap = "E0 01"\nremote_tsap = "TCP-2"\ntpdu = 128') == IsoSettings(
+    assert peer('iso = true\nlocal_tsap = "16#E001"\nremote_tsap = "TCP-2"\ntpdu = 128') == IsoSettings(
         b"\xe0\x01", b"TCP-2", cap=65536, size_code=7
     )
 

@@ -35,7 +35,7 @@ def test_an_active_tcp_description_says_where_it_goes() -> None:
 
 
 def test_the_field_that_is_wrong_says_why() -> None:
-    seen = view('type = "TCON_IP_RFC"\nLocalTSelector = "10 02"\nIsoPort = 0')
+    seen = view('type = "TCON_IP_RFC"\nLocalTSelector = "16#1002"\nIsoPort = 0')
     assert seen is not None
     assert seen.flaw == "two bytes begin with E0, not with 10"
     assert remarks(seen)["LocalTSelector"] == "! two bytes begin with E0, not with 10"
@@ -58,7 +58,7 @@ dialect = "s7-1500"
 name = "C1"
 type = "TCON_IP_RFC"
 RemoteAddress = "10.0.0.9"
-LocalTSelector = "E0 02"
+LocalTSelector = "16#E002"
 """
     config = read_project(tomllib.loads(text), "b.toml", Path()).connects[0]
     assert config.description is not None

@@ -26,10 +26,10 @@ WRITTEN = {
     "active": 'type = "TCON_IP_v4"\nActiveEstablished = true\nRemoteAddress = "10.0.0.7"\nRemotePort = 2000',
     "peer": 'ActiveEstablished = true\nRemoteAddress = "127.0.0.1"\nRemotePort = "@P1"',
     "udp": 'type = "TCON_IP_v4"\nConnectionType = 19\nLocalPort = 2000\nKeepAliveTimeInterval = 3',
-    "iso": 'type = "TCON_IP_RFC"\nLocalTSelector = "E0 02"\nIsoPort = 0',
+    "iso": 'type = "TCON_IP_RFC"\nLocalTSelector = "16#E002"\nIsoPort = 0',
     "iso active": (
         'type = "TCON_IP_RFC"\nActiveEstablished = true\nRemoteAddress = "127.0.0.1"\n'
-        'LocalTSelector = "E0 02"\nRemoteTSelector = "TCP-1"\nIsoPort = "@P1"'
+        'LocalTSelector = "16#E002"\nRemoteTSelector = "TCP-1"\nIsoPort = "@P1"'
     ),
     "param": 'type = "TCON_Param"\nactive_est = false\nlocal_tsap_id = "07 d0"',
     "name": NAMED + '\nDnsAnswer = "127.0.0.1"',

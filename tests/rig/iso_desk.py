@@ -24,7 +24,7 @@ type = "ARRAY[0..1999] OF BYTE"
 [[connect]]
 name = "C1"
 type = "TCON_IP_RFC"
-LocalTSelector = "E0 02"
+LocalTSelector = "16#E002"
 IsoPort = 0
 [[instance]]
 name = "R"
@@ -40,8 +40,8 @@ data = "tx"
 name = "P1"
 iso = true
 remote = "@C1"
-local_tsap = "E0 01"
-remote_tsap = "E0 02"
+local_tsap = "16#E001"
+remote_tsap = "16#E002"
 """
 
 

@@ -17,7 +17,7 @@ from trcvtui.rig.assembly import Bench
 from trcvtui.rig.fact_book import FactBook
 from trcvtui.rig.local_driver import LocalDriver
 
-TSAPS = 'ActiveEstablished = false\nLocalTSelector = "E0 02"\nRemoteTSelector = "E0 01"\nIsoPort = 0'
+TSAPS = 'ActiveEstablished = false\nLocalTSelector = "16#E002"\nRemoteTSelector = "16#E001"\nIsoPort = 0'
 ARMED = ("set TRCV_C_1 CONT=1 EN_R=1", "run 20")
 
 
@@ -64,7 +64,7 @@ def test_a_description_of_a_wrong_length_is_told_in_7002_too_and_sends_to_the_sc
 
 
 def test_a_wrong_tsap_of_our_own_is_no_matter_of_ports_in_7002() -> None:
-    told = shipped("s7-iso-passive", "set TSEND_C_1 CONT=1", "run 250", old='"E0 02"', new='"10 02"')
+    told = shipped("s7-iso-passive", "set TSEND_C_1 CONT=1", "run 250", old='"16#E002"', new='"16#1002"')
     first, *rest = told.of("TSEND_C_1").checks
     assert first.startswith("the last attempt ended in 80B4 in scan ")
     assert "TCON_IP_RFC.LocalTSelector is byte " in first
@@ -133,15 +133,16 @@ def test_a_refused_tsap_of_an_active_end_is_crosswise_and_no_refusal_of_tcp() ->
     assert "ECONNREFUSED" not in said(told, "TRCV_C_1")
     first = advice.checks[0]
     assert first.startswith("the last attempt ended in 80C5 in scan ")
-    assert "its remote selector has to be TCP-1 (our local one) and its local selector NO-SUCH" in first
+    assert "its remote selector has to be TCP-1 (54 43 50 2D 31) (our local one)" in first
+    assert "its local selector NO-SUCH (4E 4F 2D 53 55 43 48)" in first
     assert first.endswith(" (DR, reason 03)")
 
 
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('remote_tsap = "E0 02"', 'remote_tsap = "E0 07"', "no CONNECT has the TSAP e0 07"),
-        ('local_tsap = "E0 01"', 'local_tsap = "E0 05"', "the TSAP e0 05 is not the partner's"),
+        ('remote_tsap = "16#E002"', 'remote_tsap = "16#E007"', "no CONNECT has the TSAP e0 07"),
+        ('local_tsap = "16#E001"', 'local_tsap = "16#E005"', "the TSAP e0 05 is not the partner's"),
     ],
 )
 def test_a_caller_with_another_tsap_is_told_and_not_asked_to_call_again(old: str, new: str, why: str) -> None:
@@ -158,12 +159,12 @@ def test_a_caller_with_another_tsap_is_told_and_not_asked_to_call_again(old: str
 def test_whoever_shares_the_port_hears_of_a_tsap_that_nobody_has() -> None:
     second = (
         '[[connect]]\nname = "C2"\ntype = "TCON_IP_RFC"\nActiveEstablished = false\nID = 2\n'
-        'LocalTSelector = "E0 03"\nIsoPort = 0\n\n[[instance]]\nname = "B"\nblock = "TSEND_C"\n'
+        'LocalTSelector = "16#E003"\nIsoPort = 0\n\n[[instance]]\nname = "B"\nblock = "TSEND_C"\n'
         'connect = "C2"\ndata = "tx"\n\n[[peer]]\nname = "P1"'
     )
     text = (CONFIGS / "s7-iso-passive.toml").read_text(encoding="utf-8")
     text = text.replace('[[peer]]\nname = "P1"', second).replace(
-        'remote_tsap = "E0 02"', 'remote_tsap = "E0 07"'
+        'remote_tsap = "16#E002"', 'remote_tsap = "16#E007"'
     )
     told = Told()
     told.driver = LocalDriver(Bench(read_project(tomllib.loads(text), "b.toml", Path(".")), "sim"))

@@ -113,7 +113,7 @@ class Wire:
 def test_tshark_reads_our_traffic_as_tpkt_and_cotp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wire = Wire(monkeypatch)
     two = PASSIVE + PASSIVE[PASSIVE.index("[[peer]]") :].replace("P1", "P2").replace(
-        'remote_tsap = "E0 02"', 'remote_tsap = "E0 09"'
+        'remote_tsap = "16#E002"', 'remote_tsap = "16#E009"'
     )
     desk = Desk(two, tmp_path)
     desk.say("set S CONT=1", "set R CONT=1 EN_R=1", "run 3")

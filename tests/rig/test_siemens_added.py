@@ -18,8 +18,8 @@ from trcvtui.tui.add_fields import KINDS, fields_of, first_name, line_of
 BENCH = 'dialect = "{}"\n[[data]]\nname = "rx"\ntype = "ARRAY[0..3] OF BYTE"\n'
 DESCRIBED = (
     'add connect C1 type=TCON_IP_v4 bytes="00 40 00 01 0b 00 00 00 00 00 00 00 07 d0" ListenPort=0',
-    'add connect C2 type=TCON_IP_RFC ID=2 LocalTSelector="E0 02" RemoteTSelector="E0 01" IsoPort=0',
-    'add peer P2 remote=@C2 iso=true local_tsap="E0 01" remote_tsap="E0 02"',
+    'add connect C2 type=TCON_IP_RFC ID=2 LocalTSelector="16#E002" RemoteTSelector="16#E001" IsoPort=0',
+    'add peer P2 remote=@C2 iso=true local_tsap="16#E001" remote_tsap="16#E002"',
     'add connect C3 type=TCON_IP_v4 ID=3 ConnectionType=19 LocalPort=2000 ListenPort=0',
     "add addr A3 rem_ip_addr=127.0.0.1 rem_port_nr=5000",
     'add addr A4 bytes="7f 00 00 01 07 d0 00 00"',
@@ -114,3 +114,15 @@ def test_the_form_offers_a_connection_what_its_dialect_takes(dialect: str, tmp_p
         if kind in ("connect", "addr", "peer"):
             first = {field.key: field.first for field in fields_of(kind, project)}
             saved(file, (line_of(kind, first_name(kind, load_project(file)), first),))
+
+
+@pytest.mark.parametrize("written", ["E002", '"E0 02"'])
+def test_a_line_refuses_a_tsap_that_could_be_hex_or_text_with_both(written: str, tmp_path: Path) -> None:
+    text = written.strip('"')
+    told = f'found \'{text}\', expected "16#E002" (the bytes E0 02) or "text:{text}" (the text)'
+    lines = (
+        f"add connect C2 type=TCON_IP_RFC LocalTSelector={written} IsoPort=0",
+        f"add peer P2 iso=true local_tsap={written}",
+    )
+    for driver in driven(bench_in(tmp_path)):
+        assert all(told in say(driver, line).answers[-1].error for line in lines)

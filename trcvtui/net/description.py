@@ -273,6 +273,17 @@ def rows(description: Description, remarks: Mapping[str, str]) -> tuple[Row, ...
     return tuple(found)
 
 
+def selector_bytes(data: bytes) -> str:
+    """Return the bytes of a T-selector: `E0 02`."""
+    return data.hex(" ").upper()
+
+
+def selector_text(data: bytes) -> str:
+    """Return a T-selector as a person reads it, and always its bytes: `TCP-1 (54 43 50 2D 31)`, `E0 02`."""
+    is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
+    return f"{data.decode('ascii')} ({selector_bytes(data)})" if is_text else selector_bytes(data)
+
+
 def _gap(data: bytes, begin: int, end: int) -> list[Row]:
     return [Row(begin, "", data[begin:end], "")] if data[begin:end] else []
 
@@ -281,6 +292,8 @@ def _shown(field: Field, value: Value) -> str:
     match value:
         case bool():
             return "TRUE" if value else "FALSE"
+        case bytes() if field.type is FieldType.SELECTOR or "tsap_id" in field.name:
+            return selector_text(value)
         case bytes():
             text = value.decode("latin-1")
             return text if text.isascii() and text.isprintable() and text else value.hex(" ").upper()

@@ -77,5 +77,5 @@ def keys_of_iso(session: IsoSettings) -> Keys:
     """Return what a peer's table says about ISO-on-TCP."""
     tsaps = (("local_tsap", session.local), ("remote_tsap", session.remote))
     keys: Keys = [("iso", True)]
-    keys += [(key, f"hex {tsap.hex(' ')}") for key, tsap in tsaps if tsap]
+    keys += [(key, f"16#{tsap.hex().upper()}") for key, tsap in tsaps if tsap]
     return keys + ([("tpdu", 1 << session.size_code)] if session.size_code != OWN_SIZE_CODE else [])

@@ -32,16 +32,27 @@ class Given:
 
 @dataclass(frozen=True, slots=True)
 class Kind(Generic[T]):
-    """What a key may hold. Both readers answer None for what is not of this kind."""
+    """What a key may hold. Both readers answer None for what is not of this kind.
+
+    `instead`: what to write in place of a text that is refused, "" where `expected` says it.
+    """
 
     expected: str
     read: Callable[[Any], T | None]
     from_text: Callable[[str], T | None]
+    instead: Callable[[str], str] = lambda text: ""
+
+    def wanted(self, value: object) -> str:
+        """Return what was expected where this stands."""
+        text = value.text if isinstance(value, Given) else value
+        return (self.instead(text) if isinstance(text, str) else "") or self.expected
 
 
-def of_text(expected: str, read: Callable[[str], T | None]) -> Kind[T]:
+def of_text(
+    expected: str, read: Callable[[str], T | None], instead: Callable[[str], str] = lambda text: ""
+) -> Kind[T]:
     """Return a kind that is written as a string in TOML."""
-    return Kind(expected, lambda value: read(value) if isinstance(value, str) else None, read)
+    return Kind(expected, lambda value: read(value) if isinstance(value, str) else None, read, instead)
 
 
 def whole(least: int, most: int) -> Kind[int]:
@@ -167,7 +178,7 @@ class Table:
         value = self._content[key]
         found = kind.from_text(value.text) if isinstance(value, Given) else kind.read(value)
         if found is None:
-            self.wrong(key, shown(value), kind.expected)
+            self.wrong(key, shown(value), kind.wanted(value))
         return found
 
     def has(self, key: str) -> bool:

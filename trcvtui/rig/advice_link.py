@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.description import selector_text
 from trcvtui.net.description_check import Protocol, meaning
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.facts import NOT_BUILT, Failures
@@ -89,17 +90,11 @@ def _not_built(e: Evidence) -> str:
     return f"{e.config.name} is not built{_since(e)}: {attempt.cause.name}{press}{detail}{_again(e)}"
 
 
-def selector(data: bytes) -> str:
-    """Return a T-selector as an engineer writes it: `TCP-1`, `E0 02`."""
-    is_text = len(data) > 1 and all(0x20 < byte < 0x7F for byte in data)
-    return data.decode("ascii") if is_text else data.hex(" ").upper()
-
-
 def remote_tsap(config: ConnectConfig) -> str:
     """Return the T-selector that the partner has to have, "" where there is none or any will do."""
     if config.description is None or meaning(config.description).protocol is not Protocol.ISO:
         return ""
-    return selector(meaning(config.description).remote_tsap)
+    return selector_text(meaning(config.description).remote_tsap)
 
 
 def _called(e: Evidence) -> str:
@@ -193,7 +188,7 @@ def let_go(e: Evidence) -> str:
     text = f"{refused} called and was refused in scan {dropped.at.scan}: {dropped.why}"
     if e.config.description is None or meaning(e.config.description).protocol is not Protocol.ISO:
         return text
-    ours = selector(meaning(e.config.description).local_tsap)
+    ours = selector_text(meaning(e.config.description).local_tsap)
     return f"{text}; {e.config.name} is {ours} (LocalTSelector), its partner {remote_tsap(e.config) or 'any'}"
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.net.description import selector_text
 from trcvtui.net.description_check import Protocol, meaning
 from trcvtui.net.tls_words import TlsError
 from trcvtui.rig import advice_job as job
@@ -100,8 +101,8 @@ def no_such_selector(e: Evidence) -> str:
     says_what = meaning(e.config.description)
     if says_what.protocol is not Protocol.ISO:
         return ""
-    ours = link.selector(says_what.local_tsap) or "none"
-    theirs = link.selector(says_what.remote_tsap) or "any"
+    ours = selector_text(says_what.local_tsap) or "none"
+    theirs = selector_text(says_what.remote_tsap) or "any"
     return (
         f"{_peer(e)} took the call and refused it: crosswise, its remote selector has to be {ours} (our "
         f"local one) and its local selector {theirs} (our remote one)"
@@ -214,7 +215,10 @@ _OWN: Final[dict[Condition, tuple[Rule, ...]]] = {
         says("ConnectionType 16#13 (UDP) is for blocks with an ADDR, TCP for TSEND and TRCV without one"),
     ),
     Condition.UDP_ACTIVE: (*_FLAW, says("ActiveEstablished is FALSE on both ends of UDP: nobody calls")),
-    Condition.TSAP_WRONG: (*_FLAW, says("two bytes begin with E0, as in E0 02; longer ones are text: TCP-1")),
+    Condition.TSAP_WRONG: (
+        *_FLAW,
+        says("two bytes begin with E0, as 16#E002; longer ones are text: TCP-1"),
+    ),
     Condition.PARAMETER_WRONG: _FLAW,
     Condition.NAME_EMPTY: (*_FLAW, says("an active end needs its partner's name, with a dot behind it")),
     Condition.NAME_NOT_FULL: (*_FLAW, says("a whole name ends with a dot: plc2.line.local.")),

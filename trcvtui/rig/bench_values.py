@@ -33,7 +33,7 @@ def value_of(kind: Kind[T], text: str, before: str, where: str) -> T:
     """Return a text read as a kind; `before` is what stands in front of it, such as `gap=`."""
     found = kind.from_text(text)
     if found is None:
-        raise mistake(where, f"{before}{shown(text)}", kind.expected)
+        raise mistake(where, f"{before}{shown(text)}", kind.wanted(text))
     return found
 
 

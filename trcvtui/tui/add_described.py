@@ -45,7 +45,7 @@ def connect_fields(project: Project) -> Sequence[AddField]:
         AddField("RemoteQDN", "TCON_QDN: a name with a dot at its end"),
         AddField("RemotePort", "a port, or @NAME", ends),
         AddField("LocalPort", "passive: 1 to 49151"),
-        AddField("LocalTSelector", "TCON_IP_RFC: such as E0 02"),
+        AddField("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1"),
         AddField("RemoteTSelector", "that of the partner"),
         AddField("IsoPort", "of the bench, in place of 102", ends),
         AddField("ActivateSecureConn", "SEC: true is TLS", BOOLS),

@@ -105,7 +105,7 @@ def _sessions(project: Project) -> Sequence[AddField]:
         return ()
     return (
         AddField("iso", "true: it speaks ISO-on-TCP", BOOLS),
-        AddField("local_tsap", "its own, such as E0 01 or TCP-1"),
+        AddField("local_tsap", "its own: 16#E001, E0.01 or TCP-1"),
         AddField("remote_tsap", "that of the PLC"),
         AddField("tls", "true: it speaks TLS", BOOLS),
         AddField("certificate", "the number of its own, with a key", _numbers(project, with_key=True)),

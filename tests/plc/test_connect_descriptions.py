@@ -103,7 +103,7 @@ def test_an_active_end_to_another_machine_takes_the_address_that_routing_gives_i
 
 
 def test_iso_port_beside_a_connection_type_that_is_wrong_is_the_flaw_of_the_type() -> None:
-    (config,) = read('type = "TCON_IP_RFC"\nConnectionType = 11\nLocalTSelector = "E0 02"\nIsoPort = 0')
+    (config,) = read('type = "TCON_IP_RFC"\nConnectionType = 11\nLocalTSelector = "16#E002"\nIsoPort = 0')
     assert flaw_of(config) is Flaw.TYPE
 
 

@@ -32,7 +32,7 @@ WAITS = (What.TPDUS_WAIT, What.RECORDS_WAIT, What.CLIENTS_WAIT, What.HANDSHAKES_
 def document(attackers: int, secure: bool = False, plain: bool = False) -> dict[str, object]:
     """Return eight good connections with a frame each 20 ms, a CONNECT X, and those who come for X."""
     names = [f"C{n}" for n in range(1, GOOD + 1)]
-    described: dict[str, object] = {"type": "TCON_IP_RFC", "IsoPort": 0, "LocalTSelector": "E0 FF"}
+    described: dict[str, object] = {"type": "TCON_IP_RFC", "IsoPort": 0, "LocalTSelector": "16#E0FF"}
     if secure:
         described = {"type": "TCON_IP_V4_SEC", "ListenPort": 0, "ActivateSecureConn": True}
         described |= {"TLSServerCertRef": 1}

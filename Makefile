@@ -2,11 +2,12 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
 ARGS   ?=
+INSTALLED := $(VENV)/.installed
 READY  := $(VENV)/.ready
 
 .PHONY: run test lint types contracts unit soak oracle bench scenarios pictures atlas clean
 
-run: $(READY)
+run: $(INSTALLED)
 	@$(BIN)/trcvtui $(ARGS)
 
 test: lint types contracts unit
@@ -41,13 +42,20 @@ oracle: $(READY)
 bench: $(READY)
 	$(BIN)/python -m benchmarks $(ARGS)
 
-# The marker is written last, so that an interrupted first run starts again from nothing. Compiled as pip does
+# A marker is written last, so that an interrupted first run starts again from nothing. Compiled as pip does
 # with an installed program: where PYTHONDONTWRITEBYTECODE is set, every start would compile it.
-$(READY): pyproject.toml
+$(INSTALLED): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "trcvtui needs Python 3.11 or newer")'
+	@echo "Installing trcvtui and what it needs into $(VENV): a minute, once."
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	$(BIN)/python -m pip install --disable-pip-version-check --editable .
 	@$(BIN)/python -m compileall -q trcvtui
+	@touch $@
+
+# What only the tests need: not on the way of `make run`.
+$(READY): $(INSTALLED)
+	@echo "Installing what the tests need into $(VENV): a minute, once."
+	$(BIN)/python -m pip install --disable-pip-version-check --editable '.[test]'
 	@touch $@
 
 pictures: $(READY)

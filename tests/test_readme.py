@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from trcvtui.cli import main
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 STORIES = (ROOT / "docs" / "stories.md").read_text(encoding="utf-8")
@@ -62,18 +64,18 @@ def test_every_make_target_of_the_readme_is_in_the_makefile() -> None:
     assert [target for target in targets if not re.search(rf"^{target}\b.*:", makefile, re.MULTILINE)] == []
 
 
-def test_the_project_file_of_the_readme_is_a_project(tmp_path: Path) -> None:
-    from trcvtui.plc.project_file import load_project
-    from trcvtui.rig.bench_routine import read_routines
-
+def test_the_project_file_of_the_readme_shows_a_living_bench_when_it_is_pasted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (toml,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
-    (tmp_path / "types").mkdir()
-    for name in ("weight.st",):
-        source = (ROOT / "configs" / "types" / name).read_text(encoding="utf-8")
-        (tmp_path / "types" / name).write_text(source, encoding="utf-8")
-    project = tmp_path / "bench.toml"
-    project.write_text(toml, encoding="utf-8")
-    assert len(read_routines(load_project(project))["Device"].says) == 1
+    (tmp_path / "bench.toml").write_text(toml, encoding="utf-8")
+    steps = (
+        "wait TRCV_C_1 STATUS=7008 within T#5s\\nexpect TRCV_C_1 trace 0001 7001 7002+ 7004+ 7006+ 7008\\n"
+    )
+    steps += "expect report hex 01 00 00 00 00 00 20 40 64 00 00 00\\n"
+    scenario = f'project = "bench.toml"\n[scenario]\nname = "pasted"\nsteps = "{steps}"\n'
+    (tmp_path / "check.toml").write_text(scenario, encoding="utf-8")
+    assert main(["scenario", str(tmp_path / "check.toml")]) == 0, capsys.readouterr().out
 
 
 def test_the_page_of_siemens_has_each_switch_with_its_default_and_descriptions_that_are_right(

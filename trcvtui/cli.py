@@ -102,7 +102,7 @@ def _forget_stdout() -> None:
 
 
 def _demo(args: argparse.Namespace) -> int:
-    from trcvtui.rig import demo_path
+    from trcvtui.paths import demo_path
 
     return _open_screen(demo_path(), "live", theme=args.theme)
 
@@ -168,7 +168,9 @@ def _scenario(args: argparse.Namespace) -> int:
 
     if args.format not in FORMATS:
         raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(FORMATS))
-    out = None if args.out is None else _path(args.out)
+    from pathlib import Path
+
+    out = None if args.out is None else Path(args.out)
     files = [_path(file) for file in args.files]
     return run_files(files, args.kernel, args.format, out, args.set, args.netns)
 
@@ -229,32 +231,32 @@ def _st(args: argparse.Namespace) -> int:
 def _udt_show(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    return _print_lines(command.show(args))
+    return _print_lines(command.show(_with_examples(args)))
 
 
 def _udt_decode(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    return _print_lines(command.decode(args))
+    return _print_lines(command.decode(_with_examples(args)))
 
 
 def _udt_encode(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    return _print(command.encode(args))
+    return _print(command.encode(_with_examples(args)))
 
 
 def _udt_export(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    text = command.export(args)
+    text = command.export(_with_examples(args))
     return _print(text) if text else GOOD
 
 
 def _udt_compare(args: argparse.Namespace) -> int:
     from trcvtui.udt import command
 
-    lines, is_equal = command.compare(args)
+    lines, is_equal = command.compare(_with_examples(args))
     _print_lines(lines)
     return GOOD if is_equal() else FAILED
 
@@ -265,10 +267,29 @@ def _layout_names() -> str:
     return "layouts: " + ", ".join([*LAYOUTS, *LAYOUT_ALIASES])
 
 
-def _path(text: str) -> Path:
-    from pathlib import Path
+def _with_examples(args: argparse.Namespace) -> argparse.Namespace:
+    """Return the arguments with each file that is not there, but came with the program, by its path."""
+    args.file = _given(args.file)
+    args.others = [_given(name) for name in args.others]
+    if "values" in args:
+        args.values = _given(args.values)
+    return args
 
-    return Path(text)
+
+def _given(text: str) -> str:
+    import os
+
+    if os.path.lexists(text):  # the usual case, without an import
+        return text
+    from trcvtui.paths import given_path
+
+    return str(given_path(text))
+
+
+def _path(text: str) -> Path:
+    from trcvtui.paths import given_path
+
+    return given_path(text)
 
 
 # -- the arguments -----------------------------------------------------------------------------------------

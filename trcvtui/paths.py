@@ -1,0 +1,48 @@
+"""Where the files are that came with the program: the demo, the examples; an example is found by its name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+from trcvtui.errors import mistake
+
+CONFIGS: Final = "configs"
+
+
+def demo_path() -> Path:
+    """Return the project file of the built-in demo."""
+    return Path(__file__).parent / "rig" / "demo.toml"
+
+
+def configs_path() -> Path:
+    """Return the folder of the examples that came with the program: beside the source, in a wheel inside."""
+    inside = Path(__file__).parent / CONFIGS
+    return inside if inside.is_dir() else Path(__file__).parents[1] / CONFIGS
+
+
+def given_path(text: str) -> Path:
+    """Return the file that a word of the command line names; raise UserError for a name of two examples.
+
+    The user's own file comes first. Where there is none, `configs/types/weight.st` and, without folder and
+    suffix, `80c5-partner-closes` are examples that came with the program.
+    """
+    path = Path(text)
+    if os.path.lexists(path):
+        return path
+    if path.parts[:1] == (CONFIGS,) and ".." not in path.parts:
+        came_along = configs_path().joinpath(*path.parts[1:])
+        return came_along if came_along.exists() else path
+    if path.suffix or len(path.parts) != 1:
+        return path
+    found = sorted(configs_path().rglob(f"{_exactly(text)}.toml"))
+    if len(found) > 1:
+        names = " and ".join(str(Path(CONFIGS) / each.relative_to(configs_path())) for each in found)
+        raise mistake(text, f"the name of {names}", "one of them")
+    return found[0] if found else path
+
+
+def _exactly(name: str) -> str:
+    """Return a pattern that matches this name alone."""
+    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in name)

@@ -29,7 +29,8 @@ unit: $(READY)
 scenarios: $(READY)
 	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml configs/scenarios/siemens/*.toml $(ARGS)
 
-# A million random scans on simulated networks: minutes. TRCVTUI_SOAK_SCANS says how many.
+# A million random scans on simulated networks: minutes; ten million of self-checking traffic: an hour or two.
+# TRCVTUI_SOAK_SCANS and TRCVTUI_SOAK_TRAFFIC say how many.
 soak: $(READY)
 	TRCVTUI_SOAK=1 $(BIN)/pytest -s tests/properties/test_soak.py $(ARGS)
 

@@ -26,12 +26,13 @@ END_S: Final = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """What the instances had done together after so many scans; when that was asked, the time of the scan."""
+    """What the instances had done after so many scans; when that was asked, the time of the scan."""
 
     at_ns: int
     t_ns: int
     scans: int
     done: int
+    each: tuple[int, ...]  # of the instances
 
 
 class PacedEngine:
@@ -86,7 +87,8 @@ class PacedEngine:
         """Let so much time pass, then count."""
         time.sleep(seconds)
         seen = self._snapshot()
-        return Count(now_ns(), seen.t_ns, seen.scan, sum(instance.jobs_done for instance in seen.instances))
+        each = tuple(instance.jobs_done for instance in seen.instances)
+        return Count(now_ns(), seen.t_ns, seen.scan, sum(each), each)
 
     def _snapshot(self) -> Snapshot:
         self._channel.send(PictureRequest(most_lines=0))

@@ -17,7 +17,7 @@ import pytest
 
 from tests.net.contract import FACTS, NEEDS_RDHUP, OF_THE_WIRE, Fact
 from tests.net.net_bench import Bench
-from trcvtui.net import os_kernel, os_poll
+from trcvtui.net import os_kernel, os_poll, os_queues
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Handle, LocalAddress, Loss, SocketOptions
 from trcvtui.net.kernel import Fault as Failed
 from trcvtui.net.os_errors import error_name
@@ -301,3 +301,23 @@ def test_a_loss_found_behind_bytes_is_kept_for_the_next_call(network: OsNetwork)
     assert b.try_recv(one.server, 100) == b"five!"
     assert b.kernel.loss(one.server) == Loss(Failed("recv", "ECONNRESET"), 0)
     assert b.try_recv(one.server) == 0
+
+
+class Trickle(socket.socket):
+    """A socket whose partner is always one byte ahead of the reader."""
+
+    calls = 0
+
+    def recv_into(self, *_: object) -> int:
+        self.calls += 1
+        return 1
+
+
+def test_a_partner_who_sends_byte_by_byte_costs_one_read_a_bounded_number_of_calls() -> None:
+    kernel, trickle = OsKernel(), Trickle()
+    handle = Handle(trickle.fileno())
+    kernel._sockets[handle] = trickle
+    assert kernel.recv(handle, memoryview(bytearray(65536))) == trickle.calls == 1 + os_kernel.MOST_READS
+    trickle.calls = 0
+    assert kernel.discard(handle, 1 << 20) == trickle.calls == os_queues.MOST_READS
+    kernel.close_all()

@@ -1,4 +1,4 @@
-"""A million scans: `make soak`. Nothing leaks: no descriptor, no memory, no resource of the PLC."""
+"""Millions of scans: `make soak`. Nothing leaks: no descriptor, no memory, no resource of the PLC."""
 
 from __future__ import annotations
 
@@ -15,12 +15,21 @@ from hypothesis.stateful import run_state_machine_as_test
 from tests.properties.drawn_projects import DATA
 from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
 from trcvtui.net.kernel import CALLS
+from trcvtui.plc.project_file import read_project
+from trcvtui.rig.assembly import Bench
+from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.timing import Punctuality
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
 EXAMPLES = 150  # of one round; Hypothesis forgets them behind it
 MOST_GROWTH = 48 << 20  # bytes of the process, from the first round to the last
 LIFE = 100_000  # scans of the one long life
 MOST_GAIN = 256 << 10  # bytes that lines of trcvtui may hold more than in the middle of it
+TRAFFIC_SCANS = int(os.environ.get("TRCVTUI_SOAK_TRAFFIC", "10000000"))  # of self-checking traffic
+LOOKS = 50  # at the memory meanwhile
+FILLED = 600_000  # scans after which every history is as full as it gets: it forgets the oldest from there on
+MOST_DRIFT = 6 << 20  # bytes of the process, from then to the end
 
 KINDS = ("TRCV_C", "TSEND_C", "TCON", "TRCV", "TSEND", "T_RESET")
 PEER_MOVES = ("close", "rst", "shutdown", "open", "open", "stall", "resume")
@@ -144,3 +153,78 @@ def held_by_the_program() -> int:
     ours = tracemalloc.Filter(True, "*/trcvtui/*")
     taken = tracemalloc.take_snapshot().filter_traces([ours])
     return sum(line.size for line in taken.statistics("filename"))
+
+
+# -- self-checking traffic ---------------------------------------------------------------------------------
+
+NAMES = ("plain", "iso")
+FRAME = 64
+COMES_AGAIN = 5_000  # scans that a partner stays
+
+
+def pairs() -> dict[str, object]:
+    """Return passive CONNECTs, each with a TRCV_C and a TSEND_C on one DATA, and a peer for each."""
+    iso = {"type": "TCON_IP_RFC", "IsoPort": 0}
+    return {
+        "dialect": "s7-1500",
+        "data": [{"name": f"D{name}", "type": f"ARRAY[1..{FRAME}] OF BYTE"} for name in NAMES],
+        "connect": [
+            {"name": name} | (iso | {"LocalTSelector": f"text:{name}"} if name == "iso" else {"LocalPort": 0})
+            for name in NAMES
+        ],
+        "instance": [
+            {"name": f"{way}{name}", "block": block, "connect": name, "data": f"D{name}", "CONT": True}
+            for name in NAMES
+            for way, block in (("R", "TRCV_C"), ("S", "TSEND_C"))
+        ],
+        "peer": [
+            {"name": f"P{name}", "active": True, "remote": f"@{name}"}
+            | ({"iso": True, "local_tsap": "16#E001", "remote_tsap": f"text:{name}"} if name == "iso" else {})
+            for name in NAMES
+        ],
+        "start": "\n".join(f"set R{name} EN_R=1\nset Splain REQ=blink" for name in NAMES),
+    }
+
+
+def test_self_checking_traffic_keeps_the_memory_flat() -> None:
+    """The console of the engine scans, keeps its histories, and draws a picture now and then."""
+    console = Console(fresh_bench(read_project(pairs(), "traffic", Path()), "sim"))
+    peers, timing, seq = list(console.bench.peers), Punctuality("soak"), 0
+    sizes: dict[int, int] = {}
+    frames = 0
+    say = iter(range(1, 1 << 60))
+    while (scan := console.bench.runtime.scans) < TRAFFIC_SCANS:
+        for turn, name in enumerate(peers):
+            if scan % COMES_AGAIN == 100 * turn:
+                frames += judged(console.bench, name)
+                console.take(next(say), f"peer {name} check off")
+            if scan % COMES_AGAIN == 100 * turn + 15:  # what is on its way has come
+                console.take(next(say), f"peer {name} close")
+            if scan % COMES_AGAIN == 100 * turn + 20:
+                console.take(next(say), f"peer {name} connect")
+            if scan % COMES_AGAIN == 100 * turn + 40:
+                console.take(next(say), f"peer {name} check on size={FRAME} every=T#40ms on R{name[1:]}")
+        assert console.scan()
+        timing.scanned(scan, scan, scan + 1, 10_000_000)
+        if scan % 500 == 0:
+            seen = console.picture(PictureRequest(seq), timing.summary(), 2000)
+            seq = seen.snapshot.ledger_seq
+        if scan and scan % (TRAFFIC_SCANS // LOOKS) == 0:
+            sizes[scan] = resident()
+            print(f"{scan} scans, {frames} frames: {sizes[scan] / (1 << 20):.1f} MiB", flush=True)
+    after = [size for scan, size in sizes.items() if scan >= FILLED]
+    assert frames > TRAFFIC_SCANS * len(NAMES) // 5
+    assert max(after) - after[0] < MOST_DRIFT
+    console.bench.close()
+    assert console.bench.leaks() == ()
+
+
+def judged(bench: Bench, peer: str) -> int:
+    """Return how many frames of this partner have reached DATA, each of them good."""
+    (seen,) = [one for one in bench.peer_snapshots() if one.name == peer]
+    if seen.check is None:
+        return 0
+    data = seen.check.data
+    assert data is not None
+    assert (data.lost, data.doubled, data.shifts, data.strange) == (0, 0, 0, 0)
+    return data.frames

@@ -34,6 +34,7 @@ from trcvtui.net.os_options import BASE, RESET_ON_CLOSE, REUSE, apply_options, l
 from trcvtui.net.os_poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
 from trcvtui.net.os_queues import path_of, read_away, unread_bytes
 
+MOST_READS: Final = 16  # of one call; what is left stays in the stack for the next
 Socket = socket.socket  # inside the class `socket` is the call
 
 # A stack reports these to one call only; Linux answers 0 and EPIPE afterwards, so every system does here.
@@ -234,9 +235,14 @@ class OsKernel(DatagramCalls):
         return taken if taken == len(into) or not taken else self._drain(handle, into, taken)
 
     def _drain(self, handle: int, into: memoryview, taken: int) -> int:
-        """Read on behind a first short read: the sender may have refilled the window meanwhile."""
+        """Read on behind a first short read: the sender may have refilled the window meanwhile.
+
+        A bounded number of times: a partner who sends byte by byte must not keep the scan here.
+        """
         sock = self._sockets[handle]
-        while taken < len(into):
+        for _ in range(MOST_READS):
+            if taken == len(into):
+                break
             try:
                 more = sock.recv_into(into[taken:])
             except BlockingIOError:

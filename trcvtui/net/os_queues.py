@@ -19,6 +19,7 @@ else:
     CAN_ASK = True
 
 PEEK_BYTES: Final = 65536
+MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
 # struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent.
 LAST_ACK_AT: Final = 56
 UNSENT_AT: Final = 144
@@ -36,10 +37,12 @@ def unread_bytes(sock: socket.socket | None) -> int:
 
 
 def read_away(sock: socket.socket | None, most: int) -> int:
-    """Read away at most so many queued bytes and return how many."""
+    """Read away at most so many queued bytes, in MOST_READS calls at most, and return how many."""
     waste, gone = bytearray(min(most, PEEK_BYTES)), 0
     try:
-        while sock is not None and gone < most:
+        for _ in range(MOST_READS):
+            if sock is None or gone >= most:
+                break
             taken = sock.recv_into(waste)
             if not taken:
                 break

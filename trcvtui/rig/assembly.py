@@ -85,7 +85,13 @@ class Bench:
         return new_peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
 
     def _with_sessions(self) -> SessionKernel:
-        """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else."""
+        """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else.
+
+        One session of each is made for nothing, so that no scan has to load the library and the certificates.
+        """
+        for config in self.project.connects:
+            if config.session is not None:
+                config.session.new(config.active)
         return SessionKernel(self._faulty, lambda: self.now, self._of_a_session, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:

@@ -28,7 +28,7 @@ LIFE = 100_000  # scans of the one long life
 MOST_GAIN = 256 << 10  # bytes that lines of trcvtui may hold more than in the middle of it
 TRAFFIC_SCANS = int(os.environ.get("TRCVTUI_SOAK_TRAFFIC", "10000000"))  # of self-checking traffic
 LOOKS = 50  # at the memory meanwhile
-FILLED = 600_000  # scans after which every history is as full as it gets: it forgets the oldest from there on
+FILLED = 700_000  # scans; every history is full then (256 pairs of ends) and forgets the oldest
 MOST_DRIFT = 6 << 20  # bytes of the process, from then to the end
 
 KINDS = ("TRCV_C", "TSEND_C", "TCON", "TRCV", "TSEND", "T_RESET")

@@ -77,7 +77,7 @@ class Listener:
         """Take new clients and go on with the handshakes."""
         for client in tuple(self.clients):  # who has come before goes on before
             self._go_on(client, now)
-        while self._kernel.readable(self.handle):
+        while not self._keeps_waiting() and self._kernel.readable(self.handle):
             if self._party.left <= 0:
                 self._party.wait()
                 break
@@ -88,6 +88,14 @@ class Listener:
                 break
             self._party.spend(ACCEPT)
             self._welcome(got, now)
+
+    def _keeps_waiting(self) -> bool:
+        """Return whether newcomers stay in the stack: their only CONNECT has its fill, and drops nobody.
+
+        Where several share a port, each client is asked whom it wants, and told when that one is full.
+        """
+        member = self._any_member()
+        return not member.settings.shares_port and self._is_full(member)
 
     def _make_room(self) -> None:
         if len(self.clients) >= CLIENTS_WAITING:
@@ -128,7 +136,7 @@ class Listener:
         members = list(self.members.values())
         named = [member for member in members if session.names(member.settings)]
         meant = [member for member in named if not session.is_for(member.settings)]
-        if meant and len(meant[0].ready) < CLIENTS_WAITING:
+        if meant and not self._is_full(meant[0]):
             self._hand_over(client, meant[0])
             return
         asked = (named or members)[0]
@@ -138,17 +146,20 @@ class Listener:
         self._drop(client, why, asked)
 
     def _hand_over(self, client: Stream, member: Member) -> None:
-        if len(member.ready) >= CLIENTS_WAITING:
-            self._drop(client, FULL)
-            return
-        self.clients.remove(client)
-        member.ready.append(client)
+        """Let a client whose handshake is over wait for its CONNECT; without room it stays where it is."""
+        if not self._is_full(member):
+            self.clients.remove(client)
+            member.ready.append(client)
+
+    @staticmethod
+    def _is_full(member: Member) -> bool:
+        return len(member.ready) >= CLIENTS_WAITING
 
     def _fail(self, client: Stream, why: str) -> None:
         session: Session = client.session
         member = self._any_member()
         told = session.ended is not None and not isinstance(session, Choosing)
-        if session.ended is not None and told and len(member.ready) < CLIENTS_WAITING:
+        if session.ended is not None and told and not self._is_full(member):
             member.ready.append(Fault("session", session.ended.error, peer=str(client.peer)))
         self._drop(client, why)
 

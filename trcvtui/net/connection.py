@@ -223,9 +223,7 @@ class Connection:
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.doom is not None:
-            self._kernel.renew(
-                self.handle
-            )  # what doomed it came after the poll, and bytes perhaps before that
+            self._kernel.renew(self.handle)  # what doomed it came after the poll, bytes perhaps before that
             got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
             return WOULD_BLOCK if self.doom is None else self._lose(self.doom)

@@ -157,6 +157,38 @@ def test_a_dt_larger_than_agreed_ends_an_established_connection(b: IsoBench) -> 
     b.close_all(client, called, listener)
 
 
+@pytest.mark.parametrize(
+    ("begins", "why"),
+    [
+        (b"\x03\0\x9c\x40", "a TPKT of 40000 bytes, TPDUs of 128 are agreed"),
+        (b"\x03\0\0\x86\x02\xf0", "a DT of 130 bytes, 128 are agreed"),
+    ],
+)
+def test_a_tpkt_announced_larger_than_agreed_is_refused_when_its_header_is_there(
+    b: IsoBench, begins: bytes, why: str
+) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))
+    called = b.taken(listener)
+    b.send(client, begins[:-1])
+    b.settle()
+    assert b.net.heard == []
+    b.send(client, begins[-1:])
+    assert b.loss(called).fault == Fault("session", "EPROTO")
+    assert b.net.heard == [("C1", ENDED, why)]
+    b.close_all(client, called, listener)
+
+
+def test_a_tpdu_without_data_may_be_longer_than_a_small_agreed_size(b: IsoBench) -> None:
+    listener = b.iso_listener(WAITS)
+    client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 4)))
+    called = b.taken(listener)
+    long = b"\x03\0\0\x1e\x19\x10" + bytes(24)  # an ED with parameters
+    b.send(client, long + encode(Data(b"abc", True)))
+    assert b.message(called) == (b"abc", 3)
+    b.close_all(client, called, listener)
+
+
 def test_a_tpdu_that_class_0_does_not_know_is_told_and_the_connection_goes_on(b: IsoBench) -> None:
     listener = b.iso_listener(WAITS)
     client = raw_client(b, b.end(listener), encode(Connect(Code.CR, 0, 1, E001, E002, 7)))

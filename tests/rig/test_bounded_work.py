@@ -260,3 +260,21 @@ def test_handshakes_that_begin_and_do_not_end_are_a_few_a_scan(
     assert works.dones - before >= 0.95 * undisturbed
     assert works.nothing_is_wrong()
     works.bench.close()
+
+
+@NEEDS_OPENSSL
+@pytest.mark.parametrize(("step_ms", "steps_a_scan", "is_told"), [(0.4, 2, False), (3.0, 1, True)])
+def test_handshakes_get_a_tenth_of_the_interval_by_the_clock_and_one_step_at_least(
+    secure_bench: Path, monkeypatch: pytest.MonkeyPatch, step_ms: float, steps_a_scan: int, is_told: bool
+) -> None:
+    steps, ticks = Counter(), iter(range(1 << 30))
+    monkeypatch.setattr(Tls, "_shake_hands", steps.count(Tls._shake_hands))
+    works = Works(secure_bench / "certificates", attackers=12, secure=True)
+    works.bench._work.clock = lambda: int(next(ticks) * step_ms * 1_000_000)  # each look is so much later
+    again = come_and_go(works, client_hello())
+    again()
+    works.run(20, steps.look)
+    assert steps.most == steps_a_scan
+    assert [one.connection for one in works.told(What.LONG_HANDSHAKE)] == ["X"] * is_told
+    assert [one.connection for one in works.told(What.HANDSHAKES_WAIT)] == ["X"]
+    works.bench.close()

@@ -25,7 +25,7 @@ from trcvtui.net.kernel import (
 from trcvtui.net.local_address import wrong_local_address
 from trcvtui.net.notes import What
 from trcvtui.net.policy import Policy
-from trcvtui.net.work import ACCEPT, Party, Work
+from trcvtui.net.work import ACCEPT, TURN_AWAY, Party, Work
 
 PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
 
@@ -264,6 +264,7 @@ class SetUp:
 
     def turn_away(self, client: Accepted, what: What) -> None:
         """Reset a client at once; its bytes never reach DATA."""
+        self._clients.spend(TURN_AWAY)
         self._kernel.abort(client.handle)
         self._note(what, client.peer, "")
 

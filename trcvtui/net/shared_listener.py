@@ -16,7 +16,7 @@ from typing import Final, Protocol, runtime_checkable
 from trcvtui.net.kernel import Accepted, Fault, Handle, Kernel
 from trcvtui.net.session import Session, Settings
 from trcvtui.net.stream import Stream
-from trcvtui.net.work import ACCEPT, Party
+from trcvtui.net.work import ACCEPT, BEGIN_TLS, Party
 
 CLIENTS_WAITING: Final = 16
 CLIENTS_QUEUED: Final = 64  # in the stack, between two polls
@@ -109,6 +109,7 @@ class Listener:
             self._any_member().ready.append(fault)
             return
         session = self._any_member().settings.new(is_active=False)
+        self._party.spend(BEGIN_TLS if session.is_dear else 0)
         newest = Stream(self._kernel, got.handle, got.peer, session, now, self._party)
         self._make_room()
         self.clients.append(newest)

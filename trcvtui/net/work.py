@@ -24,10 +24,13 @@ EPISODE_REST: Final = 10_000_000_000  # ns: who has not had to wait for so long,
 HANDSHAKE_PART: Final = 10  # one part of the interval in so many
 FADES: Final = 6  # the longest step is forgotten by 1 / 2**FADES a scan
 
-# Prices in units. A read costs a system call and a copy of up to 64 KiB.
+# Prices in units. A read costs a system call and a copy of up to 64 KiB; with TLS a client costs an object of
+# the library and its end beside the accept.
 READ: Final = 2
 ACCEPT: Final = 16
-HANDSHAKE: Final = 32
+TURN_AWAY: Final = 16
+BEGIN_TLS: Final = 48
+HANDSHAKE: Final = 64
 
 MORE_THAN_ITS_PART: Final = "more than one scan has time for; the rest waits for the next scans"
 

@@ -33,8 +33,10 @@ class UserError(Exception):
         return UserError, (self.problems,)
 
     def lines(self) -> list[str]:
-        """Return at most ten lines, one a problem (contract 4.4)."""
-        return [str(problem) for problem in self.problems[:MOST_SHOWN]]
+        """Return one line a problem, ten at most (contract 4.4), and how many more there are."""
+        lines = [str(problem) for problem in self.problems[:MOST_SHOWN]]
+        more = len(self.problems) - MOST_SHOWN
+        return [*lines, f"and {more} more"] if more > 0 else lines
 
 
 def mistake(where: str, found: object, expected: str) -> UserError:

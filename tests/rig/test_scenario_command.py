@@ -256,7 +256,8 @@ def test_mistakes_of_all_lines_are_told_together_at_most_ten(
     steps = "\n".join(f"set TRCV_C_{n} CONT=1" for n in range(2, 20))
     assert main(["scenario", scenario(tmp_path, steps)]) == 2
     out, err = capsys.readouterr()
-    assert out == "" and len(err.splitlines()) == 10
+    assert out == "" and len(err.splitlines()) == 11
+    assert err.splitlines()[-1] == "and 8 more"
 
 
 def test_set_changes_the_project_for_one_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from typing import Final
+from unicodedata import category
+
+from trcvtui.errors import one_line
 
 IDENTIFIER_TEXT: Final = "a name of letters, digits and _ that begins with no digit"
+NO_HIDDEN: Final = "a name without control and bidirectional characters"
+_HIDDEN: Final = frozenset({"Cc", "Zl", "Zp"})
+_TURNS: Final = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 MOST_LISTED: Final = 16
 ALIKE: Final = 0.7  # of 1: STATE is near STATUS, C2 is not near C1
-_IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 def is_identifier(text: str) -> bool:
-    """Return whether the text is an IEC identifier."""
-    return _IDENTIFIER.fullmatch(text) is not None
+    """Return whether the text is an IEC identifier, of the letters and digits of any script."""
+    return text.isidentifier()
+
+
+def hidden_in(path: str) -> str:
+    """Return the control and bidirectional characters of a file's name, escaped; "" where it has none."""
+    return one_line("".join(sorted({one for one in path if one in _TURNS or category(one) in _HIDDEN})))
 
 
 def parse_reference(text: str | None) -> str | None:

@@ -36,7 +36,7 @@ from trcvtui.plc.project import (
     Task,
 )
 from trcvtui.plc.project_names import WORDS, Names, find_duplicates
-from trcvtui.plc.tables import TEXT, TRUTH, Given, Table, shown
+from trcvtui.plc.tables import FILE, TEXT, TRUTH, Given, Table, shown
 from trcvtui.plc.tls_words import Certificates, read_certificates
 from trcvtui.udt.formats import read_files
 from trcvtui.udt.iec_type import parse_type
@@ -188,7 +188,7 @@ class Reader:
         return types if None not in files else None
 
     def file_of(self, table: Table) -> Path | None:
-        file = table.must("file", TEXT)
+        file = table.must("file", FILE)
         table.finish()
         return self.base / file if file is not None else None
 

@@ -12,7 +12,7 @@ from typing import Any, Final, Generic, TypeVar
 from trcvtui.errors import Problem, UserError
 from trcvtui.net.answers import Endpoint
 from trcvtui.net.connect_config import parse_address
-from trcvtui.plc.names import expected_name
+from trcvtui.plc.names import NO_HIDDEN, expected_name, hidden_in
 from trcvtui.udt.literals import parse_integer, parse_time
 
 T = TypeVar("T")
@@ -129,6 +129,9 @@ def _addresses(value: Any) -> tuple[str, ...] | None:
 
 TRUTH: Final = Kind("true or false", _truth, lambda text: TRUTH_WORDS.get(text.upper()))
 TEXT: Final = of_text("a text in quotes", lambda text: text)
+FILE: Final = of_text(
+    "a text in quotes", lambda text: None if hidden_in(text) else text, lambda text: NO_HIDDEN
+)
 INTERVAL: Final = of_text("a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS))
 DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0))
 MILLISECONDS: Final = Kind(

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from trcvtui.net.description import Description
 from trcvtui.net.description_check import CHECKS_NAME, Finding, Flaw, Meaning
 from trcvtui.net.tls_settings import TlsSettings
-from trcvtui.plc.tables import TEXT, TRUTH, Table, of_text, shown, whole
+from trcvtui.plc.tables import FILE, TEXT, TRUTH, Table, of_text, shown, whole
 
 UNSAFE: Final = "none, this is unsafe"
 NUMBER: Final = whole(1, (1 << 32) - 1)
@@ -55,7 +55,7 @@ def read_certificates(tables: Iterable[Table], base: Path) -> Certificates:
 
 def _read_certificate(table: Table, base: Path) -> CertificateDecl | None:
     number = table.must("number", NUMBER)
-    file = table.must("file", TEXT)
+    file = table.must("file", FILE)
     key = table.get("key", TEXT, "")
     table.know("name")
     table.finish()

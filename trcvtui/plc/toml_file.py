@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from trcvtui.errors import mistake
 from trcvtui.files import read_bytes, reason_of
+from trcvtui.plc.names import NO_HIDDEN, hidden_in
 
 LARGEST_FILE: Final = 10 * 1024 * 1024
 # tomllib says where it stopped in the words of its message: "(at line 3, column 5)", "(at end of document)".
@@ -35,6 +36,9 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 def read_text(path: Path) -> str:
     """Return the text of a TOML file; raise UserError when it cannot be read."""
+    hidden = hidden_in(str(path))
+    if hidden:
+        raise mistake(str(path), f"{hidden} in its name", NO_HIDDEN)
     try:
         content = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:

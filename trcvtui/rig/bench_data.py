@@ -19,7 +19,7 @@ from trcvtui.udt.placed import find
 
 TARGET_FORM: Final = "rx, rx.speed, rx[3] or rx+4 (byte 4)"
 VALUE_FORM: Final = "a value, or hex and bytes"
-_TARGET: Final = re.compile(r"([A-Za-z_]\w*)(?:\+(\d{1,9})|((?:\.|\[).*))?", re.ASCII)
+_TARGET: Final = re.compile(r"([^\s\d.\[+][^\s.\[+]*)(?:\+([0-9]{1,9})|((?:\.|\[).*))?")
 
 
 @dataclass(frozen=True, slots=True)

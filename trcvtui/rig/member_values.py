@@ -12,10 +12,11 @@ from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode_leaf
 from trcvtui.udt.encode import encode, encode_leaf
 from trcvtui.udt.layout import Layout, Leaf
+from trcvtui.udt.words import NAME
 
 # `name`, `st.arr[2].x`, `[1,2].y`, each with `=` behind it.
-_STEPS: Final = r"(?:\.[^\W\d]\w*|\[[^\]]*\])*"
-_PATH: Final = re.compile(rf"\s*((?:[^\W\d]\w*|\[[^\]]*\]){_STEPS})\s*=\s*")
+_STEPS: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
+_PATH: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS})\s*=\s*")
 _EMPTY: Final = re.compile(r"\{\s*\}")
 _PLAIN: Final = re.compile(r"[^,{}'\"]*")
 _END: Final = re.compile(r"\s*([,}])")

@@ -83,11 +83,12 @@ def _fitting(text: str, width: int) -> str:
 
 
 def squeeze(text: str, width: int) -> str:
-    """Return a name in at most `width` characters; it keeps its end, where names differ."""
-    if len(text) <= width or width < 5:
+    """Return a name in at most `width` columns; it keeps its end, where names differ."""
+    if cells(text) <= width or width < 5:
         return clip(text, width)
     tail = (width - 1) // 2
-    return f"{text[: width - 1 - tail]}…{text[-tail:]}"
+    end = _fitting(text[::-1], tail)[::-1]
+    return f"{_fitting(text, width - 1 - tail)}…{end}"
 
 
 def plain(text: str) -> str:

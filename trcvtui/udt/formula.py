@@ -12,6 +12,7 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.udt.declared import Formula, Number
 from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.types import ELEMENTARY
+from trcvtui.udt.words import NAME
 
 LookUp = Callable[[str], int | None]
 
@@ -19,7 +20,7 @@ LONGEST = 1000
 DEEPEST = 8  # with constants.DEEPEST: what stays well below the depth of calls that Python allows
 LARGEST = 1 << 64
 
-_NAME = r'(?:[^\W\d]\w*|"[^"]*"|`[^`]*`)'
+_NAME = rf'(?:{NAME}|"[^"]*"|`[^`]*`)'
 _TOKEN = (
     rf"\s*(?:({_NAME}(?:\.{_NAME})*(?:\#(?:\d\w*(?:\#\w+)?|{_NAME}(?:\.{_NAME})*))?)|(\d\w*(?:\#\w+)?)|(.))"
 )

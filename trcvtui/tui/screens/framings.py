@@ -17,7 +17,7 @@ from trcvtui.rig.framing_advice import advise
 from trcvtui.rig.framing_lines import lines_for
 from trcvtui.rig.framing_proposal import FramingAdvice, Proposal, ShownFrame
 from trcvtui.tui.byte_classes import CLASS_OF, HEX_OF
-from trcvtui.tui.formatting import clip, plain, wrapped
+from trcvtui.tui.formatting import clip, pad, plain, wrapped
 from trcvtui.tui.frame_marks import marked
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES
@@ -104,7 +104,7 @@ class FramingList(LineView):
         parts: list[Part] = [
             ("▸ " if chosen else "  ", "key"),
             (f"{number + 1} ", "dim"),
-            (f"{clip(title, room):<{room}} ", "strong" if proposal.can_be_set else "dim"),
+            (pad(clip(title, room), room + 1), "strong" if proposal.can_be_set else "dim"),
             (told, "on" if proposal.frames == proposal.of_frames else "warn"),
         ]
         return row(*parts, style="cursor" if chosen else "")

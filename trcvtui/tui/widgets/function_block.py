@@ -10,7 +10,7 @@ from trcvtui.plc.secure_view import security_of
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.plc.wired_pins import is_time
 from trcvtui.tui.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
-from trcvtui.tui.formatting import clip, count, lamp, plain
+from trcvtui.tui.formatting import cells, clip, count, lamp, plain
 from trcvtui.tui.keys import PIN_LETTERS
 from trcvtui.tui.messages import DescriptionWanted
 from trcvtui.tui.scene import Scene
@@ -109,7 +109,7 @@ class FunctionBlock(LineView):
         if y == 0:
             instance = self._scene.instance
             width, name = self._box() + self._out_box(), instance.block if instance else ""
-            name = f" {name} " if name and len(name) + 2 <= width else name
+            name = f" {name} " if name and cells(name) + 2 <= width else name
             return row((f"{left}┌{name.center(width, '─')}┐", "dim"))
         if y <= drawing.height:
             return self._pin_row(drawing, y - 1)
@@ -196,7 +196,7 @@ class FunctionBlock(LineView):
                 + self._out_box()
             )
             name = clip(name, max(4, self.line_width - used - len(joint) - len(glow)))
-        gap = " " * (1 + self.drawing().label_width - len(name))
+        gap = " " * (1 + self.drawing().label_width - cells(name))
         about = f"{gap}{pin.text}" if roomy and not glow else ""
         return [
             (text.rjust(self._out_box() - 1) + " ", style),

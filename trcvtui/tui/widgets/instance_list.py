@@ -11,7 +11,7 @@ from textual.binding import Binding
 from trcvtui.plc.secure_view import TLS, security_of
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.tui.afterglow import DONE, ERROR, Pulse
-from trcvtui.tui.formatting import age, bar, clip, lamp, plain, squeeze, status_word
+from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
 from trcvtui.tui.messages import InstanceSelected
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -120,8 +120,8 @@ class InstanceList(LineView):
     def _measure(self) -> Columns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
         if 0 < self.line_width < NARROW:
-            return Columns(min(max((len(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
-        name = min(max((len(instance.name) for instance in shown), default=8), 24 if roomy else 12)
+            return Columns(min(max((cells(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
+        name = min(max((cells(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
         room = max(24, self.line_width - name - 86) if roomy else 23
         # Where no block has a connection, what a block is doing may be told in full.
@@ -149,7 +149,7 @@ class InstanceList(LineView):
         connection = self._scene.connection_of(instance)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
-            (squeeze(plain(instance.name), columns.name).ljust(columns.name) + " ", "strong"),
+            (pad(squeeze(plain(instance.name), columns.name), columns.name) + " ", "strong"),
             *self._partner(connection, columns),
             *_status(instance, self._scene.project.dialect.label(instance.condition), columns),
             *self._lamps(instance),
@@ -167,10 +167,10 @@ class InstanceList(LineView):
     def _partner(self, connection: ConnectionSnapshot | None, columns: Columns) -> list[Part]:
         width, text = columns.partner, _partner(connection, columns.both)
         mark, style = self._mark(connection.name) if connection and width else ("", "")
-        if connection is not None and mark and len(text) + len(mark) > width:  # the port says more
+        if connection is not None and mark and cells(text) + len(mark) > width:  # the port says more
             text = text.replace(connection.local.partition(":")[0] + ":", ":")
         text = clip(text, width - len(mark))
-        gap = " " * (width - len(text) - len(mark) + 2 * bool(width))
+        gap = " " * (width - cells(text) - len(mark) + 2 * bool(width))
         return [(text, "dim"), (mark, style), (gap, "")]
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:

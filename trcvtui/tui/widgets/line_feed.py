@@ -11,7 +11,7 @@ from trcvtui.errors import UserError
 from trcvtui.plc.project import SERIAL, SIMULATED
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.rig.bench_words import FeedLine
-from trcvtui.tui.formatting import bar, clip, plain
+from trcvtui.tui.formatting import bar, clip, pad, plain
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.voice import Voice
 from trcvtui.tui.widgets.framer_lines import source_words
@@ -76,7 +76,7 @@ class LineFeed(LineView):
 
     def _line(self, name: str) -> Row:
         chosen = name == self.chosen
-        parts: list[Part] = [("▸ " if chosen else "  ", "key"), (f"{clip(plain(name), 12):<12} ", "strong")]
+        parts: list[Part] = [("▸ " if chosen else "  ", "key"), (pad(clip(plain(name), 12), 13), "strong")]
         snapshot = self._scene.snapshot
         buffer = snapshot.combuffer(name) if snapshot is not None else None
         if buffer is not None:

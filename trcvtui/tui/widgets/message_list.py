@@ -11,7 +11,7 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 
 from trcvtui.plc.project import Project
-from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
@@ -66,7 +66,7 @@ class MessageList(LineView):
         return row(
             ("▸ " if is_chosen else "  ", "key"),
             (f"{entry.kind:<10}", "label"),
-            (f"{clip(plain(entry.name), NAME - 1):<{NAME}}", "strong"),
+            (pad(clip(plain(entry.name), NAME - 1), NAME), "strong"),
             (plain(entry.text), "dim"),
             style="cursor" if is_chosen else "",
         )

@@ -8,7 +8,7 @@ from textual import events
 from textual.binding import Binding
 
 from trcvtui.rig.picture import CheckSnapshot, PeerSnapshot, Tally
-from trcvtui.tui.formatting import clip, count, plain
+from trcvtui.tui.formatting import cells, clip, count, pad, plain
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import LineView, Part, Row, row
@@ -49,7 +49,7 @@ class PeerList(LineView):
         style = "" if not selected else "cursor" if self.has_focus else "cursor-blurred"
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
-            (clip(plain(peer.name), 12).ljust(self._name_width()) + " ", "strong"),
+            (pad(clip(plain(peer.name), 12), self._name_width()) + " ", "strong"),
             (f"{'UDP' if peer.udp else 'active' if peer.active else 'passive':<8}", "dim"),
             (f"{peer.state:<10} ", STYLES.get(peer.state, "")),
             (self._ends(peer), "dim"),
@@ -66,11 +66,11 @@ class PeerList(LineView):
 
     def _ends(self, peer: PeerSnapshot) -> str:
         roomy = self._roomy()
-        width = max((len(_ends(each, roomy)) for each in self._scene.peers), default=0)
-        return plain(_ends(peer, roomy)).ljust(width) + "  "
+        width = max((cells(_ends(each, roomy)) for each in self._scene.peers), default=0)
+        return pad(plain(_ends(peer, roomy)), width) + "  "
 
     def _name_width(self) -> int:
-        return min(12, max((len(peer.name) for peer in self._scene.peers), default=4))
+        return min(12, max((cells(peer.name) for peer in self._scene.peers), default=4))
 
     def _roomy(self) -> bool:
         return self.line_width >= ROOMY

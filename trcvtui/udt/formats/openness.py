@@ -23,6 +23,7 @@ from trcvtui.udt.declared import (
 from trcvtui.udt.formats.xml_source import Element
 from trcvtui.udt.formats.xml_types import bounds, deeper, text_type
 from trcvtui.udt.rules import S7
+from trcvtui.udt.words import NAME
 
 TYPE = "SW.Types.PlcStruct"
 MOST_DIMENSIONS = 8
@@ -31,7 +32,7 @@ _ARRAY = re.compile(r"array\s*\[([^\[\]]{1,400})\]\s*of\s+(.+)", re.IGNORECASE |
 _TEXT = re.compile(r"(w?)string\s*(?:\[([^\[\]]{1,200})\])?", re.IGNORECASE)
 _POINTER = re.compile(r"ref_to\s+.+", re.IGNORECASE | re.DOTALL)
 _QUOTED = re.compile(r'"([^"]+)"')
-_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
+_NAME = re.compile(rf"{NAME}(\.{NAME})*")
 
 
 def read_openness(root: Element) -> Declarations:

@@ -31,9 +31,10 @@ from trcvtui.udt.formats.xml_source import Element
 from trcvtui.udt.formats.xml_types import bounds, deeper, text_type
 from trcvtui.udt.formula import read_number
 from trcvtui.udt.literals import parse_integer
+from trcvtui.udt.words import NAME
 
 NOT_TYPES = ("documentation", "addData")
-_NAME = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
+_NAME = re.compile(rf"{NAME}(\.{NAME})*")
 
 
 def read_plcopen(root: Element) -> Declarations:

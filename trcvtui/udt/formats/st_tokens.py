@@ -11,6 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
+from trcvtui.udt.words import NAME
 
 
 class Shape(Enum):
@@ -47,7 +48,9 @@ _TOKEN = re.compile(
     r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?::=\s*+'[^']*+'(?=\s*[};,])
         |(?<!\w)'[^'\r\n]*'|(?<!\w)"[^"\r\n]*"|[^}])*+\})
     |(?P<NESTED>\(\*)
-    |(?P<WORD>[^\W\d]\w*)
+    |(?P<WORD>"""
+    + NAME
+    + r""")
     |(?P<NUMBER>\d[\d_]*(?:\#\w+|\.\d[\d_]*(?:[eE][+-]?\d+)?)?)
     |(?P<QUOTED>'(?:\$.|[^'$\r\n])*'|"(?:\$.|[^"$\r\n])*"|"[^"\r\n]*"|`[^`\r\n]*`)
     |(?P<UNCLOSED>/\*|[{'"])

@@ -12,7 +12,7 @@ from trcvtui.udt.layout import BYTE_ORDERS, LAYOUTS, Layout, lay_out, rules_for
 from trcvtui.udt.placed import Node, PlacedArray, PlacedLeaf
 from trcvtui.udt.rules import LayoutRules
 from trcvtui.udt.stored_form import stored_form
-from trcvtui.udt.types import Array, Struct, Text, Type, Union
+from trcvtui.udt.types import Array, Kind, Struct, Text, Type, Union
 
 # Which STRING forms occur with a layout: a layout of Baosky's size may be that of a C program, too.
 FORMS: Final = {
@@ -68,14 +68,17 @@ def same_layouts(
     return [(tuple(same), layout) for same, layout in found.values()]
 
 
-def shape(layout: Layout) -> object:
-    """Return a value that is equal for two layouts of one type in which all bytes mean the same."""
-    return layout.size, _Shapes(layout.rules).of(layout.root)
+def shape(layout: Layout, *, by_bytes: bool = False) -> object:
+    """Return a value that is equal for two layouts of one type in which all bytes mean the same.
+
+    `by_bytes`: it is also equal where only the sign of a duration, or the room after a text, differs.
+    """
+    return layout.size, _Shapes(layout.rules, by_bytes).of(layout.root)
 
 
 class _Shapes:
-    def __init__(self, rules: LayoutRules) -> None:
-        self.rules = rules
+    def __init__(self, rules: LayoutRules, by_bytes: bool) -> None:
+        self.rules, self.by_bytes = rules, by_bytes
         self._known: dict[int, object] = {}
 
     def of(self, node: Node) -> object:
@@ -98,7 +101,12 @@ class _Shapes:
         else:
             row = rules.stored(type_)
             is_bytes = node.size == 1 or (row.name, row.code) == ("DT", "8s")
-        return node.size, node.is_bit, stored_form(type_, rules), "" if is_bytes else rules.byte_order
+        form, size = stored_form(type_, rules), node.size
+        if self.by_bytes and isinstance(type_, Text):
+            size = 0
+        elif self.by_bytes and row.kind is Kind.DURATION:
+            form = (row.name, row.size, row.unit_ns)
+        return size, node.is_bit, form, "" if is_bytes else rules.byte_order
 
 
 def has_text(type_: Type) -> bool:

@@ -391,3 +391,143 @@ def test_the_size_of_a_pointer_and_an_even_string_are_options(capsys: pytest.Cap
     assert run(capsys, "udt", "show", "t.st", "--string-even", "1")[2] == (
         "--string-even: found '1', expected one of yes, no\n"
     )
+
+
+# -- fit and cure ----------------------------------------------------------------------------------------
+
+AXIS = "TYPE Axis : STRUCT kind : BYTE; weight : LREAL; count : INT; END_STRUCT END_TYPE"
+NATURAL = "01 00 00 00 00 00 00 00 00 00 00 00 00 00 29 40 d2 04 00 00 00 00 00 00"
+
+
+def ranked(capsys: pytest.CaptureFixture[str], *argv: str) -> tuple[int, list[dict[str, object]]]:
+    """Return the exit code and the ranking of `udt fit axis.st ... --format json`."""
+    Path("axis.st").write_text(AXIS)
+    code, out, err = run(capsys, "udt", "fit", "axis.st", "--type", "Axis", "--format", "json", *argv)
+    assert err == ""
+    return code, json.loads(out)
+
+
+KEYS = ["rank", "layout", "byte_order", "cause", "n", "points", "fits_best", "reasons"]
+
+
+@pytest.mark.parametrize(
+    ("content", "layout", "cause", "n"),
+    [
+        (NATURAL, "natural8", None, 0),
+        (f"00 18 {NATURAL}", "natural8", "header", 2),
+        (f"AA 55 01 {NATURAL}", "natural8", "header", 3),
+        (f"{NATURAL} 0d 0a", "natural8", "trailer", 2),
+        (f"{NATURAL} 77", "natural8", "long", 1),
+        (NATURAL[:-3], "natural8", "short", 1),
+        (NATURAL * 2, "natural8", None, 0),
+    ],
+)
+def test_fit_names_the_layout_and_the_cause(
+    content: str, layout: str, cause: str | None, n: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, found = ranked(capsys, content)
+    assert [list(one) for one in found] == [KEYS] * len(found)
+    assert [one["rank"] for one in found] == [*range(1, len(found) + 1)]
+    best = found[0]
+    assert (best["layout"], best["byte_order"]) == (layout, "little")
+    assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, True, 0)
+    assert [one["fits_best"] for one in found[1:]] == [False] * (len(found) - 1)
+
+
+@pytest.mark.parametrize(
+    ("content", "cause"),
+    [
+        ("01 00 00 00 00 00 00 00 29 40 00 00 00 00 00 00 d2 04 00 00 00 00 00 00", "word-swap"),
+        ("00 01 00 00 00 00 00 00 00 00 00 00 00 00 40 29 04 d2 00 00 00 00 00 00", "byte-swap"),
+    ],
+)
+def test_fit_names_exchanged_words_and_bytes(
+    content: str, cause: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, found = ranked(capsys, content)
+    assert (found[0]["layout"], found[0]["byte_order"], found[0]["cause"]) == ("natural8", "little", cause)
+
+
+@pytest.mark.parametrize("content", ["00 " * 24, "ff " * 24, "01 02 03", "55 " * 16])
+def test_fit_is_not_sure_of_bytes_that_say_nothing_and_exits_1(
+    content: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, found = ranked(capsys, content)
+    assert (code, [one["fits_best"] for one in found]) == (1, [False] * len(found))
+
+
+def test_round_numbers_never_decide_the_byte_order(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("t.st").write_text("TYPE T : STRUCT a : ARRAY[1..12] OF INT; END_STRUCT END_TYPE")
+    content = " ".join(f"00 {number:02x}" for number in range(1, 13))  # 256, 512 .. or 1, 2 ..
+    code, out, _ = run(capsys, "udt", "fit", "t.st", content)
+    assert code == 1
+    assert "is ahead, but that is not sure" in out and "fits best" not in out
+
+
+def test_fit_takes_messages_with_an_empty_line_between_them(capsys: pytest.CaptureFixture[str]) -> None:
+    other = NATURAL.replace("29 40 d2 04", "39 40 d3 04")
+    Path("m.hex").write_text(f"00 18 {NATURAL}\n\n00 18 {other}\n")
+    code, found = ranked(capsys, "@m.hex")
+    assert (code, found[0]["cause"], found[0]["n"]) == (0, "header", 2)
+    assert any("in each message" in str(reason) for reason in found[0]["reasons"])  # type: ignore[attr-defined]
+
+
+def test_fit_names_our_own_layout_first_and_the_equal_ones_in_its_reasons(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    _, found = ranked(capsys, NATURAL, "--layout", "codesys-8")
+    assert found[0]["layout"] == "codesys-8"
+    assert "the same for these bytes: natural8, little-endian" in str(found[0]["reasons"])
+
+
+def test_fit_as_text_says_it_in_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("axis.st").write_text(AXIS)
+    code, out, err = run(capsys, "udt", "fit", "axis.st", f"00 18 {NATURAL}")
+    assert (code, err) == (0, "")
+    assert out.startswith("Axis, 26 bytes: natural8, little-endian, 2 bytes before it (+")
+    assert " fits best; next is " in out.splitlines()[0]
+    assert "before it stands 00 18, the length 24 of " in out
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        ("fit axis.st", "trcvtui udt fit: the following arguments are required: HEX|@FILE|-"),
+        ("fit axis.st 0g", "HEX, position 2: found 'g'"),
+        ("fit axis.st @empty.hex", "empty.hex: found no bytes, expected a message"),
+        ("fit axis.st --layout a 01", "layout: found 'a', expected one of baosky"),
+        ("cure axis.st", "trcvtui udt cure: the following arguments are required: --as"),
+        ("cure axis.st --as java", "trcvtui udt cure: argument --as: invalid choice"),
+    ],
+)
+def test_a_mistake_of_fit_and_cure_is_one_line(
+    argv: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("axis.st").write_text(AXIS)
+    Path("empty.hex").write_text("\n")
+    code, out, err = run(capsys, "udt", *argv.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(said)
+
+
+def test_fit_of_a_huge_type_and_a_huge_payload_ends_and_says_what_was_judged(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("huge.st").write_text("TYPE T : STRUCT a : ARRAY[1..100000] OF INT; END_STRUCT END_TYPE")
+    Path("huge.hex").write_text("01 00 " * 400_000)
+    code, out, _ = run(capsys, "udt", "fit", "huge.st", "@huge.hex", "--format", "json")
+    assert code in (0, 1)
+    assert "only the first 256 of 100000 are judged" in out
+
+
+def test_cure_prints_the_type_and_the_swap_code(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("axis.st").write_text(AXIS)
+    argv = ("udt", "cure", "axis.st", "--layout", "natural8", "--byte-order", "big", "--as")
+    code, st, err = run(capsys, *argv, "st")
+    assert (code, err) == (0, "")
+    assert "TYPE Axis_natural8 :" in st and "_pad1 : ARRAY[0..6] OF BYTE;" in st
+    assert "wire.weight := SWAP8(" in st
+    _, scl, _ = run(capsys, *argv, "scl")
+    assert 'TYPE "Axis_natural8"' in scl and "#wire" in scl
+    _, padded, _ = run(capsys, *argv, "padded")
+    assert "_pad1 : ARRAY[0..6] OF BYTE;" in padded and "SWAP" not in padded

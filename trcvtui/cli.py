@@ -261,6 +261,22 @@ def _udt_compare(args: argparse.Namespace) -> int:
     return GOOD if is_equal() else FAILED
 
 
+def _udt_fit(args: argparse.Namespace) -> int:
+    from trcvtui.udt import command
+
+    text, is_sure = command.fit(_with_examples(args))
+    _print(text)
+    return GOOD if is_sure else FAILED
+
+
+def _udt_cure(args: argparse.Namespace) -> int:
+    from trcvtui.tui.lab_cure import cure_source
+    from trcvtui.udt import command
+
+    ours, theirs = command.two_sides_of_a_cure(_with_examples(args))
+    return _print(cure_source(ours, theirs, args.form).rstrip("\n"))
+
+
 def _layout_names() -> str:
     from trcvtui.udt.layout import LAYOUT_ALIASES, LAYOUTS
 
@@ -308,6 +324,7 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_Help, allow_abbrev=False, **settings)
         self.last_words: Callable[[], str] | None = None
+        self.given: Sequence[str] = ()  # what stands behind the command's name
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and leave with 2."""
@@ -333,7 +350,9 @@ def _parser(argv: Sequence[str]) -> _Parser:
     commands = parser.add_subparsers(metavar="COMMAND")
     for name in [word for word in argv[:1] if word in COMMANDS] or COMMANDS:
         about, add = COMMANDS[name]
-        add(commands.add_parser(name, help=about))
+        made = commands.add_parser(name, help=about)
+        made.given = argv[1:]
+        add(made)
     return parser
 
 
@@ -415,8 +434,10 @@ def _add_udt(parser: _Parser) -> None:
         "encode": _udt_encode,
         "export": _udt_export,
         "compare": _udt_compare,
+        "fit": _udt_fit,
+        "cure": _udt_cure,
     }
-    for name, made in add_udt(parser).items():
+    for name, made in add_udt(parser, parser.given).items():
         made.set_defaults(command=commands[name])
         made.last_words = _layout_names
 
@@ -428,5 +449,5 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[_Parser], None]]]] = {
     "race": ("a scenario through several dialects, scan by scan", _add_race),
     "status": ("explain a STATUS code", _add_status),
     "st": ("print instances as their calls in Structured Text", _add_st),
-    "udt": ("show, decode, encode, export, compare a UDT", _add_udt),
+    "udt": ("show, decode, encode, export, compare, fit, cure a UDT", _add_udt),
 }

@@ -6,6 +6,8 @@ import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 from textual.pilot import Pilot
 
@@ -15,6 +17,8 @@ from trcvtui.plc.project_file import load_project
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
+from trcvtui.tui.lab_bytes import DATA, JOB, LabBytes
+from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.lab import LabScreen
 
 MISMATCH = CONFIGS / "udt-mismatch.toml"
@@ -355,3 +359,31 @@ async def test_the_mouse_chooses_rows_folds_and_opens_tabs(tmp_path: Path) -> No
         await stage.pilot.click(offset=(tabs.index("Bytes"), 1))
         await stage.press()
         assert stage.lab.focused is stage.lab.hex
+
+
+# -- where DATA has never been written -------------------------------------------------------------------
+
+
+def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
+    """Return the lab's bytes on a bench of one receiver in this state."""
+    receiver = SimpleNamespace(name="R", data="rx", sends=False, jobs_done=jobs_done)
+    snapshot, declared = SimpleNamespace(instances=[receiver]), SimpleNamespace(name="rx")
+    scene = SimpleNamespace(
+        data=data, partial=job, declaration=declared, snapshot=snapshot, instance=receiver, selected="R"
+    )
+    return LabBytes(cast(Scene, scene))
+
+
+def test_the_lab_opens_on_the_running_job_where_data_has_never_been_written() -> None:
+    found = looked_at(bytes(8), b"\1\2\3", 0)
+    assert found.begin() == "DATA rx has never been written: these are the bytes of the running job"
+    assert (found.source, found.content) == (JOB, b"\1\2\3")
+
+
+def test_the_lab_opens_on_data_that_a_job_has_written_or_that_was_chosen() -> None:
+    for data, job, done in ((bytes(8), b"\1", 1), (b"\0\1", b"\1", 0), (bytes(8), b"", 0)):
+        found = looked_at(data, job, done)
+        assert (found.begin(), found.source) == ("", DATA)
+    chosen = looked_at(bytes(8), b"\1", 0)
+    chosen.is_chosen = True
+    assert (chosen.begin(), chosen.source) == ("", DATA)

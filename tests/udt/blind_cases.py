@@ -9,7 +9,7 @@ import math
 import random
 import string
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from trcvtui.errors import UserError
 from trcvtui.udt.coding import coding_of
@@ -66,7 +66,7 @@ class Case(NamedTuple):
     seed: int
 
 
-# -- types -------------------------------------------------------------------------------------------------------
+# -- types ---------------------------------------------------------------------------------------------------
 
 
 def random_type(chance: random.Random) -> Struct:
@@ -97,7 +97,7 @@ def _member(chance: random.Random, depth: int) -> Type:
     return ELEMENTARY[chance.choice(USUAL if chance.random() < 0.8 else RARE)]
 
 
-# -- values ------------------------------------------------------------------------------------------------------
+# -- values --------------------------------------------------------------------------------------------------
 
 Draw = Callable[[Leaf, Layout, random.Random], object]
 
@@ -254,7 +254,7 @@ def _odd(fill: str, row: Elementary, chance: random.Random) -> int:
             return chance.randint(0, 9)
 
 
-# -- messages ----------------------------------------------------------------------------------------------------
+# -- messages ------------------------------------------------------------------------------------------------
 
 
 def content(layout: Layout, draw: Draw, seed: int, number: int, rng: random.Random) -> bytes:
@@ -335,7 +335,7 @@ def _with_header(plain: list[bytes], rng: random.Random) -> tuple[list[bytes], i
     size = len(plain[0])
     if kind < 0.5:
         n = rng.choice([2, 2, 4, 1])
-        order = "big" if rng.random() < 0.6 else "little"
+        order: Literal["big", "little"] = "big" if rng.random() < 0.6 else "little"
         counted = size + (n if rng.random() < 0.3 else 0)
         return [(counted % (1 << 8 * n)).to_bytes(n, order) + one for one in plain], n
     n = rng.randint(1, 8)
@@ -345,7 +345,7 @@ def _with_header(plain: list[bytes], rng: random.Random) -> tuple[list[bytes], i
     return [fixed + one for one in plain], n
 
 
-# -- measuring ---------------------------------------------------------------------------------------------------
+# -- measuring -----------------------------------------------------------------------------------------------
 
 
 def is_right(case: Case, found: Fit) -> bool:
@@ -373,7 +373,8 @@ class Tally(NamedTuple):
 
     def __str__(self) -> str:
         """Return the figures in one line."""
-        return f"{self.cases} cases: first {self.first / max(self.cases, 1):.1%}, said {self.said}, wrong {self.wrong}"
+        first = self.first / max(self.cases, 1)
+        return f"{self.cases} cases: first {first:.1%}, said {self.said}, wrong {self.wrong}"
 
 
 def measure(seeds: Iterable[int], cause: str, fill: str = "", joined: bool = False) -> Tally:

@@ -79,13 +79,14 @@ def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
     ]
     assert [(reason.points, reason.text) for reason in fits[0].reasons] == [
         (8.0, "24 bytes came, and the type has 24"),
-        (4.5, "weight = 12.5: a sensible LREAL of few digits"),
-        (1.4, "padding at bytes 1 to 7 is 0"),
-        (1.2, "padding at bytes 18 to 23 is 0"),
-        (1.0, "count = 7: small; swapped it is 1792"),
+        (4.46, "weight = 12.5: a sensible LREAL of few digits"),
+        (2.55, "padding at bytes 1 to 7 is 0"),
+        (2.5, "padding at bytes 18 to 23 is 0"),
+        (1.85, "count = 7: small; swapped it is 1792"),
+        (1.82, "kind = 1 (16#01): bits"),
     ]
     assert verdict(fits).startswith(
-        "natural8, little-endian (+16.1), the same for this type: codesys-8, little-endian fits best; next is"
+        "natural8, little-endian (+21.2), the same for these bytes: codesys-8, little-endian fits best; next is"
     )
 
 
@@ -106,10 +107,16 @@ def test_zeros_cannot_be_told_apart_and_the_difference_is_named() -> None:
 SIGN = "(TIME in ms, with a sign and TIME in ms, without a sign)"
 
 
+def test_a_sign_makes_another_reading_only_where_a_value_has_one() -> None:
+    type_ = types_of("TYPE T : STRUCT a : DINT; t : TIME; END_STRUCT END_TYPE").named("T")
+    asked = [Profile("baosky", "little"), Profile("codesys-4", "little")]
+    assert list(fit(type_, [bytes.fromhex("01000000 05000000")], profiles=asked)[0].profiles) == asked
+    assert fit(type_, [bytes.fromhex("01000000 FBFFFFFF")], profiles=asked)[0].profiles == (asked[0],)
+
+
 @pytest.mark.parametrize(
     ("members", "content", "said"),
     [
-        ("a : DINT; t : TIME;", "01000000 05000000", f"the stored form of t {SIGN}"),
         (
             "d : DATE; i : INT; k : INT;",
             "00000000 0000 0000",

@@ -297,6 +297,7 @@ class BenchApp(App[None]):
         if self.lab is not None or self.scenarios is not None or self.last_words:
             return
         self._lab = self._lab or Lab(self.scene)
+        self._lab.begin()
         self.lab = LabScreen(self.scene, self._lab, self._say)
         self.push_screen(self.lab, self._lab_left)
         if line.split()[1:]:

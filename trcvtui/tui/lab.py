@@ -54,6 +54,10 @@ class Lab:
         self.type: Type | None = None
         self.choose_type("")
 
+    def begin(self) -> None:
+        """Look at the running job where DATA has never been written, unless other bytes were chosen."""
+        self.news = self.bytes.begin() or self.news
+
     # -- types --------------------------------------------------------------------------------------
 
     def _project_files(self) -> TypeFiles:
@@ -263,7 +267,7 @@ class Lab:
         messages, is_framed = self.bytes.evidence()
         self.fits, self.fitted = (), self.bytes.evidence_name
         if self.type is not None and messages:
-            self.fits = fit(self.type, messages, self.type_name, framed=is_framed)
+            self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=self.rules(OURS))
 
     @property
     def judgement(self) -> str:

@@ -36,9 +36,27 @@ class LabBytes:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self.source = DATA
+        self.is_chosen = False  # by the user
         self.back = 0
         self.typed = b""
         self._last: JobSpan | None = None
+
+    def begin(self) -> str:
+        """Take the running job's bytes where nobody chose and no job has written DATA; return what to say."""
+        if self.is_chosen or self.source not in (DATA, JOB):
+            return ""
+        declared, is_empty = self._scene.declaration, not any(self._scene.data)
+        self.source = JOB if is_empty and self._scene.partial and not self._is_written() else DATA
+        if self.source == DATA or declared is None:
+            return ""
+        return f"DATA {plain(declared.name)} has never been written: these are the bytes of the running job"
+
+    def _is_written(self) -> bool:
+        """Return whether a job has ended that received into DATA of the selected instance."""
+        snapshot, instance = self._scene.snapshot, self._scene.instance
+        if snapshot is None or instance is None:
+            return False
+        return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
     def request(self) -> HistoryRequest | None:
         """Return what of the stream to ask for: also under DATA, profiles are judged by what was sent."""
@@ -139,7 +157,7 @@ class LabBytes:
 
     def step(self, messages: int) -> None:
         """Go to an older or newer message."""
-        self.source = MESSAGE
+        self.source, self.is_chosen = MESSAGE, True
         self.back = max(0, min(self.back - messages, max(0, len(self.messages()) - 1)))
 
 

@@ -42,6 +42,20 @@ def cure(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
         return Cure((refused.lines()[0],), "")
 
 
+def cure_source(ours: Layout, theirs: Layout, form: str) -> str:
+    """Return what `udt cure` prints: the type for our side and, where byte orders differ, the swap code.
+
+    `form` is the language, `st` or `scl`; `padded` is the type alone, in the language of our side.
+    """
+    from trcvtui.udt.swap import language_of
+
+    if form == "padded":
+        return cure(ours, theirs, RECEIVER, language_of(ours.rules)).source
+    language: Language = "scl" if form == "scl" else "st"
+    kinds = (RECEIVER,) if ours.rules.byte_order == theirs.rules.byte_order else (RECEIVER, SWAP)
+    return "\n".join(cure(ours, theirs, kind, language).source for kind in kinds)
+
+
 def _type(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
     wanted, own = (theirs, ours) if kind == RECEIVER else (ours, theirs)
     found = corrective(wanted, own.rules)

@@ -90,7 +90,7 @@ def _swap(lab: Lab, rest: str) -> str:
 def _bytes(lab: Lab, rest: str) -> str:
     if rest not in SOURCES:
         raise mistake(f"{WHERE} bytes", f"'{plain(rest)[:40]}'", "one of " + ", ".join(SOURCES))
-    lab.bytes.source, lab.bytes.back = rest, 0
+    lab.bytes.source, lab.bytes.back, lab.bytes.is_chosen = rest, 0, True
     return "hex"
 
 
@@ -98,7 +98,7 @@ def _hex(lab: Lab, rest: str) -> str:
     content = parse_hex(rest, f"{WHERE} hex")
     if len(content) > MOST_HEX:
         raise mistake(f"{WHERE} hex", f"{len(content)} bytes", f"at most {MOST_HEX}")
-    lab.bytes.typed, lab.bytes.source = content, HEX
+    lab.bytes.typed, lab.bytes.source, lab.bytes.is_chosen = content, HEX, True
     return "hex"
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from trcvtui.tui.lab import Lab
 from trcvtui.tui.yank import Format, Subject
 from trcvtui.udt.byte_forms import hex_lines
+from trcvtui.udt.fit_report import reason_lines
 
 if TYPE_CHECKING:
     from trcvtui.tui.widgets.lab_panes import CureText
@@ -48,8 +49,5 @@ def _ranking(lab: Lab) -> str:
     lines = [lab.judgement] if lab.fits else []
     for found in lab.fits:
         lines.append(str(found))
-        lines += [
-            f"    {reason.points:+.1f} {f'{reason.path}: ' if reason.path else ''}{reason.text}"
-            for reason in found.reasons
-        ]
+        lines += [f"    {line}" for line in reason_lines(found)]
     return "\n".join(lines) + "\n" if lines else ""

@@ -58,7 +58,7 @@ def _in_pairs(raw: bytes) -> bytes:
 
 NONE: Final = Cause()
 _words: Final[dict[int, Change]] = {4: words_exchanged, 8: words_exchanged}
-_bytes: Final[dict[int, Change]] = {size: pairs_exchanged for size in (2, 4, 8)}
+_bytes: Final[dict[int, Change]] = dict.fromkeys((2, 4, 8), pairs_exchanged)
 SWAPS: Final = (
     Cause(WORD_SWAP, cost=-3.5, about="of each number of 4 and 8 bytes", of_member=_words),
     Cause(WORD_SWAP, cost=-3.5, about="of each number of 4 bytes", of_member={4: words_exchanged}),
@@ -70,7 +70,7 @@ SWAPS: Final = (
     ),
     Cause(WORD_SWAP, cost=-3.5, about="of every 4 bytes of the message", of_all=_in_pairs),
     Cause(BYTE_SWAP, cost=-3.5, about="of the whole message", of_all=pairs_exchanged),
-    Cause(BYTE_SWAP, cost=-3.5, about="of each number", of_member=_bytes),
+    Cause(BYTE_SWAP, cost=-4.5, about="of each number", of_member=_bytes),
 )
 EXTRA: Final = (
     *(Cause(HEADER, n, front=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
@@ -83,9 +83,9 @@ CAUSES: Final = (NONE, *SWAPS, *EXTRA)
 
 # What stands after a message, with the logarithm of how likely.
 ENDINGS: Final = {
-    b"\r\n": ("CR LF", 0.4), b"\n": ("LF", 0.1), b"\r": ("CR", 0.1), b"\x03": ("ETX", 0.05), b"\x04": ("EOT", 0.02),
-    b"\n\r": ("LF CR", 0.01), b"\r\n\0": ("CR LF NUL", 0.02), b"\0\r\n": ("NUL CR LF", 0.02), b"\x03\r\n": ("ETX CR LF", 0.02),
-    b"\r\n\r\n": ("CR LF CR LF", 0.02),
+    b"\r\n": ("CR LF", 0.4), b"\n": ("LF", 0.1), b"\r": ("CR", 0.1), b"\x03": ("ETX", 0.05),
+    b"\x04": ("EOT", 0.02), b"\n\r": ("LF CR", 0.01), b"\r\n\0": ("CR LF NUL", 0.02),
+    b"\0\r\n": ("NUL CR LF", 0.02), b"\x03\r\n": ("ETX CR LF", 0.02), b"\r\n\r\n": ("CR LF CR LF", 0.02),
 }  # fmt: skip
 OWN_ENDING: Final = 0.15  # anything else of two or more bytes
 ZEROS_AFTER: Final = 0.002  # zeros are padding more often than a trailer
@@ -112,7 +112,7 @@ def extra_points(cause: Cause, extra: bytes, size: int) -> tuple[float, str] | N
             return math.log(ZEROS_AFTER), f"after it stand {cause.n} zeros"
         return math.log(OWN_ENDING), f"after it stands {shown}"
     if cause.kind == LONG:
-        return math.log(0.1) if extra in ENDINGS else -0.5, f"one byte too many: {shown}"
+        return -0.5, f"one byte too many: {shown}"
     return 0.0, f"one byte too few: {cause.about}" if cause.kind == SHORT else ""
 
 
@@ -163,7 +163,7 @@ def cut(cause: Cause, size: int, messages: Sequence[bytes], framed: bool, most: 
 
 
 class Cutting(NamedTuple):
-    """Messages of the type's size, what stood before or after each, how many messages fit, how many in one."""
+    """Messages of the type's size, what stood before or after each, how many fit, how many are in one."""
 
     units: tuple[bytes, ...]
     extras: tuple[bytes, ...]

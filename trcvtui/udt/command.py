@@ -89,6 +89,36 @@ def compare(args: Namespace) -> tuple[Iterator[str], Callable[[], bool]]:
     return answer(comparison, data, count), lambda: is_equal(comparison, count)
 
 
+def fit(args: Namespace) -> tuple[str, bool]:
+    """Return the answer of `udt fit`, and whether one reading fits best."""
+    from trcvtui.udt.fit import fit as ranked
+    from trcvtui.udt.fit_report import fit_json, fit_text
+    from trcvtui.udt.given import given_messages
+
+    ours = layout_of(args)
+    messages = given_messages(" ".join(args.hex))
+    fits = ranked(ours.type, messages, ours.name, own=ours.rules)
+    is_sure = bool(fits) and fits[0].fits_best
+    if args.format == "json":
+        import json
+
+        text = json.dumps(fit_json(fits), indent=2, allow_nan=False)  # ASCII: bytes from a wire stay data
+        return text.replace("\x7f", "\\u007f"), is_sure
+    sizes = " + ".join(f"{len(message)}" for message in messages[:8]) + (
+        " + ..." if len(messages) > 8 else ""
+    )
+    return fit_text(fits, f"{ours.name}, {sizes} bytes"), is_sure
+
+
+def two_sides_of_a_cure(args: Namespace) -> tuple[Layout, Layout]:
+    """Return our layout and theirs for `udt cure`: a layout option that is given once is theirs."""
+    for option in ("layout", "byte_order", "text"):
+        given: list[str | None] = getattr(args, option)
+        if len(given) == 1:
+            setattr(args, option, [None, *given])
+    return _two_layouts(args)
+
+
 # -- what the commands have in common ------------------------------------------------------------------------
 
 

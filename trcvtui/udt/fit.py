@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 from trcvtui.udt.causes import CAUSES, NONE, Cause, Cutting, cut, extra_points
 from trcvtui.udt.decode import decode_leaf
 from trcvtui.udt.difference import difference
-from trcvtui.udt.layout import DEFAULT_LAYOUT, LAYOUTS, Layout, Leaf
+from trcvtui.udt.layout import DEFAULT_LAYOUT, LAYOUTS, Layout, LayoutRules, Leaf
 from trcvtui.udt.likelihood import Evidence, bits_evidence, evidence, gap_points, spoken, steady
 from trcvtui.udt.profiles import Profile, profiles_for, same_layouts, shape
 from trcvtui.udt.stored_form import stored_form
@@ -30,10 +30,10 @@ MOST_FITS: Final = 64  # that are returned; those without a cause all
 FAR: Final = 40.0  # points that a reading with a cause may be worse than the best one, and be returned
 NAMED: Final = 3  # members that a sentence names
 SHOWN: Final = 32  # characters of a value
-TIE: Final = 0.05  # points
+TIE: Final = 1.0  # points: less is no evidence
 
 # The points of what is no member; those of members stand in likelihood.py, those of causes in causes.py.
-LENGTH: Final = (4.0, -30.0)  # the message has the size of the type
+LENGTH: Final = (8.0, -30.0)  # the message has the size of the type
 MULTIPLE: Final = -1.0  # less, when it is several times that size
 REPEATED: Final = 0.6  # k messages of other bytes say k**REPEATED times as much as one
 MOST_REASONS: Final = 64
@@ -83,7 +83,7 @@ class Fit:
     def __str__(self) -> str:
         """Return the profiles by name, with their points."""
         also = ", ".join(str(profile) for profile in self.profiles[1:])
-        return f"{self.name} ({self.score:+.1f})" + (f", the same for this type: {also}" if also else "")
+        return f"{self.name} ({self.score:+.1f})" + (f", the same for these bytes: {also}" if also else "")
 
 
 def fit(
@@ -93,20 +93,20 @@ def fit(
     *,
     framed: bool = True,
     profiles: Iterable[Profile] | None = None,
-    own: Profile | None = None,
+    own: LayoutRules | None = None,
 ) -> tuple[Fit, ...]:
     """Return every reading of the bytes, the best first.
 
     `messages` are what the sender sent at once, each from its first byte, one telegram or several; not
-    `framed`: they are pieces of one stream that begins with a message, and their lengths say nothing. `own` is
-    the profile of the PLC: it is named first where several mean the same.
+    `framed`: they are pieces of one stream that begins with a message, and their lengths say nothing. `own`
+    are the rules of our own side: it is named first where several mean the same.
     """
     asked = profiles_for(type_) if profiles is None else tuple(profiles)
-    own = own or Profile(DEFAULT_LAYOUT, LAYOUTS[DEFAULT_LAYOUT].byte_order)
-    asked = tuple(sorted(asked, key=lambda one: one[:2] != own[:2]))
+    own = own or LAYOUTS[DEFAULT_LAYOUT]
+    asked = tuple(sorted(asked, key=lambda one: (one.layout, one.byte_order) != (own.name, own.byte_order)))
     known: _Known = {}
     found = []
-    for same, layout in same_layouts(type_, asked, name):
+    for same, layout in same_layouts(type_, asked, name, own):
         look = _Look(layout, known)
         tried = (_Reading.of(same, look, cause, messages, framed) for cause in CAUSES)
         found += [reading for reading in tried if reading is not None]
@@ -126,10 +126,10 @@ def verdict(fits: Sequence[Fit]) -> str:
     if best.fits_best:
         behind = f"; next is {fits[1].name} ({fits[1].score:+.1f})" if len(fits) > 1 else ""
         return f"{best} fits best{behind}"
-    if best.score <= 0 or best.members <= 0:
+    if best.score <= 0 or (best.members <= 0 and len(tied) == 1):
         return f"no profile fits these bytes well; the least bad is {best}"
     if len(tied) == 1:
-        return f"{best} is ahead, but not sure: {best.doubt}"
+        return f"{best} is ahead, but that is not sure: {best.doubt}"
     names = " and ".join(fit.name for fit in tied[:NAMED])
     more = f" (and {len(tied) - NAMED} more)" if len(tied) > NAMED else ""
     return f"{names}{more} cannot be told apart by these bytes: {_apart(tied[0], tied[1])}"
@@ -196,7 +196,7 @@ class _Says(NamedTuple):
     why: str
 
 
-# -- one reading -----------------------------------------------------------------------------------------------
+# -- one reading ---------------------------------------------------------------------------------------------
 
 
 class _Reading:
@@ -251,6 +251,8 @@ class _Reading:
         look, changes, has_changed = self.look, self.cause.of_member, not self.cause.of_member
         for member in look.members:
             parts = [unit[member.start : member.stop] for unit in self.cutting.units]
+            if self.cause.back < 0 and isinstance(member.leaf.type, Text):  # it may have ended before
+                parts = [part.ljust(member.leaf.size, b"\0") for part in parts]
             parts = [part for part in parts if len(part) == member.leaf.size]
             if self.cause.front < 0 and member.start < -self.cause.front:
                 continue
@@ -326,7 +328,7 @@ class _Reading:
     def judge_gaps(self) -> None:
         for offset, size in self.look.gaps:
             parts = dict.fromkeys(unit[offset : offset + size] for unit in self.cutting.units)
-            there = [part for part in parts if len(part) == size]
+            there = [part for part in parts if len(part) == size or (part and self.cause.back < 0)]
             if not there:
                 continue
             place = f"byte {offset}" if size == 1 else f"bytes {offset} to {offset + size - 1}"
@@ -367,8 +369,9 @@ class _Reading:
     @cached_property
     def meaning(self) -> object:
         """Return a value that is equal for readings in which these bytes mean the same."""
-        is_negative = any(self.is_negative(one) for one in self.said)
-        return self.cause.kind, self.cause.n, shape(self.look.layout, by_bytes=not is_negative)
+        look = self.look
+        is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.said))
+        return self.cause.kind, self.cause.n, shape(look.layout, by_bytes=is_seen)
 
     def is_negative(self, one: _Says) -> bool:
         type_ = one.member.leaf.type
@@ -412,7 +415,7 @@ def _is_number(member: _Member) -> bool:
     return not isinstance(member.leaf.type, Text) and not member.leaf.coding.code.endswith("s")
 
 
-# -- all of them -----------------------------------------------------------------------------------------------
+# -- all of them ---------------------------------------------------------------------------------------------
 
 
 def _ranked(found: list[_Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
@@ -448,6 +451,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         return "all bytes are the same"
     for other in ranked[1:]:
         if other.score > best.score - CLEAR:
+            if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:
+                return f"{_called(other)} ({other.score:+.1f}) reads values that are as good"
             return f"{_called(other)} ({other.score:+.1f}) is near"
         order = best.order if other.way != best.way else 0.0
         if other.fair > best.fair + order - CLEAR:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from typing import Final
 
@@ -26,6 +27,23 @@ def given_bytes(given: str) -> bytes:
     if given.startswith("@"):
         return parse_hex(_text(given[1:]), given[1:])
     return parse_hex(given, "HEX")
+
+
+def given_messages(given: str) -> list[bytes]:
+    """Return the bytes as messages: a file, and stdin, may have several, with an empty line between them."""
+    if given != STDIN and not given.startswith("@"):
+        messages = [parse_hex(given, "HEX")]
+    else:
+        name = given.removeprefix("@")
+        text = _text(name)
+        parse_hex(text, _where(name))  # so that a mistake is told with its line in the file
+        messages = [parse_hex(part) for part in re.split(r"\n[ \t\r]*\n", text)]
+    found = [message for message in messages if message]
+    if not found:
+        raise mistake(
+            _where(given.removeprefix("@")) if given[:1] in ("@", STDIN) else "HEX", "no bytes", "a message"
+        )
+    return found
 
 
 def given_values(name: str) -> dict[str, object]:

@@ -24,8 +24,8 @@ _Chance = tuple[float, str]  # the logarithm of how likely the bytes are as a va
 class Evidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
-    `fair` are the points in a comparison of byte orders: a number that is round in one of the orders has those
-    of its best order. `order` is what it says for this order against the other one.
+    `fair` are the points where the byte order is in doubt: a number that is round in one of the orders has
+    those of its best order. `order` is what it says for this order against the other one.
     """
 
     points: float

@@ -5,6 +5,7 @@ Rule: two profiles are one when every leaf lies at the same place and is stored 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from trcvtui.errors import UserError
@@ -52,20 +53,28 @@ def profiles_for(type_: Type) -> tuple[Profile, ...]:
 
 
 def same_layouts(
-    type_: Type, profiles: tuple[Profile, ...], name: str = ""
+    type_: Type, profiles: tuple[Profile, ...], name: str = "", own: LayoutRules | None = None
 ) -> list[tuple[tuple[Profile, ...], Layout]]:
     """Return the type laid out in each profile, those that mean the same together.
 
-    A profile in which the type cannot be laid out is left out.
+    A profile in which the type cannot be laid out is left out. `own` has what our side says beside a profile.
     """
     found: dict[object, tuple[list[Profile], Layout]] = {}
     for profile in profiles:
         try:
-            layout = lay_out(type_, profile.rules, name)
+            layout = lay_out(type_, _beside(profile.rules, own), name)
         except UserError:
             continue
         found.setdefault(shape(layout), ([], layout))[0].append(profile)
     return [(tuple(same), layout) for same, layout in found.values()]
+
+
+def _beside(rules: LayoutRules, own: LayoutRules | None) -> LayoutRules:
+    """Return the rules with our size of a pointer and, in our own layout, our room of a STRING."""
+    if own is None:
+        return rules
+    even = own.string_even if own.name == rules.name else rules.string_even
+    return replace(rules, pointer_size=own.pointer_size, string_even=even)
 
 
 def shape(layout: Layout, *, by_bytes: bool = False) -> object:

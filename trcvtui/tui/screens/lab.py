@@ -201,10 +201,12 @@ class LabScreen(Screen[None]):
 
     def on_fit_wanted(self, message: messages.FitWanted) -> None:
         """Take a profile of the ranking as theirs."""
-        profile = self.lab.fits[message.number].profile
+        found = self.lab.fits[message.number]
+        profile = found.profile
         text = profile.text or self.lab.profiles[THEIRS].text
         self.obey(f"udt theirs {profile.layout} {profile.byte_order} {text}")
-        self._told = f"theirs is {profile} now; 4 or c: the cure"
+        beside = f"; beside it: {found.cause}" if found.cause.kind else ""
+        self._told = f"theirs is {profile} now{beside}; 4 or c: the cure"
         self.show()
 
     def on_pane_wanted(self, message: messages.PaneWanted) -> None:

@@ -15,6 +15,7 @@ from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.twin_tree import Place
 from trcvtui.tui.widgets.hex_view import HexView, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.fit_report import named
 from trcvtui.udt.layout import Layout
 
 GAP: Final = "░"
@@ -128,10 +129,8 @@ class FitList(LineView):
         self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrapped(said, width)]
         for number, found in enumerate(fits):
             chosen = number == self.cursor
-            names = [str(profile) for profile in found.profiles]
-            more = f" (and {len(names) - 1} the same)" if len(names) > 1 else ""
             style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
-            text = clip(f"{names[0]}{more}", width - 12)
+            text = clip(named(found), width - 12)
             parts = [("▸" if chosen else " ", "key"), (f"{number + 1:>2} ", "dim")]
             self._rows.append(
                 (row(*parts, (f"{found.score:+6.1f}  ", "strong"), (text, ""), style=style), number)
@@ -144,7 +143,7 @@ class FitList(LineView):
     ) -> list[tuple[Row, int | None]]:
         sign, style = ("+", "done") if points > 0 else ("-", "error")
         head = f"     {sign}{abs(points):.1f} "
-        said = f"{plain(path)}: {text}" if path else text
+        said = text if text.startswith(path) else f"{plain(path)}: {text}"
         first, *rest = wrapped(said, width - len(head))
         lines = [row((head, style), (first, ""))] + [row((" " * len(head) + line, "")) for line in rest]
         return [(line, number) for line in lines]

@@ -1,4 +1,4 @@
-"""Blind cases: hidden types, profiles and causes. The lab names the cause, and is never sure of a wrong one."""
+"""Blind cases: hidden types, profiles and causes. The lab names the cause, and is never wrongly sure."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def test_a_natural_sender_is_told_from_cap4_with_the_reasons() -> None:
         (1.82, "kind = 1 (16#01): bits"),
     ]
     assert verdict(fits).startswith(
-        "natural8, little-endian (+21.2), the same for these bytes: codesys-8, little-endian fits best; next is"
+        "natural8, little-endian (+21.2), the same for these bytes: codesys-8, little-endian fits best; next"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
@@ -13,6 +14,7 @@ LEAST_SCANS = int(os.environ.get("TRCVTUI_RANDOM_SCANS", "200000"))
 SCANS_AN_EXAMPLE = 320  # what one example runs through on average, cautiously
 
 
+@pytest.mark.timeout(300)
 def test_the_invariants_hold_over_random_scans() -> None:
     BenchMachine.scans = 0
     many = settings(

@@ -128,6 +128,16 @@ class Bench:
         config = self.project.connect(connect) or self.project.udp_config(connect)
         return Endpoint(config.local.address, port) if config and port is not None else None
 
+    def is_free(self, end: Endpoint) -> bool:
+        """Return whether nobody listens at an end of this machine."""
+        handle = self._kernel.socket("bench")
+        if isinstance(handle, Fault):
+            return True
+        self._kernel.set_reuse(handle)
+        failed = self._kernel.bind(handle, end)
+        self._kernel.close(handle)
+        return failed is None or failed.error != "EADDRINUSE"
+
     def _peer_port(self, name: str) -> int | None:
         peer = self.peers.get(name)
         return peer.last_port if peer else None

@@ -12,6 +12,8 @@ from typing import Any, Final
 
 from trcvtui.blocks.parameters import BUFFER_PIN, POINTERS
 from trcvtui.errors import UserError, mistake
+from trcvtui.net.connect_config import ConnectConfig
+from trcvtui.net.udp_config import UdpConfig
 from trcvtui.plc.names import expected_name
 from trcvtui.plc.project import (
     DataDecl,
@@ -47,6 +49,7 @@ from trcvtui.rig.bench_send import read_send
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.edit_words import Add, AddData, Change, Mend, Remove, Undo
 from trcvtui.rig.member_values import quoted, unquoted
+from trcvtui.rig.on_the_way import complete, ends_of
 from trcvtui.rig.wording import count
 
 KINDS: Final = tuple(FIELDS)
@@ -62,6 +65,7 @@ def read_add(words: Words, project: Project) -> Add | AddData:
     kind = words.next("what to add: " + ", ".join(KINDS))
     if kind not in KINDS:
         raise words.wrong(shown(kind), expected_name(kind, KINDS, "kind"))
+    start = words.place
     name = words.next(f"a name for the new {kind}")
     where = f"{words.where}: {kind} {name}"
     if kind == CERTIFICATE:  # its number is its name; `number=1` says so, too
@@ -69,6 +73,8 @@ def read_add(words: Words, project: Project) -> Add | AddData:
     else:
         called = {"name": name}
     content = {**called, **_CONTENT.get(kind, _pairs)(words)}
+    if kind == INSTANCE:
+        return _with_its_parts(content, project, where, words.written(start))
     decl = read_entry(kind, content, project, where)
     if isinstance(decl, DataDecl):
         return AddData(decl.name, decl.type_name, decl)
@@ -77,6 +83,18 @@ def read_add(words: Words, project: Project) -> Add | AddData:
         raise mistake(where, found, "remote=@C1 (it connects), or local=127.0.0.1:4000 (it listens)")
     _check_talk(decl, with_entry(project, decl), where)
     return Add(decl)
+
+
+def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
+    """Return an instance with the CONNECT and the DATA that its line leaves out; the port stands in `text`."""
+    whole, made = complete(content, project, where)
+    grown = with_edits(project, tuple([adding(decl, project) for decl in made]))
+    decl = read_entry(INSTANCE, whole, grown, where)
+    assert isinstance(decl, InstanceDecl)
+    if not made:
+        return Add(decl)
+    port = next((end.port for end in ends_of(made) if "LocalPort" not in content), 0)
+    return Add(decl, made, f"add {INSTANCE} {written}{port_text(port) if port else ''}", port)
 
 
 def _check_talk(decl: Declaration, project: Project, where: str) -> None:
@@ -272,12 +290,34 @@ def edits_of(command: Mend, project: Project) -> Edits:
 
 def told(command: Mend, project: Project) -> str:
     """Return what a line has done to this project: what was before it, what is now, who begins anew."""
-    if isinstance(command, Add | AddData) and not (isinstance(command, Add) and command.with_it):
-        return ""
+    if isinstance(command, Add | AddData):
+        return told_on_the_way(command)
     said = [_told(edit) for edit in edits_of(command, project)]
     anew = dict.fromkeys(what for edit in edits_of(command, project) for what in _anew(edit, project))
     back = "taken back: " if isinstance(command, Undo) else ""
     return back + ", ".join(said) + (f"; begins anew: {', '.join(anew)}" if anew else "")
+
+
+def port_text(port: int) -> str:
+    """Return the words that a chosen port has at the end of a line."""
+    return f" LocalPort={port}"
+
+
+def told_on_the_way(command: Add | AddData) -> str:
+    """Return what is made beside an instance, "" for nothing."""
+    made = command.with_it if isinstance(command, Add) else ()
+    return f"with {', '.join(map(_made, made))}" if made else ""
+
+
+def _made(decl: Declaration) -> str:
+    what = f"{_words_of(KIND_OF[type(decl)])} {decl.name}"
+    match decl:
+        case ConnectConfig() | UdpConfig():
+            return f"{what} at {decl.local}"
+        case DataDecl():
+            return f"{what}, {decl.type_name}"
+        case _:
+            return what
 
 
 def _told(edit: Edit) -> str:
@@ -320,6 +360,8 @@ def _anew(edit: Edit, project: Project) -> list[str]:
 
 def add_line(command: Add | AddData) -> str:
     """Return the line that `read_add` reads as this command."""
+    if isinstance(command, Add) and command.text:
+        return command.text
     decl = command.decl
     start = f"add {KIND_OF[type(decl)]} {decl.name}"
     match decl:

@@ -12,15 +12,19 @@ from pathlib import Path
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
+from trcvtui.net.answers import Endpoint
 from trcvtui.plc.project import Project
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import KERNELS, Bench
 from trcvtui.rig.bench import parse_line
+from trcvtui.rig.bench_edit import port_text
 from trcvtui.rig.bench_edit import told as told_of
+from trcvtui.rig.bench_lines import to_line
 from trcvtui.rig.conditions import found, holds
 from trcvtui.rig.edit_words import Mend
 from trcvtui.rig.history_reader import HistoryReader
 from trcvtui.rig.job_history import JobHistory
+from trcvtui.rig.on_the_way import ends_of, free_port
 from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
 from trcvtui.rig.project_edits import Edits
@@ -113,6 +117,9 @@ class Console:
             return error.lines()[0]
         if command is None:
             return ""
+        if isinstance(command, words.Add) and command.port:
+            command = self._at_a_free_port(command)
+            line = to_line(command)
         wrong = self._act(command)
         if not wrong:
             self.session.note(command, line)
@@ -141,6 +148,17 @@ class Console:
                 return wrong
             case _:
                 return self.bench.do(command)
+
+    def _at_a_free_port(self, command: words.Add) -> words.Add:
+        """Return the command with the next port of this machine at which nobody else listens."""
+        [end] = ends_of(command.with_it)[:1]
+        port = command.port
+        while not self.bench.is_free(Endpoint(end.address, port)):
+            port = free_port(self.bench.project, port)
+        typed = command.text.removesuffix(port_text(command.port))
+        other = parse_line(typed + port_text(port), self.bench.project, "prompt")
+        assert isinstance(other, words.Add)
+        return other
 
     def _mend(self, command: Mend) -> str:
         """Edit the bench and the project; the bench of a scenario is nobody's project."""

@@ -36,8 +36,9 @@ class Add:
     """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
 
     decl: AddedDecl
-    with_it: tuple[ConnectConfig | UdpConfig | AddrParam | ComBufferDecl | DataDecl, ...] = ()
+    with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # made before it, on the way
     text: str = field(default="", compare=False)  # as it was written, where more is made on the way
+    port: int = field(default=0, compare=False)  # that was chosen for it; it stands at the end of `text`
 
 
 @dataclass(frozen=True, slots=True)

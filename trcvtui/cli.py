@@ -134,6 +134,8 @@ def _open_screen(
     if not (os.isatty(0) and os.isatty(1)) and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
         _load_bench(path)
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
+    if not read_only and not _is_there(path):
+        return WRONG_INPUT
     from trcvtui.rig.driver import EngineStopped, start_engine
 
     gc.disable()  # until the first frame stands: what is imported on the way to it stays
@@ -151,6 +153,22 @@ def _open_screen(
         return FAILED
     finally:
         driver.close()
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether a project can be opened: one that is not there, or empty, is offered to be created."""
+    import os
+
+    if "TEXTUAL_DRIVER" in os.environ:
+        return True  # in a browser nobody can be asked
+    try:
+        if path.stat().st_size:
+            return True
+    except OSError:
+        pass
+    from trcvtui.rig.new_project import is_wanting, offer_in_the_terminal
+
+    return offer_in_the_terminal(path) if is_wanting(path) else True
 
 
 def _load_bench(path: Path) -> Project:

@@ -25,6 +25,7 @@ OF_CONNECT: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAd
 RECEIVED: Final = "ARRAY[0..1023] OF BYTE"
 SENT: Final = "ARRAY[0..15] OF BYTE"
 ADHOC: Final = "ADHOC"
+LISTEN: Final = ("connect", "udp_config")
 STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
 
 
@@ -37,7 +38,7 @@ def free_name(kind: str, start: str, project: Project) -> str:
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
     """Return the first port from 2000 on, behind `after`, at which no part of the project listens."""
-    ends = [config.local for config in (*project.connects, *project.udp_configs)]
+    ends = [each.local for each in project.connects] + [each.local for each in project.udp_configs]
     taken = {end.port for end in ends} | {
         getattr(end, "port", 0) for peer in project.peers for end in (peer.end, peer.source)
     }
@@ -63,10 +64,8 @@ def complete(
     missing = [(key, kind) for key, kind in keys if key not in content]
     if not missing:
         return whole, ()
-    own = {key: whole.pop(key) for key in OF_CONNECT if key in whole}
-    parts = [
-        (key, kind, STARTS[kind], own if kind in ("connect", "udp_config") else {}) for key, kind in missing
-    ]
+    own: dict[str, Any] = {key: whole.pop(key) for key in OF_CONNECT if key in whole}
+    parts = [(key, kind, STARTS[kind], own if kind in LISTEN else {}) for key, kind in missing]
     if block in HAS_DATA and "data" not in content:
         receives = block in RECEIVERS or block.startswith("Receive")
         type_ = {"type": RECEIVED if receives else SENT}
@@ -84,7 +83,7 @@ def complete(
 
 
 def _usual(kind: str, project: Project) -> dict[str, Any]:
-    if kind in ("connect", "udp_config"):
+    if kind in LISTEN:
         return {"LocalAddress": HOST, "LocalPort": free_port(project)}
     return {}
 
@@ -95,6 +94,5 @@ def _text(value: object) -> str:
 
 def ends_of(made: tuple[Declaration, ...]) -> tuple[Endpoint, ...]:
     """Return the ends at which what was made will listen."""
-    return tuple(
-        [decl.local for decl in made if isinstance(decl, ConnectConfig | UdpConfig) if decl.local.port]
-    )
+    listening = [decl.local for decl in made if isinstance(decl, ConnectConfig | UdpConfig)]
+    return tuple([end for end in listening if end.port])

@@ -24,6 +24,7 @@ TITLES: Final = {
     "combuffer": "a ComBuffer",
 }
 KINDS: Final = tuple(TITLES)
+RECEIVER: Final = "TRCV_C"
 NAMES: Final = {"connect": "C", "combuffer": "B", "udp_config": "U", "addr": "A", "data": "rx", "peer": "P"}
 BARE: Final = frozenset({"inputs", "type", "text", "steps"})  # they stand without a key
 QUOTED: Final = frozenset({"says", "bytes", "local_tsap", "remote_tsap", "LocalTSelector", "RemoteTSelector"})
@@ -37,10 +38,17 @@ def kinds_of(project: Project) -> tuple[str, ...]:
 
 def fields_of(kind: str, project: Project, block: str = "") -> tuple[AddField, ...]:
     """Return the fields of a kind behind its name; those of an instance are its block's."""
-    chosen = block or project.dialect.blocks[0]
+    chosen = block or first_block(project)
     if kind == "instance" and buffer_pin(chosen):
         return tuple(buffered_fields(project, chosen))
     return tuple(_FIELDS[kind](project))
+
+
+def first_block(project: Project) -> str:
+    """Return the block that the form begins with: on an empty bench one that receives from anybody."""
+    if not project.instances and RECEIVER in project.dialect.blocks:
+        return RECEIVER
+    return project.dialect.blocks[0]
 
 
 def first_name(kind: str, project: Project) -> str:
@@ -49,7 +57,7 @@ def first_name(kind: str, project: Project) -> str:
         return str(max(project.certificates, default=0) + 1)
     sharing = next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
     taken = {name for each in sharing for name in names_of(each, project)}
-    start = f"{project.dialect.blocks[0]}_" if kind == "instance" else NAMES.get(kind, kind)
+    start = f"{first_block(project)}_" if kind == "instance" else NAMES.get(kind, kind)
     return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
 
 
@@ -68,9 +76,10 @@ def line_of(kind: str, name: str, texts: Mapping[str, str]) -> str:
 
 def _instance(project: Project) -> Sequence[AddField]:
     connects, data = names_of("connect", project), names_of("data", project)
+    blocks = (first_block(project), *project.dialect.blocks)
     fields = [
-        block_field(project, next(b for b in project.dialect.blocks if not buffer_pin(b))),
-        AddField("connect", "a CONNECT", connects, last_of(connects)),
+        block_field(project, next(block for block in blocks if not buffer_pin(block))),
+        AddField("connect", *_or_made("a CONNECT", connects), last_of(connects)),
     ]
     if project.udp_configs:
         fields.append(AddField("config", "of a UDP block", names_of("udp_config", project)))
@@ -78,10 +87,15 @@ def _instance(project: Project) -> Sequence[AddField]:
         fields.append(AddField("addr", "of a UDP block", names_of("addr", project)))
     return [
         *fields,
-        AddField("data", "a DATA variable, none: 80A4", data, last_of(data)),
+        AddField("data", *_or_made("a DATA variable", data), last_of(data)),
         AddField("task", "a task", tuple(task.name for task in project.tasks), project.tasks[0].name),
         AddField("inputs", "such as CONT=1 EN_R=1"),
     ]
+
+
+def _or_made(what: str, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+    """Return hint and choices of what is made on the way where nothing is chosen."""
+    return f"{what}; empty: one is made", names
 
 
 def _connect(project: Project) -> Sequence[AddField]:

@@ -19,3 +19,13 @@ def fault_of(line: str, project: Project) -> str:
     except UserError as error:
         return error.lines()[0].removeprefix("prompt: ")
     return ""
+
+
+def said_on_the_way(line: str, project: Project) -> str:
+    """Return what a line makes beside what it adds, "" for nothing."""
+    from trcvtui.rig.bench import parse_line  # as above
+    from trcvtui.rig.bench_edit import told_on_the_way
+    from trcvtui.rig.edit_words import Add
+
+    command = parse_line(line, project, "prompt")
+    return told_on_the_way(command) if isinstance(command, Add) else ""

@@ -16,7 +16,7 @@ from trcvtui.tui.add_described import AddField
 from trcvtui.tui.add_fields import TITLES, fields_of, first_name, kinds_of, line_of
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.keystrokes import TypedField
-from trcvtui.tui.validity import fault_of
+from trcvtui.tui.validity import fault_of, said_on_the_way
 
 KEYS_LINE: Final = "tab field · ↑↓ choose · enter add · esc leave"
 HINT: Final = 30
@@ -123,7 +123,8 @@ class AddScreen(ModalScreen[str]):
         place = fault.removeprefix(f"{self.kind} {self._fields[0].value.strip()}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
-        self._line.update(f"✗ {plain(fault)}" if fault else f"▸ {plain(self.line)}")
+        made = "" if fault else said_on_the_way(self.line, self._project())
+        self._line.update(f"✗ {plain(fault)}" if fault else plain(f"▸ {self.line}{made and f' · {made}'}"))
         self._line.set_class(bool(fault), "-bad")
 
     async def on_input_changed(self, event: Input.Changed) -> None:

@@ -20,6 +20,11 @@ ROOMY: Final = 110
 NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
 BAR: Final = 10
 MANY: Final = 8  # from here on there are keys to find one
+# What stands where no instance is.
+EMPTY_BENCH: Final = (
+    "  empty: press A, then enter, for an instance with its CONNECT and DATA",
+    "  then t raises CONT (it listens) and n raises EN_R (it receives)",
+)
 
 
 class Columns(NamedTuple):
@@ -72,7 +77,7 @@ class InstanceList(LineView):
         """Return the number of instances that are listed."""
         if self._words:
             return max(1, len(self._listed))
-        return len(self._scene.instances) or len(self._scene.project.instances)
+        return len(self._scene.instances) or len(self._scene.project.instances) or len(EMPTY_BENCH)
 
     def show(self) -> None:
         """Repaint what changed; the title says how many a filter lets through, and who shows an ERROR."""
@@ -93,6 +98,8 @@ class InstanceList(LineView):
         if self._words:
             return row(("  none has these words in its name, code or address", "dim")) if y == 0 else EMPTY
         declared = self._scene.project.instances
+        if not declared:
+            return row((EMPTY_BENCH[y], "key" if y == 0 else "dim")) if y < len(EMPTY_BENCH) else EMPTY
         return row((f"  {plain(declared[y].name)}", "dim")) if y < len(declared) else EMPTY
 
     def _has_words(self, instance: InstanceSnapshot) -> bool:

@@ -83,8 +83,13 @@ class StatusCard(LineView):
     def _nothing(self) -> list[Row]:
         if self._scene.project.instances or self._scene.picture is None:
             return [row(("waiting for the first scan", "dim"))]
-        texts = ("the program has no instance left", "`: create TRCV_C NAME connect=C1 data=rx` makes one")
-        return [row((text, "dim")) for text in texts]
+        texts = (
+            "no instance is on this bench",
+            "next  press A, then enter: TRCV_C_1 with a CONNECT at 127.0.0.1 and its DATA",
+            "then  t raises CONT: it listens. n raises EN_R: it receives. Who then sends makes a DONE",
+        )
+        width = max(20, self.line_width)
+        return [row((line, "dim")) for text in texts for line in wrapped(text, width)]
 
     def _rows_for(
         self,

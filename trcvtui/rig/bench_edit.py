@@ -86,7 +86,7 @@ def read_add(words: Words, project: Project) -> Add | AddData:
 
 
 def _with_its_parts(content: dict[str, Any], project: Project, where: str, written: str) -> Add:
-    """Return an instance with the CONNECT and the DATA that its line leaves out; the port stands in `text`."""
+    """Return an instance with the CONNECT and the DATA that its line leaves out."""
     whole, made = complete(content, project, where)
     grown = with_edits(project, tuple([adding(decl, project) for decl in made]))
     decl = read_entry(INSTANCE, whole, grown, where)

@@ -37,7 +37,7 @@ def free_name(kind: str, start: str, project: Project) -> str:
 
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
-    """Return the first port from 2000 on, behind `after`, at which no part of the project listens."""
+    """Return the first port from 2000 on, behind `after`, that no part has."""
     ends = [each.local for each in project.connects] + [each.local for each in project.udp_configs]
     taken = {end.port for end in ends} | {
         getattr(end, "port", 0) for peer in project.peers for end in (peer.end, peer.source)

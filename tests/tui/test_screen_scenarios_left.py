@@ -48,7 +48,7 @@ async def test_the_one_that_was_chosen_is_chosen_again() -> None:
 @pytest.mark.parametrize("keys", [":scenarios\r", "S", "7S", "4S"])
 async def test_it_is_opened_by_key_and_by_prompt_and_hears_keys_of_the_same_batch(keys: str) -> None:
     async with looking(WIDE) as looker:
-        for key in typed(f"{keys}/frame\r\rn"):
+        for key in typed(f"{keys}/frame\r\ryn"):
             looker.app.post_message(key)
         await looker.settle()
         load, step = looker.lines

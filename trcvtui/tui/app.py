@@ -272,14 +272,19 @@ class BenchApp(App[None]):
         from trcvtui.tui.screens.scenarios import ScenariosScreen
 
         if self.scenarios is None and not self.last_words:
-            library = Library(find_files(self._home), self._scenario)
-            self.scenarios = ScenariosScreen(self.scene, self._say, library)
+            player = self.scene.picture.player if self.scene.picture is not None else None
+            loaded = Path(player.path) if player is not None else None
+            library = Library(find_files(self._home), loaded or self._scenario)
+            self.scenarios = ScenariosScreen(self.scene, self._say, library, loaded)
             self.push_screen(self.scenarios, self._scenarios_left)
 
     def _scenarios_left(self, chosen: Path | None) -> None:
+        keeps = self.scenarios is not None and self.scenarios.keeps_the_play
         self.scenarios = None
         self._scenario = chosen or self._scenario
-        if self.scene.picture is not None and self.scene.picture.player is not None:
+        if keeps:
+            self.main.begin_anew()
+        elif self.scene.picture is not None and self.scene.picture.player is not None:
             self.scene.leave()
             self.main.begin_anew()
         self.main.show()

@@ -93,6 +93,8 @@ SCENARIOS: Final = (
     ("n or space", "the next step; during a run: stop after the running one"),
     ("r", "all steps that are left; simulated ones as fast as they go"),
     ("D", "dialect race: the chosen scenario through several dialects, scan beside scan"),
+    ("5 6 7", "STATUS, history, timing of what plays"),
+    ("v", "all panes of the bench, with the scenario on them; S comes back to its steps"),
     ("esc or q", "leave: the project that was opened begins afresh"),
 )
 RACE: Final = (

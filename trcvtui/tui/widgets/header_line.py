@@ -54,6 +54,9 @@ class HeaderLine(LineView, can_focus=False):
             return [*pieces, Piece(" ENGINE ENDED ", "stop", 0)]
         if picture is None:
             return [*pieces, Piece("the engine starts …", "dim", 5)]
+        if picture.player is not None:
+            count_of, at = len(picture.player.steps), picture.player.current + 1
+            pieces.append(Piece(f"scenario, step {min(at, count_of)} of {count_of}", "warn", 4))
         snapshot, timing = picture.snapshot, picture.timing
         pieces += self._frozen()
         now = self._scene.live or picture

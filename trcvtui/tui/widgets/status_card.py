@@ -27,8 +27,9 @@ class StatusCard(LineView):
         """Return the way back to now, while an edge of the past is explained."""
         return (("esc", "now"),) if self._past is not None else ()
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, digit: int = 3) -> None:
         super().__init__(id="status")
+        self._digit = digit
         self._scene = scene
         self._explainer = Explainer(scene)
         self._past: Line | None = None
@@ -47,7 +48,7 @@ class StatusCard(LineView):
 
     def show(self) -> None:
         """Repaint what changed."""
-        self.set_title(3, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
+        self.set_title(self._digit, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
         self._whole = 0
         self._rows = self._card()
         self._whole = self._whole or len(self._rows)

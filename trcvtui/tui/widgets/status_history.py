@@ -31,8 +31,9 @@ class StatusHistory(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: Scene, voice: Voice) -> None:
+    def __init__(self, scene: Scene, voice: Voice, digit: int = 4) -> None:
         super().__init__(id="history")
+        self._digit = digit
         self._scene = scene
         self._voice = voice
         self._edges: list[Line] = []
@@ -44,7 +45,7 @@ class StatusHistory(LineView):
         before = self._edges[0].seq if self._edges else 0
         self._edges = list(reversed(self._scene.history.of(self._scene.selected)))
         self._measure(before)
-        self.set_title(4, "History", self._detail())
+        self.set_title(self._digit, "History", self._detail())
         if self.scroll_offset.y:
             fresh = sum(1 for line in self._edges[:64] if line.seq > before) if before else 0
             self.resize_rows()

@@ -22,6 +22,10 @@ class TabLine(LineView, can_focus=False):
         self._tabs = tabs
         self._open = opened
 
+    def take(self, tabs: tuple[tuple[int, str], ...]) -> None:
+        """Have these tabs from now on."""
+        self._tabs = tabs
+
     def mark(self, digit: int) -> None:
         """Mark the tab that is open."""
         self._open = digit

@@ -54,8 +54,9 @@ class Timing(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: Scene, voice: Voice) -> None:
+    def __init__(self, scene: Scene, voice: Voice, digit: int = 8) -> None:
         super().__init__(id="timing")
+        self._digit = digit
         self._scene = scene
         self._voice = voice
         self.view = TimingView()
@@ -100,7 +101,7 @@ class Timing(LineView):
             self._rows = rows_of(self.waves, self.size.height <= STRIP)
             self._label = label_width(self._rows)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
-            self.set_title(8, "Timing", self._detail())
+            self.set_title(self._digit, "Timing", self._detail())
             self._set_subtitle()
         super().show()
 

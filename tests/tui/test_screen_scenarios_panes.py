@@ -1,4 +1,4 @@
-"""What plays is seen as on the bench: STATUS, history, timing, all panes; a live bench is asked about first."""
+"""What plays is seen as on the bench: STATUS, history, timing, all panes; y alone ends a live bench."""
 
 from __future__ import annotations
 

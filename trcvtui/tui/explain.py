@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.advice import Advice, advice_on, because
@@ -10,6 +12,9 @@ from trcvtui.rig.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.tui.advice import notes_of
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.scene import Scene
+
+if TYPE_CHECKING:
+    from trcvtui.rig.data_view import Offer
 
 
 def why(shown: StatusEdge | InstanceSnapshot) -> str:
@@ -24,6 +29,8 @@ class Explainer:
         self._scene = scene
         self._edge: tuple[int, int, Advice] | None = None  # bench, line
         self._bytes: tuple[object, bytes, str] | None = None  # layout, content, suspicion
+        self._asked: tuple[object, int | None, bytes] | None = None
+        self._offer: Offer | None = None
 
     def now(self, instance: InstanceSnapshot) -> Advice:
         """Return what is known of an instance after the last scan."""
@@ -34,7 +41,11 @@ class Explainer:
         told = advice_on(evidence)
         checks = told.checks or tuple(notes_of(instance, scene.provenance))
         swapped = self._swapped(evidence)
+        offer = self.offer(evidence)
         shown = (swapped, *checks) if swapped else checks
+        if offer is not None:
+            how = f"V reads DATA so: {plain(offer.why)} ({offer.choice})"
+            shown = (shown[0], how, *shown[1:]) if swapped else (how, *shown)
         return Advice(told.why + self._missing(evidence), shown, told.code)
 
     def _missing(self, e: Evidence) -> str:
@@ -57,6 +68,27 @@ class Explainer:
         elif behind:
             missing += f" and the {behind} members behind it"
         return f"; {plain(last.path)} is the last whole member, {missing} {'are' if behind else 'is'} missing"
+
+    def offer(self, e: Evidence | None = None) -> Offer | None:
+        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
+        scene, decl = self._scene, self._scene.declaration
+        if e is None and scene.picture and scene.instance:
+            e = evidence_now(scene.picture, scene.project, scene.instance.name)
+        if e is None or decl is None or e.facts.drop is not None:
+            return None
+        size, content = e.facts.messages.only, scene.data
+        if size is None and e.have and is_stuck(e):
+            size = e.have
+        if size is None or size != decl.size:
+            content = scene.partial or content
+        elif e.done_scan is None or self._wanders(e):
+            return None
+        asked = decl.layout, size, content
+        if asked != self._asked:
+            from trcvtui.rig.data_view import offer_for  # read when the first bytes are here
+
+            self._asked, self._offer = asked, offer_for(decl, size, content)
+        return self._offer
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""

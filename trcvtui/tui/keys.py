@@ -54,6 +54,7 @@ BYTES: Final = (
     ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
     ("!, /", "in the history: the ERROR before; a code, as in `find 7004`"),
     ("v", "members of DATA, or of what the running job has collected so far"),
+    ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
     ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
     ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
     ("[ ]", "the DONE before, the next one"),

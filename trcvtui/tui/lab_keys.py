@@ -34,6 +34,7 @@ COMMANDS: Final = (
     ("Constants that are unknown", "C", "constants"),
     ("Problems in the type files", "w", "problems"),
     ("Take a changed type into DATA", "R", "into_data"),
+    ("Let DATA lie as theirs", "V", "data_as_theirs"),
     ("Yank", "y", "yank"),
     ("Command line", ":", "ask('udt ')"),
     ("Help", "?", "help"),

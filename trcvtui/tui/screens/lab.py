@@ -366,6 +366,20 @@ class LabScreen(Screen[None]):
             self._send(f"resize {declared.name} {declared.type_name}")
         self.show()
 
+    def action_data_as_theirs(self) -> None:
+        """Let DATA lie as theirs does: another cure, where the PLC can declare it so."""
+        from trcvtui.rig.data_view import chosen, view_line
+
+        declared, theirs = self._scene.declaration, self.lab.profiles["theirs"]
+        if self.lab.opened is not None or declared is None:
+            self._trouble = "V is for DATA and the project's own types"
+        elif line := view_line(declared, chosen(theirs.layout, theirs.byte_order, theirs.text)):
+            self._send(line)
+            self._told = f"{declared.name} lies as theirs: {line}"
+        else:
+            self._told = f"{declared.name} lies as theirs already"
+        self.show()
+
     def action_yank(self) -> None:
         """Yank what the pane shows: to the clipboard, and always into a file."""
         from trcvtui.tui.taking import take

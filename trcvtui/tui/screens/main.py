@@ -60,6 +60,7 @@ class MainScreen(Screen[None]):
         Binding("T", "trigger", show=False, id="trigger"),
         Binding("colon", "prompt", show=False, id="prompt"),
         Binding("v", "members", show=False, id="members"),
+        Binding("V", "theirs", show=False, id="theirs"),
         Binding("y", "yank", show=False, id="yank"),
         Binding("K", "mark", show=False, id="mark"),
         Binding("A", "app.add('instance')", show=False, id="add"),
@@ -369,6 +370,18 @@ class MainScreen(Screen[None]):
         self.table.of_job = not self.table.of_job
         self._link_decoded(self.table.chosen_field())
         self.table.show()
+
+    def action_theirs(self) -> None:
+        """View DATA as theirs: in the layout that fits what came; as the PLC lays it out again."""
+        from trcvtui.rig.data_view import own_line, view_line  # read when first asked for
+
+        decl, offer = self._scene.declaration, self.status.offer()
+        line = "" if decl is None else view_line(decl, offer.choice) if offer else own_line(decl)
+        if line:
+            self._submit(line)
+        else:
+            nothing = "no other layout fits what came: L opens the lab, V there takes theirs into DATA"
+            self.prompt.did("V", "", nothing if decl else "no DATA here")
 
     def action_yank(self) -> None:
         """Open the menu of what can be yanked, the focused pane's first."""

@@ -16,6 +16,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 if TYPE_CHECKING:
     from trcvtui.rig.advice import Advice
+    from trcvtui.rig.data_view import Offer
 
 LABEL: Final = 6
 
@@ -35,6 +36,10 @@ class StatusCard(LineView):
         self._past: Line | None = None
         self._rows: list[Row] = []
         self._whole = 0
+
+    def offer(self) -> Offer | None:
+        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
+        return self._explainer.offer()
 
     @property
     def least_rows(self) -> int:

@@ -18,6 +18,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.coding import Value
 from trcvtui.udt.decode import decode_leaves
 from trcvtui.udt.placed import Leaf
+from trcvtui.udt.rules import NO_CHOICE
 from trcvtui.udt.types import type_text
 from trcvtui.udt.value_text import value_text
 
@@ -69,6 +70,8 @@ class UdtTable(LineView):
             return f"{job or 'no job running'} · v: DATA"
         other = f" · v: {job}" if job and self._scene.partial else ""
         full = f"{plain(declared.name)}, {rules.name}, {rules.byte_order}-endian{other}"
+        if cells(full) > room and declared.choice != NO_CHOICE:
+            return f"{rules.name}, {rules.byte_order}-endian"
         return full if cells(full) <= room else f"{clip(plain(declared.name), 24)}{other}"
 
     def _job(self) -> str:

@@ -1,0 +1,70 @@
+"""`V`: DATA is viewed as theirs, in the layout that fits what came; the STATUS card offers it."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from tests.tui.looking import SMALL, WIDE
+from tests.tui.test_screen_why import SWAPPED, UP, Desk, at_the_desk
+from trcvtui.plc.project import DataDecl
+
+SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "wide"])
+PACKED = struct.pack(">ihBf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00"
+
+
+def rx(desk: Desk) -> DataDecl:
+    found = desk.app.scene.project.data_decl("rx")
+    assert found is not None
+    return found
+
+
+@SIZES
+async def test_swapped_values_are_read_as_theirs_by_a_key_and_as_ours_again(size: tuple[int, int]) -> None:
+    async with at_the_desk(size, *UP, f"peer P1 send hex {SWAPPED.hex(' ')}", "run 5") as desk:
+        await desk.press("3", "M")
+        card = desk.words("status")
+        assert "V reads DATA so: its members make sense as big-endian (byte_order=big)" in card
+        await desk.press("V")
+        await desk.do("run 3")
+        assert rx(desk).layout.rules.byte_order == "big"
+        assert "V reads DATA so" not in desk.words("status")
+        await desk.press("6")
+        assert "1234.5" in desk.text and "big-endian" in desk.text
+        await desk.press("V")
+        await desk.do("run 3")
+        assert rx(desk).layout.rules.byte_order == "little" and str(rx(desk).choice) == ""
+
+
+@SIZES
+async def test_a_packed_sender_is_offered_by_the_size_of_what_came(size: tuple[int, int]) -> None:
+    assert len(PACKED) == 21
+    send = f"peer P1 send hex {PACKED.hex(' ')}"
+    async with at_the_desk(size, *UP, send, "run 300") as desk:
+        await desk.press("3", "M")
+        offered = (
+            "V reads DATA so: in packed Telegram has 21 bytes, as what came (layout=packed byte_order=big)"
+        )
+        assert offered in desk.words("status").replace("│ │ ", "")
+        await desk.press("V")
+        await desk.do("run 3", "set TRCV_C_1 EN_R=0", "run 3", "set TRCV_C_1 EN_R=1", "run 3", send, "run 3")
+        assert (rx(desk).size, rx(desk).layout.rules.name) == (21, "packed")
+        await desk.press("6")
+        assert "1234.5" in desk.text and "packed, big-endian" in desk.text
+
+
+async def test_where_nothing_speaks_for_another_layout_v_says_so() -> None:
+    async with at_the_desk(WIDE, *UP) as desk:
+        await desk.press("V")
+        assert "no other layout fits what came: L opens the lab" in desk.text
+        assert rx(desk).size == 24
+
+
+async def test_the_lab_takes_theirs_into_data() -> None:
+    async with at_the_desk(WIDE, *UP) as desk:
+        await desk.press("L")
+        desk.app.screen.obey("udt theirs natural8 big cstr")  # type: ignore[attr-defined]
+        await desk.press("V")
+        await desk.do("run 3")
+        assert str(rx(desk).choice) == "layout=natural8 byte_order=big text=cstr"

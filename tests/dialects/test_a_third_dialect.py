@@ -130,8 +130,9 @@ VENDOR = re.compile(r"baosky|tianxing|siemens|s7[-_]1|nordwind", re.IGNORECASE)
 # Defaults, the layouts that bear a vendor's name because its manual is all that describes them, and the file
 # formats of a vendor's tool: none of them says what a block does.
 ALLOWED = {
-    "udt/arguments.py": {"baosky", "default: baosky"},  # --layout
-    "udt/command.py": {"baosky"},
+    "rig/new_project.py": {"baosky"},  # what a new project is proposed
+    "udt/arguments.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
+    "udt/command.py": {": a Siemens source, laid out as "},
     "udt/formats/__init__.py": {"trcvtui.udt.formats.siemens"},
     "udt/formats/xml_file.py": {
         "<Document> (Siemens Openness), <project> (PLCopen) or <TcPlcObject> (TwinCAT)"

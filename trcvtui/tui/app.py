@@ -434,6 +434,7 @@ class BenchApp(App[None]):
             look = "the terminal's own 16 colours" if theme.ansi else f"the {name} one"
             yield SystemCommand(f"Theme {name}", look, partial(setattr, self, "theme", theme.name))
         yield SystemCommand("Theme", "another look", self.action_change_theme)
+        yield SystemCommand("Restart", "start an engine that has ended anew · key R", self.action_restart)
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
 

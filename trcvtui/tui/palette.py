@@ -134,6 +134,9 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     yield SystemCommand(
         "Members of DATA or of the job", "decode the other bytes · key v", bench.main.action_members
     )
+    yield SystemCommand(
+        "View DATA as theirs", "in the layout that fits what came, and back · key V", bench.main.action_theirs
+    )
     yield SystemCommand("Zoom the pane", "alone on the screen, and back · key M", bench.main.action_zoom)
     yield SystemCommand("Command line", "type a bench command · key :", bench.main.action_prompt)
     yield SystemCommand("Scenarios", "read them, play them step by step · key S", bench.main.action_scenarios)

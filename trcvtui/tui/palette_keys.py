@@ -84,8 +84,9 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
     main.action_pane(key.digit)
     if key.widget.can_focus:
         main.set_focus(key.widget)
-    _, name, parameters = parse(key.binding.action)
-    act: Callable[..., Awaitable[object] | object] = getattr(key.widget, f"action_{name}")
+    whose, name, parameters = parse(key.binding.action)
+    target = main if whose == "screen" else key.widget
+    act: Callable[..., Awaitable[object] | object] = getattr(target, f"action_{name}")
     done = act(*parameters)
     if isawaitable(done):
         await done

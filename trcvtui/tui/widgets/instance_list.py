@@ -45,7 +45,7 @@ class InstanceList(LineView):
     DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
     KEYS: ClassVar = (("↑↓", "instance"),)
     BINDINGS: ClassVar = [
-        Binding("slash", "screen.filter", show=False),
+        Binding("slash", "screen.filter", "list those with some words", show=False),
         Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),
     ]
 

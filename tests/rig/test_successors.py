@@ -26,12 +26,18 @@ class Line:
     """A bench with these blocks on C1, in call order, and devices that come one after the other."""
 
     def __init__(
-        self, *blocks: Block, kernel: str = "sim", slow: str = "", dialect: str = "baosky", **options: object
+        self,
+        *blocks: Block,
+        kernel: str = "sim",
+        slow: str = "",
+        slow_priority: int = 1,
+        dialect: str = "baosky",
+        **options: object,
     ) -> None:
         document = {
             "dialect": dialect,
             "options": options,
-            "task": [{"name": "MAIN"}, {"name": "SLOW", "interval": "T#70ms"}],
+            "task": [{"name": "MAIN"}, {"name": "SLOW", "interval": "T#70ms", "priority": slow_priority}],
             "data": [{"name": name, "type": f"ARRAY[1..{SIZE}] OF BYTE"} for name in ("rx", "tx")],
             "connect": [{"name": "C1", "LocalAddress": "127.0.0.1"}],
             "instance": [
@@ -165,6 +171,26 @@ def test_tasks_of_different_intervals_lose_nothing(blocks: tuple[Block, ...], sl
         line.run(2)
     line.run(300)
     assert line.received == frames(6)
+    line.close()
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("slow", ["R1", "R2"])
+@pytest.mark.parametrize("wait", range(7))
+def test_a_whole_frame_shows_before_the_loss_that_a_task_of_another_priority_has_met(
+    wait: int, slow: str, kernel: str
+) -> None:
+    line = Line(("TRCV_C", "R1"), ("TRCV_C", "R2"), slow=slow, slow_priority=2, kernel=kernel)
+    line.run(30)
+    line.do("peer P1 connect")
+    line.run(14 + wait)
+    for number in range(1, 4):
+        line.do(f"peer P1 send hex {frame(number).hex()}")
+    line.do("peer P1 close")
+    line.run(40)
+    walks = line.walk("R1") + line.walk("R2")
+    assert (walks.count("7008"), walks.count("80A6"), line.dropped()) == (3, 0, 0)
+    assert line.bench.runtime.snapshot().connections[0].state == "establishing"
     line.close()
 
 

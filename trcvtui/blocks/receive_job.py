@@ -159,7 +159,7 @@ class ReceiveJob:
                 self._begin_span(offset)
             self._next_offset = offset + got
             have = self.have = have + got
-            self.complete = self.adhoc or have == self.need
+            self.complete = self.claim.has_frame = self.adhoc or have == self.need
             self.last_bytes = self._env.now
             return None
         return None if isinstance(got, WouldBlock) else got
@@ -172,7 +172,7 @@ class ReceiveJob:
         self._first_offset = self._span_offset = self._connection.bytes_received - got.size
         self._next_offset = self._connection.bytes_received
         self.have, self.whole, self._source = got.size, got.whole, got.source
-        self.complete = True
+        self.complete = self.claim.has_frame = True
         self.last_bytes = self._env.now
         return None
 
@@ -258,7 +258,7 @@ class ReceiveJob:
 
     def _end(self, done: bool, reason: str, size: int) -> None:
         self._buffers.release()
-        self.running = self.complete = False
+        self.running = self.complete = self.claim.has_frame = False
         self.have = self.whole = 0
         incarnation, offset = self._incarnation, self._first_offset
         self._env.write(

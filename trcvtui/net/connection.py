@@ -226,14 +226,21 @@ class Connection:
             self._kernel.renew(self.handle)  # what doomed it came after the poll, bytes perhaps before that
             got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
-            return WOULD_BLOCK if self.doom is None else self._lose(self.doom)
+            return WOULD_BLOCK if self.doom is None else self._read_out(self.doom)
         if isinstance(got, int):
             if got == 0:
-                return self._lose(self.doom or self._loss_of(None))
+                return self._read_out(self.doom or self._loss_of(None))
             self._took(got, instance)
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
-            return self._lose(self.doom or self._loss_of(got))
+            return self._read_out(self.doom or self._loss_of(got))
+        return WOULD_BLOCK
+
+    def _read_out(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
+        """Release the connection behind the last byte; a whole frame that others have read shows before."""
+        if not self.receiving.has_frame():
+            return self._lose(loss)
+        self.doom = loss
         return WOULD_BLOCK
 
     def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
@@ -250,7 +257,7 @@ class Connection:
             return WOULD_BLOCK
         seen = Loss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
         loss = self.doom or (self._loss_of(seen.fault) if seen else None)
-        return WOULD_BLOCK if loss is None else self._lose(loss)
+        return WOULD_BLOCK if loss is None else self._read_out(loss)
 
     def _took(self, size: int, instance: str) -> None:
         self.recvs += 1

@@ -10,14 +10,17 @@ from __future__ import annotations
 
 
 class Claim:
-    """One instance's hold; `priority` is its task's, None where every task sees every claim."""
+    """One instance's hold; `priority` is its task's, None where every task sees every claim.
 
-    __slots__ = ("instance", "is_orphan", "priority")
+    `has_frame`: its job has read all that it needs, and shows it in its next call.
+    """
+
+    __slots__ = ("has_frame", "instance", "is_orphan", "priority")
 
     def __init__(self, instance: str, priority: int | None = None) -> None:
         self.instance = instance
         self.priority = priority
-        self.is_orphan = False
+        self.is_orphan = self.has_frame = False
 
 
 class Direction:
@@ -53,6 +56,10 @@ class Direction:
     def is_anybodys_but(self, claim: Claim | None) -> bool:
         """Return whether an instance that is still there works here, other than this one."""
         return any(held is not claim and not held.is_orphan for held in self._claims)
+
+    def has_frame(self) -> bool:
+        """Return whether somebody who works here has a whole frame that has not shown yet."""
+        return any(held.has_frame for held in self._claims)
 
     def is_orphaned(self, claim: Claim) -> bool:
         """Return whether an instance that is gone keeps this one out."""

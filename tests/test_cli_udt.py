@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -427,7 +428,9 @@ def test_fit_names_the_layout_and_the_cause(
 ) -> None:
     code, found = ranked(capsys, content)
     assert [list(one) for one in found] == [KEYS] * len(found)
-    assert [one["rank"] for one in found] == [*range(1, len(found) + 1)]
+    ranks = [one["rank"] for one in found]
+    assert ranks == [ranks.index(rank) + 1 for rank in ranks]  # 1, 2, 2, 4
+    assert ranks.count(1) == 1
     best = found[0]
     assert (best["layout"], best["byte_order"]) == (layout, "little")
     assert (best["cause"], best["n"], best["fits_best"], code) == (cause, n, True, 0)
@@ -446,6 +449,41 @@ def test_fit_names_exchanged_words_and_bytes(
 ) -> None:
     _, found = ranked(capsys, content)
     assert (found[0]["layout"], found[0]["byte_order"], found[0]["cause"]) == ("natural8", "little", cause)
+
+
+def test_readings_that_are_the_same_bytes_share_one_rank_and_name_each_other(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("t.st").write_text("TYPE T : STRUCT a : DINT; b : REAL; c : INT; END_STRUCT END_TYPE")
+    content = "12 34 00 02 0e 14 42 f6 01 f7"  # 0x00021234 and 123.4 with their words exchanged
+    code, out, _ = run(capsys, "udt", "fit", "t.st", content, "--layout", "packed", "--format", "json")
+    found = json.loads(out)
+    twins = [one for one in found if one["rank"] == 1]
+    assert code == 1 and [one["fits_best"] for one in found] == [False] * len(found)
+    assert [(one["byte_order"], one["cause"]) for one in twins] == [
+        ("little", "byte-swap"),
+        ("big", "word-swap"),
+    ]
+    assert found[2]["rank"] == 3
+    assert "no byte tells it from packed, big-endian, words exchanged (CDAB)" in twins[0]["reasons"]
+    assert (
+        "no byte tells it from packed, little-endian, bytes exchanged in 16 bits (BADC)"
+        in (twins[1]["reasons"])
+    )
+    _, out, _ = run(capsys, "udt", "fit", "t.st", content, "--layout", "packed")
+    assert [line.split()[0] for line in out.splitlines() if line[:2].strip().isdigit()][:3] == ["1", "1", "3"]
+    for twin in ("big-endian, words exchanged (CDAB)", "little-endian, bytes exchanged in 16 bits (BADC)"):
+        assert out.count(f"no byte tells it from packed, {twin}\n") == 1
+
+
+def test_of_readings_that_are_the_same_bytes_the_one_in_our_byte_order_comes_first(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("t.st").write_text("TYPE T : STRUCT a : DINT; b : REAL; c : INT; END_STRUCT END_TYPE")
+    argv = ("t.st", "12 34 00 02 0e 14 42 f6 01 f7", "--layout", "packed", "--byte-order", "big")
+    _, out, _ = run(capsys, "udt", "fit", *argv, "--format", "json")
+    best = json.loads(out)[0]
+    assert (best["byte_order"], best["cause"], best["rank"]) == ("big", "word-swap", 1)
 
 
 @pytest.mark.parametrize("content", ["00 " * 24, "ff " * 24, "01 02 03", "55 " * 16])
@@ -531,3 +569,31 @@ def test_cure_prints_the_type_and_the_swap_code(capsys: pytest.CaptureFixture[st
     assert 'TYPE "Axis_natural8"' in scl and "#wire" in scl
     _, padded, _ = run(capsys, *argv, "padded")
     assert "_pad1 : ARRAY[0..6] OF BYTE;" in padded and "SWAP" not in padded
+
+
+@pytest.mark.parametrize(("members", "size"), [(1 << 20, 4 << 20), (1 << 18, 4 << 20), (1, 8 << 20)])
+def test_the_largest_type_and_the_longest_bytes_are_judged_in_seconds(
+    members: int, size: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("t.st").write_text(f"TYPE T : STRUCT a : ARRAY[1..{members}] OF REAL; END_STRUCT END_TYPE")
+    Path("m.hex").write_text("41480000" * ((size >> 2) - 1 + (members > 1)))
+    before = time.process_time()
+    code, out, _ = run(capsys, "udt", "fit", "t.st", "@m.hex", "--format", "json")
+    assert time.process_time() - before < 10
+    best = json.loads(out)[0]
+    assert (best["byte_order"], best["cause"], code) == ("big", None, 0 if members > 1 else 1)
+    if members > 1:
+        assert f"+0.0 only the first 256 of {members} are judged" in best["reasons"]
+
+
+def test_of_very_many_messages_the_last_ones_are_judged_and_that_is_said(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("t.st").write_text("TYPE T : STRUCT a : REAL; i : INT; END_STRUCT END_TYPE")
+    Path("m.hex").write_text("\n\n".join(["41480000 0007 0000"] * 100_000))
+    before = time.process_time()
+    _, out, _ = run(capsys, "udt", "fit", "t.st", "@m.hex", "--format", "json")
+    assert time.process_time() - before < 10
+    best = json.loads(out)[0]
+    assert (best["layout"], best["byte_order"], best["cause"]) == ("baosky", "big", None)
+    assert "+0.0 only the last 256 of 100000 messages are judged" in best["reasons"]

@@ -20,6 +20,7 @@ from trcvtui.tui.app import BenchApp
 from trcvtui.tui.lab_bytes import DATA, JOB, LabBytes
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.screens.lab import LabScreen
+from trcvtui.udt.layout import lay_out, rules_for
 
 MISMATCH = CONFIGS / "udt-mismatch.toml"
 PROJECT = """
@@ -362,6 +363,56 @@ async def test_the_mouse_chooses_rows_folds_and_opens_tabs(tmp_path: Path) -> No
 
 
 # -- where DATA has never been written -------------------------------------------------------------------
+
+PARTNER = """
+program = '''
+set TRCV_C_1 CONT=1
+wait TRCV_C_1 STATUS=7004
+set TRCV_C_1 EN_R=1
+'''
+
+[[peer]]
+name = "P1"
+active = true
+remote = "@C1"
+"""
+
+
+@BOTH
+async def test_on_a_bench_the_lab_opens_on_what_has_come_until_data_is_written(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    path = project(tmp_path)
+    said = 'dialect = "baosky"\n'
+    connect = 'name = "C1"\nLocalAddress = "127.0.0.1"\nLocalPort = 2000\n'
+    text = PROJECT.replace(said, said + PARTNER).replace('name = "C1"\n', connect, 1)
+    path.write_text(text, encoding="utf-8")
+    driver = LocalDriver(fresh_bench(load_project(path), "sim"))
+    app = BenchApp(driver, load_project(path))
+    try:
+        async with app.run_test(size=size) as pilot:
+            stage = Stage(driver, app, pilot)
+            driver.scan(10)
+            driver.submit("peer P1 connect")
+            driver.scan(10)
+            driver.submit("peer P1 send hex 07 11 22 33 44")
+            driver.scan(10)
+            await follow(app, pilot)
+            await stage.press("L")
+            assert "DATA rx has never been written: these are the bytes of the running job" in stage.words
+            assert stage.lab.lab.bytes.content == bytes.fromhex("0711223344")
+            await stage.press("escape")
+            type_ = load_project(path).types.named("Telegram")
+            rest = lay_out(type_, rules_for("baosky")).size - 5
+            driver.submit("peer P1 send hex " + " ".join(["01"] * rest))
+            driver.scan(20)
+            await follow(app, pilot)
+            await stage.press("L")
+            assert "has never been written" not in stage.words
+            assert stage.lab.lab.bytes.source == DATA
+            assert stage.lab.lab.bytes.content[:6] == bytes.fromhex("071122334401")
+    finally:
+        driver.close()
 
 
 def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:

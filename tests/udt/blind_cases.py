@@ -362,10 +362,14 @@ def same_bytes(case: Case, found: Fit) -> bool:
 
 
 class Tally(NamedTuple):
-    """Cases of one cause: all, the right one first, "fits best" said, said with another profile or cause."""
+    """Cases of one cause: all, the right one first, "fits best" said, said with another profile or cause.
+
+    `among`: the right one shares the first rank with others that no byte tells from it.
+    """
 
     cases: int
     first: int
+    among: int
     said: int
     wrong: int
     seeds: tuple[int, ...]
@@ -373,13 +377,16 @@ class Tally(NamedTuple):
 
     def __str__(self) -> str:
         """Return the figures in one line."""
-        first = self.first / max(self.cases, 1)
-        return f"{self.cases} cases: first {first:.1%}, said {self.said}, wrong {self.wrong}"
+        first, among = self.first / max(self.cases, 1), self.among / max(self.cases, 1)
+        return (
+            f"{self.cases} cases: first {first:.1%}, of the first rank {among:.1%}, "
+            f"said {self.said}, wrong {self.wrong}"
+        )
 
 
 def measure(seeds: Iterable[int], cause: str, fill: str = "", joined: bool = False) -> Tally:
     """Return the figures of one cause."""
-    cases = first = said = 0
+    cases = first = among = said = 0
     wrong: list[int] = []
     missed: list[int] = []
     for seed in seeds:
@@ -387,14 +394,16 @@ def measure(seeds: Iterable[int], cause: str, fill: str = "", joined: bool = Fal
         if case is None:
             continue
         messages = [b"".join(case.messages)] if joined else case.messages
-        best = fit(case.type, messages, "T")[0]
+        fits = fit(case.type, messages, "T")
+        best = fits[0]
         right = is_right(case, best)
+        among += any(is_right(case, one) for one in fits if one.rank == 1)
         cases, first, said = cases + 1, first + right, said + best.fits_best
         if not right:
             missed.append(seed)
         if best.fits_best and not right:
             wrong.append(seed)
-    return Tally(cases, first, said, len(wrong), tuple(wrong), tuple(missed))
+    return Tally(cases, first, among, said, len(wrong), tuple(wrong), tuple(missed))
 
 
 __all__ = ["CAUSES", "FILLS", "Case", "Tally", "Union", "make", "measure"]

@@ -25,6 +25,7 @@ from trcvtui.udt.value_text import value_text
 
 MOST_LEAVES: Final = 256  # that are looked at
 MOST_MESSAGES: Final = 8  # the last ones
+MOST_LENGTHS: Final = 256  # messages, the last ones, of which the lengths are looked at
 MOST_GAPS: Final = 16  # that are looked at
 MOST_FITS: Final = 64  # that are returned; those without a cause all
 FAR: Final = 40.0  # points that a reading with a cause may be worse than the best one, and be returned
@@ -58,7 +59,9 @@ class Fit:
     """One way to read the bytes: all profiles that mean it, the cause beside them, the points and why.
 
     `members` are the members' own points, part of `score`. `reasons` have the weightiest first. `fits_best`
-    is said of one reading at most; `doubt` says why it is not said of the first one.
+    is said of one reading at most; `doubt` says why it is not said of the first one. `same` are the readings
+    that find the same value at the same place for every member: they share one `rank` (1, 1, 3), for no
+    byte speaks for one of them, and differ at most in how rare their causes are.
     """
 
     profiles: tuple[Profile, ...]
@@ -69,6 +72,8 @@ class Fit:
     members: float = 0.0
     fits_best: bool = False
     doubt: str = ""
+    rank: int = 1
+    same: tuple[str, ...] = ()
 
     @property
     def profile(self) -> Profile:
@@ -101,6 +106,7 @@ def fit(
     `framed`: they are pieces of one stream that begins with a message, and their lengths say nothing. `own`
     are the rules of our own side: it is named first where several mean the same.
     """
+    seen = messages[-MOST_LENGTHS:] if framed else [b"".join(messages)] if messages else []
     asked = profiles_for(type_) if profiles is None else tuple(profiles)
     own = own or LAYOUTS[DEFAULT_LAYOUT]
     asked = tuple(sorted(asked, key=lambda one: (one.layout, one.byte_order) != (own.name, own.byte_order)))
@@ -108,13 +114,18 @@ def fit(
     found = []
     for same, layout in same_layouts(type_, asked, name, own):
         look = _Look(layout, known)
-        tried = (_Reading.of(same, look, cause, messages, framed) for cause in CAUSES)
+        tried = (_Reading.of(same, look, cause, seen, framed) for cause in CAUSES)
         found += [reading for reading in tried if reading is not None]
-    return tuple(_ranked(found, messages))
+    if framed and len(messages) > len(seen):
+        said = Reason(0.0, "", f"only the last {len(seen)} of {len(messages)} messages are judged")
+        for reading in found:
+            reading.others.append(said)
+    found.sort(key=lambda one: (-one.score, one.profiles[0].byte_order != own.byte_order))
+    return tuple(_ranked(found, seen))
 
 
 def leaders(fits: Sequence[Fit]) -> tuple[Fit, ...]:
-    """Return the best one and those that are tied with it."""
+    """Return the best one and those that are tied with it by their points."""
     return tuple(fit for fit in fits if fit.score > fits[0].score - TIE)
 
 
@@ -207,6 +218,7 @@ class _Reading:
         self.others: list[Reason] = []  # all reasons but the members'
         self.said: list[_Says] = []
         self.steps: list[Reason] = []
+        self.read: list[tuple[_Member, list[bytes]]] = []  # each member, its bytes as the reading has them
         self.has_length = True
 
     @classmethod
@@ -262,6 +274,7 @@ class _Reading:
                 has_changed = has_changed or changed != parts
                 parts = changed
             self.judge_member(member, parts)
+            self.read.append((member, parts))
         self.weigh_equals()
         return has_changed
 
@@ -373,6 +386,27 @@ class _Reading:
         is_seen = look.stop == look.layout.leaf_count and not any(map(self.is_negative, self.said))
         return self.cause.kind, self.cause.n, shape(look.layout, by_bytes=is_seen)
 
+    @cached_property
+    def values(self) -> object:
+        """Return a value that is equal for readings that find the same at the same places of a message."""
+        size, front, rules = self.look.layout.size, self.cause.front, self.look.layout.rules
+        members = []
+        for member, parts in self.read:
+            bits = max(member.bits, 1)  # a BOOL alone in its byte is read alike as a bit and as a byte
+            form = stored_form(member.leaf.type, rules)
+            members.append((member.start + front, bits, form, *self.plain(member, parts)))
+        return size + front + self.cause.back, tuple(members)
+
+    def plain(self, member: _Member, parts: list[bytes]) -> Iterator[object]:
+        """Yield what makes the value of a member, as it would be in big-endian."""
+        rules = self.look.layout.rules
+        is_little = rules.byte_order == "little"
+        if isinstance(member.leaf.type, Text) and member.leaf.type.wide:
+            yield is_little
+        for part in parts:
+            said = spoken(member.leaf, part, rules)
+            yield said[::-1] if is_little and _is_number(member) else said
+
     def is_negative(self, one: _Says) -> bool:
         type_ = one.member.leaf.type
         if not isinstance(type_, Elementary) or type_.kind is not Kind.DURATION:
@@ -419,23 +453,37 @@ def _is_number(member: _Member) -> bool:
 
 
 def _ranked(found: list[_Reading], messages: Sequence[bytes]) -> Iterator[Fit]:
-    found.sort(key=lambda one: -one.score)
     merged: dict[object, list[_Reading]] = {}
     for reading in found:
         merged.setdefault(reading.meaning, []).append(reading)
-    rows = list(merged.values())
+    rows = list(merged.values())[:MOST_FITS]
+    rows = [row for row in rows if not row[0].cause.kind or row[0].score >= rows[0][0].score - FAR]
     doubt = _doubt([row[0] for row in rows], messages)
-    for number, row in enumerate(rows[:MOST_FITS]):
-        first = row[0]
-        if first.cause.kind and first.score < rows[0][0].score - FAR:
-            continue
-        profiles = tuple(dict.fromkeys(profile for one in row for profile in one.profiles))
-        is_best = not number and not doubt
-        said = doubt if not number else ""
-        members = round(first.own_points, 2)
-        yield Fit(
-            profiles, first.look.layout, first.score, first.reasons(), first.cause, members, is_best, said
-        )
+    number = 0
+    for together in _shared(rows) if messages else [rows]:
+        rank = number + 1
+        for row in together:
+            first, number = row[0], number + 1
+            profiles = tuple(dict.fromkeys(profile for one in row for profile in one.profiles))
+            yield Fit(
+                profiles, first.look.layout, first.score, first.reasons(), first.cause,
+                round(first.own_points, 2), number == 1 and not doubt, doubt if number == 1 else "",
+                rank, tuple(_called(other[0]) for other in together if other is not row),
+            )  # fmt: skip
+
+
+def _shared(rows: list[list[_Reading]]) -> Iterator[list[list[_Reading]]]:
+    """Yield the rows, those that read the same together, each of them less than `CLEAR` below their best."""
+    left = rows
+    while left:
+        best = left[0][0]
+        near = [row for row in left if any(_is_same(best, one) for one in row)]
+        yield near
+        left = [row for row in left if row not in near]
+
+
+def _is_same(best: _Reading, other: _Reading) -> bool:
+    return other.score > best.score - CLEAR and other.values == best.values
 
 
 def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
@@ -451,6 +499,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
         return "all bytes are the same"
     for other in ranked[1:]:
         if other.score > best.score - CLEAR:
+            if _is_same(best, other):
+                return f"{_called(other)} ({other.score:+.1f}) reads the same values at the same places"
             if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:
                 return f"{_called(other)} ({other.score:+.1f}) reads values that are as good"
             return f"{_called(other)} ({other.score:+.1f}) is near"

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.fit import Fit, Reason, verdict
+from trcvtui.udt.fit import NAMED, Fit, Reason, verdict
 
 MOST_ROWS: Final = 10  # of the text; JSON has all
 MOST_REASONS: Final = 12
@@ -19,7 +19,7 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
     """Return every reading, the best first, as `udt fit --format json` prints it."""
     return [
         {
-            "rank": rank,
+            "rank": found.rank,
             "layout": found.profile.layout,
             "byte_order": found.profile.byte_order,
             "cause": found.cause.kind,
@@ -28,20 +28,22 @@ def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
             "fits_best": found.fits_best,
             "reasons": list(reason_lines(found)),
         }
-        for rank, found in enumerate(fits, 1)
+        for found in fits
     ]
 
 
 def fit_text(fits: Sequence[Fit], came: str) -> str:
     """Return the verdict, the first readings, and the reasons of the best one; `came` names the bytes."""
     lines = [one_line(f"{came}: {verdict(fits)}")]
-    for rank, found in enumerate(fits[:MOST_ROWS], 1):
-        lines.append(f"{rank:>2} {found.score:+8.1f}  {named(found)}")
-        if rank == 1:
+    for number, found in enumerate(fits[:MOST_ROWS]):
+        lines.append(f"{found.rank:>2} {found.score:+8.1f}  {named(found)}")
+        if number == 0:
             told = list(reason_lines(found))
             lines += [f"             {line}" for line in told[:MOST_REASONS]]
             if len(told) > MOST_REASONS:
                 lines.append(f"             and {len(told) - MOST_REASONS} more reasons (--format json)")
+        elif found.same:
+            lines.append(f"             no byte tells it from {same_words(found)}")
     if len(fits) > MOST_ROWS:
         lines.append(f"and {len(fits) - MOST_ROWS} more readings (--format json)")
     return "\n".join(lines)
@@ -57,12 +59,20 @@ def reason_lines(found: Fit) -> Iterator[str]:
     """Yield what speaks for and against a reading, the profiles that mean the same first."""
     if found.doubt:
         yield one_line(f"not sure: {found.doubt}")
+    if found.same:
+        yield f"no byte tells it from {same_words(found)}"
     if len(found.profiles) > 1:
         yield "the same for these bytes: " + "; ".join(str(profile) for profile in found.profiles[1:])
     if found.profile.text:
         yield f"STRING as {found.profile.text}"
     yield f"{found.members:+.1f} are the members' own points"
     yield from map(reason_text, found.reasons)
+
+
+def same_words(found: Fit) -> str:
+    """Return the other readings that find the same values at the same places."""
+    more = len(found.same) - NAMED
+    return "; ".join(found.same[:NAMED]) + (f"; and {more} more" if more > 0 else "")
 
 
 def reason_text(reason: Reason) -> str:

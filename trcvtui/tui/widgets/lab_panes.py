@@ -15,7 +15,7 @@ from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.twin_tree import Place
 from trcvtui.tui.widgets.hex_view import HexView, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.udt.fit_report import named
+from trcvtui.udt.fit_report import named, same_words
 from trcvtui.udt.layout import Layout
 
 GAP: Final = "░"
@@ -131,10 +131,13 @@ class FitList(LineView):
             chosen = number == self.cursor
             style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
             text = clip(named(found), width - 12)
-            parts = [("▸" if chosen else " ", "key"), (f"{number + 1:>2} ", "dim")]
+            parts = [("▸" if chosen else " ", "key"), (f"{found.rank:>2} ", "dim")]
             self._rows.append(
                 (row(*parts, (f"{found.score:+6.1f}  ", "strong"), (text, ""), style=style), number)
             )
+            if chosen and found.same:
+                twins = wrapped(f"no byte tells it from {same_words(found)}", width - 5)
+                self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
             for reason in found.reasons[:MOST_REASONS] if chosen else ():
                 self._rows += self._reason(reason.points, reason.path, reason.text, width, number)
 

@@ -256,6 +256,46 @@ def test_a_receiver_kept_out_by_another_takes_over_what_that_one_leaves() -> Non
     line.close()
 
 
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("trouble", ["set R1 LEN=9", "fault buffer times=99"])
+@pytest.mark.parametrize("blocks", [(), (SENDER,)], ids=["R1-R2", "S-R1-R2"])
+def test_an_owner_that_cannot_receive_and_a_receiver_kept_out_keep_no_dead_connection(
+    blocks: tuple[Block, ...], trouble: str, kernel: str
+) -> None:
+    line = Line(*blocks, ("TRCV_C", "R1"), ("TRCV_C", "R2"), kernel=kernel)
+    line.run(5)
+    line.do("peer P1 connect")
+    line.run(3)
+    line.do(f"peer P1 send hex {frame(1).hex()}", trouble)
+    line.run(3)
+    assert line.walk("R2").endswith("80C3! 80C3! 80C3!")
+    line.do("peer P1 close")
+    line.run(4)
+    assert line.walk("R2").endswith("7002 7002 7002")
+    assert line.received == frames(1)
+    line.do("peer P2 connect")
+    line.run(2)
+    assert line.bench.peers["P2"].state == "connected"
+    line.close()
+
+
+def test_two_owners_of_different_priority_that_cannot_receive_keep_no_dead_connection() -> None:
+    line = Line(SENDER, ("TRCV_C", "R1"), ("TRCV_C", "R2"), slow="R2", slow_priority=2)
+    line.run(30)
+    line.do("peer P1 connect")
+    line.run(21)
+    assert line.walk("R2").endswith("7006")
+    line.do(f"peer P1 send hex {frame(1).hex()} {frame(2).hex()} {frame(3).hex()}")
+    line.run(21)
+    line.do("set R1 LEN=9", "set R2 LEN=9", f"peer P1 send hex {frame(4).hex()} {frame(5).hex()}")
+    line.run(21)
+    assert (line.walk("R1")[-5:], line.walk("R2")[-5:]) == ("80A5!", "80A5!")
+    line.do("peer P1 close")
+    line.run(14)
+    assert line.walk("R1").endswith("7002 7002")
+    line.close()
+
+
 def test_a_whole_frame_waits_for_a_buffer_though_its_sender_has_gone() -> None:
     line = Line(SENDER, RECEIVER)
     line.run(5)

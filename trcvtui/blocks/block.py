@@ -94,6 +94,9 @@ class Block(Protocol):
 class Reader(Protocol):
     """A block that receives on a connection."""
 
-    def would_read(self, inputs: Inputs) -> bool:
-        """Return whether this instance receives on the connection as soon as it is called."""
+    def would_read(self, inputs: Inputs, waits: bool) -> bool:
+        """Return whether this instance receives on the connection as soon as it is called, or can.
+
+        `waits`: also where another reader has to let go first who cannot receive at present.
+        """
         ...

@@ -84,6 +84,7 @@ class ReceiveJob:
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
         wish, receiving = self._wish(length, adhoc), self._connection.receiving
         refused = self._unfit or refuse(self._env, self._data, wish, receiving, self.claim, self._connect)
+        self.claim.is_refused = refused is not None
         if refused is not None:
             # A whole frame stays until there is a buffer for it, also when the partner has gone.
             has_to_wait = refused.condition is Condition.NO_BUFFER and self._is_whole(wish)
@@ -106,19 +107,24 @@ class ReceiveJob:
         rival = rival_of(self._env, self._connection, self.claim)
         return Wish(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
 
-    def would_read(self, inputs: Inputs) -> bool:
-        """Return whether EN_R asks for a job that can start, now or when another reader lets go."""
+    def would_read(self, inputs: Inputs, waits: bool) -> bool:
+        """Return whether EN_R asks for a job that can start, now or when another reader lets go.
+
+        `waits` False: who is kept out by a reader that can start none does not wait for that one.
+        """
         if not inputs.en_r or self._unfit is not None:
             return False
         wish = self._wish(inputs.len, inputs.adhoc)
-        return fits(self._env, self._data, wish) and not self._connection.receiving.is_orphaned(self.claim)
+        return fits(self._env, self._data, wish) and not self._connection.receiving.is_barred(
+            self.claim, waits
+        )
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the receive side for the job that begins in the next call; False: it would be refused."""
-        wish = self._wish(inputs.len, inputs.adhoc)
-        return self._unfit is None and reserve(
-            self._env, self._data, wish, self._connection.receiving, self.claim
-        )
+        wish, receiving = self._wish(inputs.len, inputs.adhoc), self._connection.receiving
+        taken = self._unfit is None and reserve(self._env, self._data, wish, receiving, self.claim)
+        self.claim.is_refused = not taken
+        return taken
 
     def outlives_en_r(self, reserved: bool = False) -> bool:
         """Return whether a job goes on although EN_R is 0; `reserved`: it begins in this call."""

@@ -42,9 +42,9 @@ class Trcv:
             return NO_LINK
         return self._not_connected()
 
-    def would_read(self, inputs: Inputs) -> bool:
-        """Return whether this instance receives on the connection as soon as it is called."""
-        return self.job.would_read(inputs)
+    def would_read(self, inputs: Inputs, waits: bool) -> bool:
+        """Return whether this instance receives on the connection when its turn comes; see `Reader`."""
+        return self.job.would_read(inputs, waits)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""

@@ -46,9 +46,9 @@ class TrcvC:
             return self._while_not_receiving(inputs, outcome)
         return self._connected(inputs)
 
-    def would_read(self, inputs: Inputs) -> bool:
-        """Return whether this instance receives on the connection as soon as it is called."""
-        return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs)
+    def would_read(self, inputs: Inputs, waits: bool) -> bool:
+        """Return whether this instance receives on the connection when its turn comes; see `Reader`."""
+        return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
 
     def _goes_on(self, inputs: Inputs) -> bool:
         """Return whether the job has this scan: EN_R is 1, or a job that has begun outlives it."""

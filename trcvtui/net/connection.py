@@ -45,7 +45,7 @@ class Connection:
         self.receiving = Direction()
         self.sending = Direction()
         self.keeping = Direction()  # blocks that build it, and hold it
-        self.readers: dict[str, Callable[[], bool]] = {}  # instance -> would it read what is there?
+        self.readers: dict[str, Callable[[bool], bool]] = {}  # instance -> would it read? True: in its turn
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
         self.doom: ConnectionLoss | None = None  # known, but somebody still reads what came before it
         self.since_scan = 0  # the scan in which the state last changed to connected
@@ -80,14 +80,15 @@ class Connection:
         if claim is None:
             return False
         would = self.readers.get(claim.instance)
-        return self.receiving.holds(claim) or (would is not None and would())
+        return self.receiving.holds(claim) or (would is not None and would(True))
 
     def _others_read(self, asking: Claim | None) -> bool:
         """Return whether anybody else receives, or would as soon as he is called, whatever the call order."""
         if self.receiving.is_anybodys_but(asking):
             return True
         own = "" if asking is None else asking.instance
-        return any(name != own and would() for name, would in self.readers.items())
+        waits = not self.receiving.holds_refused(asking)  # else nobody's turn comes before that of `asking`
+        return any(name != own and would(waits) for name, would in self.readers.items())
 
     @property
     def local(self) -> Endpoint | None:

@@ -12,15 +12,16 @@ from __future__ import annotations
 class Claim:
     """One instance's hold; `priority` is its task's, None where every task sees every claim.
 
-    `has_frame`: its job has read all that it needs, and shows it in its next call.
+    `has_frame`: its job has read all that it needs, and shows it in its next call. `is_refused`: its last
+    call could start no job, so that it reads nothing, though it keeps others out.
     """
 
-    __slots__ = ("has_frame", "instance", "is_orphan", "priority")
+    __slots__ = ("has_frame", "instance", "is_orphan", "is_refused", "priority")
 
     def __init__(self, instance: str, priority: int | None = None) -> None:
         self.instance = instance
         self.priority = priority
-        self.is_orphan = self.has_frame = False
+        self.is_orphan = self.has_frame = self.is_refused = False
 
 
 class Direction:
@@ -54,16 +55,33 @@ class Direction:
             self._claims.remove(claim)
 
     def is_anybodys_but(self, claim: Claim | None) -> bool:
-        """Return whether an instance that is still there works here, other than this one."""
-        return any(held is not claim and not held.is_orphan for held in self._claims)
+        """Return whether an instance that is still there works here, other than this one.
+
+        To one that is refused itself, those who are refused too do not count: else each would wait for the
+        other.
+        """
+        only_at_work = self.holds_refused(claim)
+        return any(
+            held is not claim and not held.is_orphan and not (only_at_work and held.is_refused)
+            for held in self._claims
+        )
+
+    def holds_refused(self, claim: Claim | None) -> bool:
+        """Return whether this claim is held by somebody who can do nothing with it."""
+        return claim is not None and claim.is_refused and claim in self._claims
 
     def has_frame(self) -> bool:
         """Return whether somebody who works here has a whole frame that has not shown yet."""
         return any(held.has_frame for held in self._claims)
 
-    def is_orphaned(self, claim: Claim) -> bool:
-        """Return whether an instance that is gone keeps this one out."""
-        return any(held.is_orphan and held.priority == claim.priority for held in self._claims)
+    def is_barred(self, claim: Claim, waits: bool) -> bool:
+        """Return whether an instance that is gone keeps this one out; `waits` False: or one that is refused."""
+        return any(
+            held.priority == claim.priority
+            and held is not claim
+            and (held.is_orphan or not waits and held.is_refused)
+            for held in self._claims
+        )
 
     def holds(self, claim: Claim | None) -> bool:
         """Return whether this claim is held."""

@@ -166,11 +166,11 @@ class Instance:
             return False
         return self._take(outcome) or first
 
-    def _would_read(self) -> bool:
+    def _would_read(self, waits: bool) -> bool:
         """Return whether the block receives as soon as it is called; a pin that blinks may be TRUE then."""
         pins = self.inputs | dict.fromkeys(self._blinking, True)
         inputs = Inputs(**{pin.lower(): value for pin, value in pins.items()})  # type: ignore[arg-type]
-        return isinstance(self._block, Reader) and self._block.would_read(inputs)
+        return isinstance(self._block, Reader) and self._block.would_read(inputs, waits)
 
     def _freeze(self) -> Inputs:
         values = {pin.lower(): value for pin, value in self.inputs.items()}

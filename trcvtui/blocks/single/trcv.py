@@ -46,9 +46,9 @@ class Trcv:
         shown = self._receive(inputs) if self._link.is_known() else self._no_link()
         return self._told.shown(shown, inputs)
 
-    def would_read(self, inputs: Inputs) -> bool:
-        """Return whether this instance receives on the connection as soon as it is called."""
-        return self.job.would_read(inputs)
+    def would_read(self, inputs: Inputs, waits: bool) -> bool:
+        """Return whether this instance receives on the connection when its turn comes; see `Reader`."""
+        return self.job.would_read(inputs, waits)
 
     def stop(self, reason: str) -> None:
         """Drop the running job."""

@@ -75,11 +75,11 @@ class Direction:
         return any(held.has_frame for held in self._claims)
 
     def is_barred(self, claim: Claim, waits: bool) -> bool:
-        """Return whether an instance that is gone keeps this one out; `waits` False: or one that is refused."""
+        """Return whether one that is gone keeps this one out; `waits` False: or one that is refused."""
         return any(
             held.priority == claim.priority
             and held is not claim
-            and (held.is_orphan or not waits and held.is_refused)
+            and (held.is_orphan or (not waits and held.is_refused))
             for held in self._claims
         )
 

@@ -41,6 +41,7 @@ MOST_REASONS: Final = 64
 
 # What is needed for "fits best".
 CLEAR: Final = 5.0  # points ahead of the next other reading
+OWN_CLEAR: Final = 3.0  # points of the members; nearer, a cause that is rare is no evidence against it
 OWN_POINTS: Final = 4.0  # of the members
 MOST_OF_ORDER: Final = 8.0  # points of numbers for a byte order
 CONTRARY: Final = 3.0  # how much more a number counts that speaks for the other order
@@ -498,7 +499,8 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
     if len(set(b"".join(messages))) == 1:
         return "all bytes are the same"
     for other in ranked[1:]:
-        if other.score > best.score - CLEAR:
+        is_rare = other.way != best.way and abs(other.own_points - best.own_points) < OWN_CLEAR
+        if other.score > best.score - CLEAR + (other.cause.cost if is_rare else 0.0):
             if _is_same(best, other):
                 return f"{_called(other)} ({other.score:+.1f}) reads the same values at the same places"
             if abs(other.own_points - best.own_points) < 0.01 and other.way != best.way:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -572,14 +571,12 @@ def test_cure_prints_the_type_and_the_swap_code(capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize(("members", "size"), [(1 << 20, 4 << 20), (1 << 18, 4 << 20), (1, 8 << 20)])
-def test_the_largest_type_and_the_longest_bytes_are_judged_in_seconds(
+def test_the_largest_type_and_the_longest_bytes_are_judged_by_a_part_that_is_named(
     members: int, size: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Path("t.st").write_text(f"TYPE T : STRUCT a : ARRAY[1..{members}] OF REAL; END_STRUCT END_TYPE")
     Path("m.hex").write_text("41480000" * ((size >> 2) - 1 + (members > 1)))
-    before = time.process_time()
     code, out, _ = run(capsys, "udt", "fit", "t.st", "@m.hex", "--format", "json")
-    assert time.process_time() - before < 10
     best = json.loads(out)[0]
     assert (best["byte_order"], best["cause"], code) == ("big", None, 0 if members > 1 else 1)
     if members > 1:
@@ -591,9 +588,42 @@ def test_of_very_many_messages_the_last_ones_are_judged_and_that_is_said(
 ) -> None:
     Path("t.st").write_text("TYPE T : STRUCT a : REAL; i : INT; END_STRUCT END_TYPE")
     Path("m.hex").write_text("\n\n".join(["41480000 0007 0000"] * 100_000))
-    before = time.process_time()
     _, out, _ = run(capsys, "udt", "fit", "t.st", "@m.hex", "--format", "json")
-    assert time.process_time() - before < 10
     best = json.loads(out)[0]
     assert (best["layout"], best["byte_order"], best["cause"]) == ("baosky", "big", None)
     assert "+0.0 only the last 256 of 100000 messages are judged" in best["reasons"]
+
+
+# C1, bidirectional, zero-width and line-separating characters: a terminal obeys some, a person sees none.
+HIDDEN = "a\u202eb\u200bc\x85d\u2028e\u2066f\x9bg"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "show t.scl",
+        "show t.scl --format json",
+        "show t.scl --type nope",
+        "decode t.scl 00 01 00 00 00 00",
+        "decode t.scl --format json 00 01",
+        "decode t.scl --format md 00 01",
+        "decode t.scl --format csv 00 01",
+        "export t.scl --to lua",
+        "export t.scl --to ksy",
+        "export t.scl --to imhex",
+        "compare t.scl --layout packed --layout natural8",
+        "fit t.scl 00 01 00 00 00 00",
+        "cure t.scl --as scl",
+        "cure t.scl --as st",
+        "cure t.scl --as padded",
+    ],
+)
+def test_no_hidden_character_of_a_name_reaches_the_terminal(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    source = f'TYPE "T{HIDDEN}"\nVERSION : 0.1\n STRUCT\n "x{HIDDEN}" : Int;\n "y" : Real;\n'
+    Path("t.scl").write_text(source + " END_STRUCT;\nEND_TYPE\n", encoding="utf-8")
+    _, out, err = run(capsys, "udt", *words.split())
+    assert out + err
+    assert [character for character in out + err if not character.isprintable() and character != "\n"] == []

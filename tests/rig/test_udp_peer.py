@@ -293,7 +293,7 @@ MISTAKES: Final = {
     "active = true": f"b.toml: peer P1: active: {NO_CONNECTION}",
     'reconnect = "T#1s"': f"b.toml: peer P1: reconnect: {NO_CONNECTION}",
     "port = 7": "b.toml: peer P1: port: found an unknown key, expected one of "
-    "name, udp, local, remote, says, every, replies, layout, byte_order",
+    "name, udp, local, remote, says, every, replies, layout, byte_order, text, pointer_size, string_even",
 }
 
 

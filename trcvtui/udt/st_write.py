@@ -109,7 +109,8 @@ def scl_name(name: str) -> str:
 
 
 def _scl_quoted(name: str) -> str:
-    return '"' + re.sub(r'["\x00-\x1f\x7f]', "_", name) + '"'
+    # A character that nobody sees, or that a terminal obeys, is not handed on.
+    return '"' + "".join(c if c.isprintable() and c != '"' else "_" for c in name) + '"'
 
 
 def _scl_type(type_: Struct, name: str) -> str:

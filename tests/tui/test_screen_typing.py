@@ -19,6 +19,7 @@ from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.scenario_files import Found
+from trcvtui.tui.change_fields import Part
 from trcvtui.tui.keystrokes import TypedField
 from trcvtui.tui.lab import Lab
 from trcvtui.tui.library import Library
@@ -31,6 +32,7 @@ from trcvtui.tui.screens.race import RaceScreen
 from trcvtui.tui.screens.scenarios import ScenariosScreen
 from trcvtui.tui.screens.yank import YankScreen
 from trcvtui.tui.widgets.add_screen import AddScreen, ChoiceField
+from trcvtui.tui.widgets.change_screen import ChangeScreen
 from trcvtui.tui.widgets.choice_screen import ChoiceScreen
 from trcvtui.tui.widgets.constants_form import ConstantsForm
 from trcvtui.tui.widgets.message_list import MessagesScreen
@@ -74,6 +76,7 @@ def udt_form(looker: BenchLooker) -> UdtForm:
 OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     MainScreen: lambda looker: None,
     AddScreen: lambda looker: AddScreen(lambda: looker.app.scene.project, "peer", {}),
+    ChangeScreen: lambda looker: ChangeScreen(lambda: looker.app.scene.project, Part("connect", "C1")),
     UdtForm: udt_form,
     ConstantsForm: lambda looker: ConstantsForm(["GVL.MAX", "GVL.MIN"], "a file"),
     MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.scene.project),

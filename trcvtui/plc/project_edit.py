@@ -5,7 +5,7 @@ Rule: these are the loader's own readers, so what a file may not say, nobody may
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -230,10 +230,7 @@ def read_changed(decl: Declaration, pairs: Mapping[str, Any], project: Project, 
     edit = changing(decl, None, project)
     others = with_edits(project, (edit,))
     first: UserError | None = None
-    for form in forms_of(decl):
-        own: dict[str, Any] = {"number" if edit.kind == CERTIFICATE else "name": _called(decl), **dict(form)}
-        if not _says(edit, own, others, decl):
-            continue
+    for own in _forms(decl, edit, others):
         changed = own | dict(pairs)
         if "LocalPort" in pairs and "ListenPort" not in pairs:
             changed.pop("ListenPort", None)  # it only says where the bench listens in place of LocalPort
@@ -243,6 +240,20 @@ def read_changed(decl: Declaration, pairs: Mapping[str, Any], project: Project, 
         except UserError as wrong:
             first = first or wrong
     raise first or UserError([Problem(where, "an entry that cannot be written", "add and remove")])
+
+
+def keys_to_change(decl: Declaration, project: Project) -> dict[str, Any]:
+    """Return the keys of a declaration in the first form that says the same, as `read_changed` takes it."""
+    edit = changing(decl, None, project)
+    own = next(_forms(decl, edit, with_edits(project, (edit,))), dict(keys_of(decl)))
+    return {key: value for key, value in own.items() if key not in ("name", "number")}
+
+
+def _forms(decl: Declaration, edit: Edit, others: Project) -> Iterator[dict[str, Any]]:
+    for form in forms_of(decl):
+        own = {"number" if edit.kind == CERTIFICATE else "name": _called(decl), **dict(form)}
+        if _says(edit, own, others, decl):
+            yield own
 
 
 def _called(decl: Declaration) -> str | int:

@@ -190,14 +190,15 @@ def _named(words: Words, project: Project) -> tuple[str, str]:
     name = words.peek()
     kinds = kinds_named(name, project)
     if len(kinds) > 1:
-        found = f"'{name}', the name of {_listed([f'a {_words_of(kind)}' for kind in kinds])}"
+        found = f"'{name}', the name of {_listed([f'a {words_of(kind)}' for kind in kinds])}"
         verb = words.verb
         ways = " or ".join(f"{verb} {kind} {name} .." for kind in kinds)
         raise words.wrong(found, ways if verb == "set" else ways.replace(" ..", ""))
     return (kinds[0] if kinds else ""), name
 
 
-def _words_of(kind: str) -> str:
+def words_of(kind: str) -> str:
+    """Return what a kind is called in a sentence."""
     return {"connect": "CONNECT", "udp_config": "UDP_CONFIG", "addr": "ADDR", "data": "DATA variable"}.get(
         kind, "ComBuffer" if kind == "combuffer" else kind
     )
@@ -238,7 +239,7 @@ def read_remove(words: Words, project: Project) -> Remove:
     decl = entry(kind, name, project) if kind else None
     if decl is None:
         names = names_of(kind, project) if kind else [n for each in FIELDS for n in names_of(each, project)]
-        raise words.wrong(shown(name), expected_name(name, names, _words_of(kind) if kind else "name"))
+        raise words.wrong(shown(name), expected_name(name, names, words_of(kind) if kind else "name"))
     _refuse_to_leave((changing(decl, None, project),), project, f"{words.where}: {kind} {name}")
     return Remove(kind, name, decl)
 
@@ -256,7 +257,7 @@ def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
     """Raise UserError where somebody has what these edits would take from him."""
     users = users_left(edits, project)
     if users:
-        names = [f"{_words_of(KIND_OF[type(decl)])} {decl.name}" for decl, _ in users]
+        names = [f"{words_of(KIND_OF[type(decl)])} {decl.name}" for decl, _ in users]
         changed = next((edit for edit in edits if edit.after is not None), None)
         wrong = users[0][1].problems[0]
         said = f" ({wrong.where.lstrip(': ')}: expected {wrong.expected})" if changed else ""
@@ -310,7 +311,7 @@ def told_on_the_way(command: Add | AddData) -> str:
 
 
 def _made(decl: Declaration) -> str:
-    what = f"{_words_of(KIND_OF[type(decl)])} {decl.name}"
+    what = f"{words_of(KIND_OF[type(decl)])} {decl.name}"
     match decl:
         case ConnectConfig() | UdpConfig():
             return f"{what} at {decl.local}"
@@ -321,7 +322,7 @@ def _made(decl: Declaration) -> str:
 
 
 def _told(edit: Edit) -> str:
-    what = f"{_words_of(edit.kind)} {edit.name}"
+    what = f"{words_of(edit.kind)} {edit.name}"
     if edit.before is None or edit.after is None:
         keys = " ".join(_pair(key, value) for key, value in keys_of(edit.after)) if edit.after else ""
         return f"{what} is added: {keys}" if edit.after else f"{what} is removed"
@@ -353,7 +354,7 @@ def _anew(edit: Edit, project: Project) -> list[str]:
     if edit.kind not in has:
         return []
     return [
-        f"{_words_of(edit.kind)} {edit.name}",
+        f"{words_of(edit.kind)} {edit.name}",
         *(f"instance {i.name}" for i in project.instances if has[edit.kind](i)),
     ]
 

@@ -219,6 +219,11 @@ class BenchApp(App[None]):
             return AwaitMount(self.screen, [])
         return super().push_screen(screen, *how, **more)
 
+    @property
+    def only_looks(self) -> bool:
+        """Return whether this screen is read-only."""
+        return self._read_only
+
     def refuses(self) -> bool:
         """Say, where this screen is read-only, that what was asked for is refused; return whether it is."""
         if self._read_only:

@@ -78,9 +78,25 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
     for kind, what in TITLES.items():
         about = f"add {kind} …: a form" + (" · key A" if kind == "instance" else "")
         yield SystemCommand(f"Add {what}", about, partial(bench.add, kind))
+    from trcvtui.tui.change_fields import parts_at_hand
+
+    about = "a part of the project: its form, or `remove` · key E"
+    yield SystemCommand("Change or remove …", about, bench.main.action_change)
+    for part in parts_at_hand(bench.scene, peer_first=False):
+        named = plain(f"{part.kind} {part.name}")
+        yield SystemCommand(
+            f"Change {plain(str(part))}", f"set {named} …: a form", partial(bench.main.change_part, part)
+        )
+        yield SystemCommand(
+            f"Remove {plain(str(part))}", f"remove {named}", partial(bench.main.remove_part, part)
+        )
+    about = "undo: the newest add, set or remove of the project · key ctrl+z"
+    yield SystemCommand("Undo", about, bench.main.action_undo)
     save = "save project" + (" " if bench.scene.project.path == demo_path() else "")
     yield SystemCommand(
-        "Save the project", f"{save}: what was added, into its file", partial(bench.main.action_prompt, save)
+        "Save the project",
+        f"{save}: what was added, changed and removed, into its file",
+        partial(bench.main.action_prompt, save),
     )
     instance = bench.scene.instance
     if instance is None:

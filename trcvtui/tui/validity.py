@@ -21,11 +21,14 @@ def fault_of(line: str, project: Project) -> str:
     return ""
 
 
-def said_on_the_way(line: str, project: Project) -> str:
-    """Return what a line makes beside what it adds, "" for nothing."""
+def said_before(line: str, project: Project) -> str:
+    """Return what a line that edits the project would do: what changes, what is made, who begins anew."""
     from trcvtui.rig.bench import parse_line  # as above
-    from trcvtui.rig.bench_edit import told_on_the_way
-    from trcvtui.rig.edit_words import Add
+    from trcvtui.rig.bench_edit import told
+    from trcvtui.rig.edit_words import MENDS
 
-    command = parse_line(line, project, "prompt")
-    return told_on_the_way(command) if isinstance(command, Add) else ""
+    try:
+        command = parse_line(line, project, "prompt")
+    except UserError:
+        return ""
+    return told(command, project) if isinstance(command, MENDS) else ""

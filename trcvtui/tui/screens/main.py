@@ -37,6 +37,7 @@ from trcvtui.tui.widgets.timing import Timing
 from trcvtui.tui.widgets.udt_table import UdtTable
 
 if TYPE_CHECKING:
+    from trcvtui.tui.change_fields import Part
     from trcvtui.tui.yank import Format, Subject
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
@@ -64,6 +65,8 @@ class MainScreen(Screen[None]):
         Binding("y", "yank", show=False, id="yank"),
         Binding("K", "mark", show=False, id="mark"),
         Binding("A", "app.add('instance')", show=False, id="add"),
+        Binding("E", "change", show=False, id="change"),
+        Binding("ctrl+z", "undo", show=False, id="undo"),
         Binding("U", "mouse", show=False, id="mouse"),
         Binding("S,f2", "scenarios", show=False, id="scenarios"),
         Binding("L", "app.lab", show=False, id="lab"),
@@ -100,7 +103,7 @@ class MainScreen(Screen[None]):
         self._rows = ""  # as the style sheet writes them
         self._sizes: dict[str, bool] = {}
         self._instances = 0  # of the project, when the panes were arranged
-        self.prompt = Prompt(scene, self.peer.lines.heard(submit))
+        self.prompt = Prompt(scene, self.peer.lines.heard(submit), self._only_looks)
         self.key_line = KeyLine()
 
     def compose(self) -> Iterator[Widget]:
@@ -418,9 +421,64 @@ class MainScreen(Screen[None]):
         if taken is not None and not self._is_refused():
             self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
 
+    def _only_looks(self) -> bool:
+        return bool(getattr(self.app, "only_looks", False))
+
     def _is_refused(self) -> bool:
         refuses = getattr(self.app, "refuses", None)
         return bool(refuses and refuses())
+
+    def action_change(self) -> None:
+        """Choose a part of the project: to change it in a form, or to remove it."""
+        from trcvtui.tui.change_fields import all_parts, parts_at_hand  # read when first asked for
+        from trcvtui.tui.widgets.choice_screen import ChoiceScreen
+
+        near = parts_at_hand(self._scene, self.peer in (self.focused.ancestors if self.focused else ()))
+        parts = [near, [part for part in all_parts(self._scene.project) if part not in near]]
+        choices = {
+            f"{verb} {part}": (action, part)
+            for some in parts
+            for verb, action in (("Change", self.change_part), ("Remove", self.remove_part))
+            for part in some
+        }
+        if not choices:
+            self.prompt.complain("nothing is there to change: A adds")
+            return
+
+        def take(chosen: str | None) -> None:
+            if chosen is not None:
+                action, part = choices[chosen]
+                action(part)
+
+        rows = [
+            (title, f"{'set' if action == self.change_part else 'remove'} {part.kind} {part.name}")
+            for title, (action, part) in choices.items()
+        ]
+        self.app.push_screen(ChoiceScreen("Change or remove", rows, ""), take)
+
+    def change_part(self, part: Part) -> None:
+        """Open the form that changes a part of the project."""
+        from trcvtui.tui.widgets.change_screen import ChangeScreen  # read when first asked for
+
+        self.app.push_screen(ChangeScreen(lambda: self._scene.project, part), self._changed)
+
+    def _changed(self, line: str | None) -> None:
+        if line:
+            self._submit(line)
+
+    def remove_part(self, part: Part) -> None:
+        """Open the prompt with the line that removes a part: it is seen first, and what it does."""
+        if not self._is_refused():
+            self.action_prompt(f"remove {part.kind} {part.name}")
+
+    def action_undo(self) -> None:
+        """Open the prompt to take the newest edit of the project back; there stands which one that is."""
+        if self.prompt.is_open or self._is_refused():
+            return
+        if self._scene.project.undoable:
+            self.action_prompt("undo")
+        else:
+            self.prompt.complain("no edit of the project is there to be taken back")
 
     def action_mouse(self) -> None:
         """Let the terminal have the mouse, or take it back."""

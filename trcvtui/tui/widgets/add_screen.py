@@ -16,9 +16,8 @@ from trcvtui.tui.add_described import AddField
 from trcvtui.tui.add_fields import TITLES, fields_of, first_name, kinds_of, line_of
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.keystrokes import TypedField
-from trcvtui.tui.validity import fault_of, said_on_the_way
+from trcvtui.tui.validity import fault_of, said_before
 
-KEYS_LINE: Final = "tab field · ↑↓ choose · enter add · esc leave"
 HINT: Final = 30
 
 
@@ -56,6 +55,7 @@ class ChoiceField(TypedField):
 class AddScreen(ModalScreen[str]):
     """Ends with the command, "" when it is left."""
 
+    TAKES: ClassVar = "add"
     BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
     DEFAULT_CSS = """
     AddScreen { align: center middle; background: $background 60%; }
@@ -70,7 +70,7 @@ class AddScreen(ModalScreen[str]):
     AddScreen ChoiceField { width: 1fr; background: $panel; padding: 0 1; }
     AddScreen ChoiceField:focus { background: $panel; background-tint: $primary 18%; }
     AddScreen ChoiceField.-bad { color: $error; text-style: underline; }
-    AddScreen #form-line { height: 3; color: $text-muted; margin: 1 0 0 0; }
+    AddScreen #form-line { height: auto; min-height: 3; color: $text-muted; margin: 1 0 0 0; }
     AddScreen #form-line.-bad { color: $error; }
     AddScreen:ansi ChoiceField { text-style: underline; }
     """
@@ -89,27 +89,41 @@ class AddScreen(ModalScreen[str]):
     def compose(self) -> Iterator[Widget]:
         """Compose the kind, a line a field, and the command below."""
         with Vertical(id="form") as form:
-            form.border_subtitle = KEYS_LINE
-            yield _row("add", self._kind_field, "↑↓ another kind")
+            form.border_subtitle = f"tab field · ↑↓ choose · enter {self.TAKES} · esc leave"
+            yield from self._first_rows()
             yield self._rows
             yield self._line
 
+    def _first_rows(self) -> Iterator[Widget]:
+        yield _row("add", self._kind_field, "↑↓ another kind")
+
     async def on_mount(self) -> None:
-        """Begin with the name."""
+        """Begin with the first field of the kind."""
         await self._lay_out()
         self.set_focus(self._fields[0])
 
     async def _lay_out(self) -> None:
         """Put the fields of the kind there."""
-        project = self._project()
-        name = AddField("name", "a name of its own", first=first_name(self.kind, project))
-        specs = (name, *fields_of(self.kind, project, self._block))
+        specs = self._specs(self._project())
         self._fields = [ChoiceField(s.key, s.choices, self._given.get(s.key, s.first)) for s in specs]
-        self.query_one("#form").border_title = f"Add {TITLES[self.kind]}"
+        self.query_one("#form").border_title = plain(self._heading())
         rows = [_row(s.key, field, _hint(s)) for s, field in zip(specs, self._fields, strict=True)]
         await self._rows.remove_children()
         await self._rows.mount_all(rows)
         self._judge()
+
+    def _specs(self, project: Project) -> list[AddField]:
+        """Return the fields, what stands in them at first with them."""
+        name = AddField("name", "a name of its own", first=first_name(self.kind, project))
+        return [name, *fields_of(self.kind, project, self._block)]
+
+    def _heading(self) -> str:
+        return f"Add {TITLES[self.kind]}"
+
+    @property
+    def name_of_part(self) -> str:
+        """Return the name of what the command is about."""
+        return self._fields[0].value.strip()
 
     @property
     def line(self) -> str:
@@ -119,13 +133,17 @@ class AddScreen(ModalScreen[str]):
 
     def _judge(self) -> None:
         """Show the command, or what is wrong with it and in which field."""
-        fault = fault_of(self.line, self._project())
-        place = fault.removeprefix(f"{self.kind} {self._fields[0].value.strip()}: ")
+        fault = fault_of(self.line, self._project()) if self.line else ""
+        place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
         for field in self._fields:
             field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
-        made = "" if fault else said_on_the_way(self.line, self._project())
-        self._line.update(f"✗ {plain(fault)}" if fault else plain(f"▸ {self.line}{made and f' · {made}'}"))
+        self._line.update(f"✗ {plain(fault)}" if fault else "\n".join(map(plain, self._said())))
         self._line.set_class(bool(fault), "-bad")
+
+    def _said(self) -> list[str]:
+        """Return the command, and what it would do beside what can be seen in it."""
+        made = said_before(self.line, self._project())
+        return [f"▸ {self.line}{made and f' · {made}'}"]
 
     async def on_input_changed(self, event: Input.Changed) -> None:
         """Judge while typing."""
@@ -154,16 +172,18 @@ class AddScreen(ModalScreen[str]):
         """Return whether the block that has just been chosen has other fields."""
         if field.key != "block" or field.value not in project.dialect.blocks:
             return False
-        keys = [spec.key for spec in fields_of(self.kind, project, field.value)]
-        return keys != [shown.key for shown in self._fields[1:]]
+        before, self._block = self._block, field.value
+        keys = [spec.key for spec in self._specs(project)]
+        self._block = before
+        return keys != [shown.key for shown in self._fields]
 
     def take(self) -> None:
         """Give the command, where it would be taken."""
-        if not fault_of(self.line, self._project()):
+        if not self.line or not fault_of(self.line, self._project()):
             self.dismiss(self.line)
 
     def action_leave(self) -> None:
-        """Add nothing."""
+        """Leave everything as it is."""
         self.dismiss("")
 
 

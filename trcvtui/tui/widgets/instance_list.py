@@ -43,7 +43,7 @@ class InstanceList(LineView):
     """The instances in call order; the cursor is the selection that all panes follow."""
 
     DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
-    KEYS: ClassVar = (("↑↓", "instance"),)
+    KEYS: ClassVar = (("↑↓", "instance"), ("A", "add"), ("E", "change"))
     BINDINGS: ClassVar = [
         Binding("slash", "screen.filter", "list those with some words", show=False),
         Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),

@@ -22,7 +22,7 @@ class PeerList(LineView):
 
     KEYS: ClassVar = (
         ("tab", "payload"), ("m", "mode"), ("x", "cuts"), ("e", "every split"), ("o", "form"), ("w", "keep"),
-        ("p", "library"),
+        ("p", "library"), ("E", "change"),
     )  # fmt: skip
     BINDINGS: ClassVar = [Binding("tab", "edit", "edit the payload", show=False)]
     DEFAULT_CSS = "PeerList { height: auto; max-height: 3; min-height: 1; }"

@@ -10,7 +10,7 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.suggester import Suggester
 from textual.widget import Widget
-from textual.widgets import Static
+from textual.widgets import Input, Static
 
 from trcvtui.rig.picture import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
@@ -20,6 +20,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 
 KEPT_LINES: Final = 200
 MOST_ROWS: Final = 4
+TOLD_BEFORE: Final = ("set", "remove", "undo")  # lines that change the project say what they will do
 
 
 class EchoLine(LineView, can_focus=False):
@@ -31,10 +32,20 @@ class EchoLine(LineView, can_focus=False):
         super().__init__(id="echo")
         self._line, self._error, self._waits, self._told = "", "", False, ""
         self._rows = 1
+        self.note = ""  # of a line that is still typed
 
     def say(self, line: str, error: str = "", waits: bool = False, told: str = "") -> None:
         """Show a command and its answer."""
         self._line, self._error, self._waits, self._told = plain(line), plain(error), waits, plain(told)
+        self._fit()
+
+    def foretell(self, note: str) -> None:
+        """Show what the line that is typed would do; "" shows the last command again."""
+        if note != self.note:
+            self.note = note
+            self._fit()
+
+    def _fit(self) -> None:
         rows = min(MOST_ROWS, self.row_count())
         if rows != self._rows:
             self._rows = self.styles.height = rows
@@ -42,16 +53,21 @@ class EchoLine(LineView, can_focus=False):
 
     def _texts(self) -> tuple[str, ...]:
         width = max(20, self.line_width - 2)
+        if self.note:
+            return wrapped(plain(self.note), width)
         if self._error:
             return wrapped(f"{self._line}  ✗ {self._error}", width)
         return wrapped(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
 
     def row_count(self) -> int:
         """Return the lines of the answer."""
-        return len(self._texts()) if self._error or self._told else 1
+        return len(self._texts()) if self.note or self._error or self._told else 1
 
     def row_at(self, y: int) -> Row:
         """Return one line of the answer."""
+        if self.note:
+            texts = self._texts()
+            return row(("▸ " if y == 0 else "  ", "dim"), (texts[y], "")) if y < len(texts) else EMPTY
         if self._error or self._told:
             texts, style = self._texts(), "error" if self._error else ""
             return row((": " if y == 0 else "  ", "dim"), (texts[y], style)) if y < len(texts) else EMPTY
@@ -109,8 +125,11 @@ class Prompt(Vertical):
     Prompt PromptInput:focus { background: $panel; background-tint: $primary 12%; }
     """
 
-    def __init__(self, scene: Scene, submit: Callable[[str], None]) -> None:
+    def __init__(
+        self, scene: Scene, submit: Callable[[str], None], only_looks: Callable[[], bool] = lambda: False
+    ) -> None:
         super().__init__(id="prompt")
+        self._only_looks = only_looks  # then no line is read: one may name a file
         self._scene = scene
         self._submit = submit
         self._echo = EchoLine()
@@ -147,7 +166,8 @@ class Prompt(Vertical):
             self._focus_before = self.screen.focused
         self._at = len(self._lines)
         self._fill(text)
-        self._open_line.display, self._echo.display = True, False
+        self._open_line.display = True
+        self._foretell()
         self.screen.set_focus(self._input)
 
     def close(self) -> None:
@@ -155,6 +175,23 @@ class Prompt(Vertical):
         before, self._focus_before = self._focus_before, None
         self.screen.set_focus(before)
         self._open_line.display, self._echo.display = False, True
+        self._echo.foretell("")
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Say what the line would do, while it is typed."""
+        event.stop()
+        self._foretell()
+
+    def _foretell(self) -> None:
+        """Show what a line that changes the project would do, where it would be taken."""
+        from trcvtui.tui.validity import said_before
+
+        if not self.is_open or self._input is None:
+            return
+        line = self._input.value.strip()
+        is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
+        self._echo.foretell(said_before(line, self._scene.project) if is_told else "")
+        self._echo.display = bool(self._echo.note)
 
     def _fill(self, text: str) -> None:
         if self._input is not None:

@@ -95,6 +95,7 @@ def test_what_was_read_is_not_written_over_by_any_of_its_names(tmp_path: Path) -
     read_bytes(source, 100)
     assert refusal(source) == f"here: found {source}, which is read here, expected another name"
     assert "which is read here" in refusal(soft)
+    assert "which is read here" in refusal(hard)
     with pytest.raises(UserError, match="which is read here"):
         refuse_input(hard, WHERE, [source])
     write_file(source, "mine", WHERE, is_own=True)
@@ -169,14 +170,19 @@ def test_out_never_names_an_input(
     texts["bench.toml"] = project + '[[udt]]\nfile = "t.st"\n'
     for name, text in texts.items():
         Path(name).write_text(text)
+    os.link("t.st", "hard.st")
     for words in (
         ["scenario", "alone.toml", "--out", "alone.toml"],
         ["scenario", "steps.toml", "--out", "bench.toml"],
         ["scenario", "steps.toml", "--out", "t.st"],
+        ["scenario", "steps.toml", "--out", "hard.st"],
         ["udt", "export", "t.st", "--to", "lua", "--out", "t.st"],
+        ["udt", "export", "t.st", "--to", "lua", "--out", "hard.st"],
     ):
         assert main(words) == 2
-        assert "which is read here" in capsys.readouterr().err
+        error = capsys.readouterr().err
+        assert "which is read here" in error and error.count("\n") == 1  # told once
+    os.remove("hard.st")
     assert {name: Path(name).read_text() for name in texts} == texts
     assert sorted(os.listdir()) == sorted(texts)
     assert main(["scenario", "steps.toml", "--out", "result.txt"]) == 0

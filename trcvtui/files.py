@@ -64,7 +64,8 @@ def check_readable(path: FileName) -> None:
 
 def refuse_input(path: FileName, where: str, inputs: Iterable[FileName] = ()) -> None:
     """Raise UserError when a file that shall be written is one of `inputs`, or was read before."""
-    if os.path.realpath(path) in _read or any(is_same_file(path, each) for each in inputs):
+    # By the files and not by kept inode numbers: the number of a file that is gone comes again.
+    if any(is_same_file(path, each) for each in (*_read, *inputs)):
         raise mistake(where, f"{path}, which is read here", "another name")
 
 

@@ -55,15 +55,23 @@ def _run_all(
     for path in paths:
         try:
             scenario = load_scenario(path, overrides)
-            loaded()
+        except UserError as error:
+            worst = _wrong(document, path, error)
+            continue
+        loaded()  # raises through: no later file makes the target right
+        try:
             held = _run_one(path, scenario, kernel, document)
             worst = max(worst, HELD if held else FAILED)
         except UserError as error:
-            document.wrong(path, error)
-            sys.stderr.write("".join(line + "\n" for line in error.lines()))
-            worst = WRONG_FILE
+            worst = _wrong(document, path, error)
     document.end()
     return worst
+
+
+def _wrong(document: Document, path: Path, error: UserError) -> int:
+    document.wrong(path, error)
+    sys.stderr.write("".join(line + "\n" for line in error.lines()))
+    return WRONG_FILE
 
 
 def _run_one(path: Path, scenario: Scenario, kernel: str, document: Document) -> bool:

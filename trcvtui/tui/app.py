@@ -113,7 +113,7 @@ class BenchApp(App[None]):
         """Obey a key at once; those typed before everything is there are kept for the moment it is."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             if self._early_keys is not None:
-                self._early_keys.append(event)
+                self._early_keys.append(_as_typed(event))
                 return
             if await obey(self, event):
                 return
@@ -442,6 +442,11 @@ class BenchApp(App[None]):
         yield SystemCommand("Restart", "start an engine that has ended anew · key R", self.action_restart)
         yield SystemCommand("Screenshot", "save the screen as an SVG file · key P", self.action_picture)
         yield SystemCommand("Quit", "end the bench · key q", self.action_quit)
+
+
+def _as_typed(event: events.Key | events.Paste) -> events.Key | events.Paste:
+    """Return enter for ctrl+j: so a terminal that is not the screen's yet passes it on."""
+    return events.Key("enter", "\r") if isinstance(event, events.Key) and event.key == "ctrl+j" else event
 
 
 def _quiet_collector() -> None:

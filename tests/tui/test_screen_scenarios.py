@@ -192,7 +192,7 @@ async def test_k_chooses_real_sockets_for_the_next_one() -> None:
         await pilot.press("k", "enter")
         await pilot.pause(0.1)
         assert driver.lines == [], "the first one is broken"
-        await pilot.press("slash", *"frame", "enter", "enter", "n", "k", "enter")
+        await pilot.press("slash", *"frame", "enter", "enter", "y", "n", "y", "k", "enter", "y")
         await pilot.pause(0.1)
         assert driver.lines == [
             "scenario load scenarios/frame.toml live",
@@ -204,13 +204,15 @@ async def test_k_chooses_real_sockets_for_the_next_one() -> None:
 async def test_what_the_engine_refuses_is_said_whole() -> None:
     error = "scenarios/frame.toml: peer P1: local: found Address already in use, expected an end that is free"
     async with looking_at_scenarios(SMALL) as (app, driver, pilot):
-        await pilot.press("slash", *"frame", "enter", "enter")
+        await pilot.press("slash", *"frame", "enter", "enter", "y")
         driver.waiting.append(picture(answers=[Answer(1, driver.lines[-1], error)]))
         await pilot.pause(0.2)
         assert f"✗ {error}" in " ".join(screen_text(app).split())
-        await pilot.press("n")
+        sent = len(driver.lines)
+        await pilot.press("n", "y")
         await pilot.pause(0.1)
         assert driver.lines[-1].startswith("scenario load"), "it is not loaded, so the next step loads it"
+        assert len(driver.lines) == sent + 1
 
 
 async def test_an_engine_that_ends_is_told_on_the_bench() -> None:

@@ -47,6 +47,7 @@ class Lab:
         self.profiles = {OURS: ours, THEIRS: ours._replace(layout=guess)}
         self.news = ""  # what has happened to the files
         self.fits: tuple[Fit, ...] = ()
+        self._said_first = ""  # when the lab was opened
         self.fitted = ""  # by what
         self.asked_for: tuple[str, ...] = ()  # the constants that the user was asked for
         self.revision = 0  # counts what changes rows
@@ -56,7 +57,10 @@ class Lab:
 
     def begin(self) -> None:
         """Look at the running job where DATA has never been written, unless other bytes were chosen."""
-        self.news = self.bytes.begin() or self.news
+        if self.news == self._said_first:
+            self.news = ""  # of the last time: DATA may have been written since
+        self._said_first = self.bytes.begin()
+        self.news = self._said_first or self.news
 
     # -- types --------------------------------------------------------------------------------------
 

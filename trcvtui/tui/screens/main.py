@@ -101,6 +101,7 @@ class MainScreen(Screen[None]):
         self.peer = PeerPanel(scene, voice)
         self._grid = Container(id="panes")
         self._rows = ""  # as the style sheet writes them
+        self._peer_rows: int | None = None
         self._sizes: dict[str, bool] = {}
         self._instances = 0  # of the project, when the panes were arranged
         self.prompt = Prompt(scene, self.peer.lines.heard(submit), self._only_looks)
@@ -165,9 +166,9 @@ class MainScreen(Screen[None]):
         panes, peer = self._grid, self.peer.least_rows + FRAME
         if self.has_class(TABS) or self.has_class(ZOOM):
             above = self.status.display and self.peer.display
-            self.peer.styles.height = min(peer, panes.size.height - FRAME - 1) if above else None
+            self._give_peer(min(peer, panes.size.height - FRAME - 1) if above else None)
             return
-        self.peer.styles.height = None
+        self._give_peer(None)
         rows = grid_rows(self._sizes, self._past == 8)
         rows = (
             grown(rows, panes.size.height, max(self._status_rows, default=0), peer)
@@ -178,6 +179,11 @@ class MainScreen(Screen[None]):
         if wanted != self._rows:
             self._rows = wanted
             panes.styles.grid_rows = wanted
+
+    def _give_peer(self, rows: int | None) -> None:
+        if rows != self._peer_rows:  # setting None lays the screen out even where it was None
+            self._peer_rows = rows
+            self.peer.styles.height = rows
 
     # -- what comes in ------------------------------------------------------------------------------
 

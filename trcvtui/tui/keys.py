@@ -76,12 +76,12 @@ TIMING: Final = (
 )
 PEER: Final = (
     ("enter s → b", "a simulated line: type bytes, the same again, byte by byte, the cable pulled"),
+    ("i, m", "edit the payload; as hex, text or udt"),
+    ("enter", "in the payload: send it"),
     ("s c f", "send the message; connect or listen; FIN (UDP: close)"),
     ("r h z", "RST; half-close, the peer still receives; stall: it reads no more, and on again"),
     ("l u", "silence: the wire goes down without a word; a fault of a kernel call, or clear them"),
     ("b", "self-checking traffic, number and CRC: what is lost, doubled, shifted is counted; off"),
-    ("i, m", "edit the payload; as hex, text or udt"),
-    ("enter", "in the payload: send it"),
     ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
     ("e", "try every split of the message, as a table; enter in it takes the cut"),
     ("o", "a UDT as a form: its members as fields"),

@@ -276,6 +276,7 @@ async def test_the_advice_shows_its_evidence_and_enter_sets_the_block_so() -> No
         assert "set RD LenPrefix=1 LenSuffix=2" in shown.words
         await shown.press("enter")
         await shown.do(scans=2)
+        await shown.press("2")
         assert shown.app.screen is shown.app.main
         assert " 02 " in shown.line("pPrefix") and " 0D 0A " in shown.line("pSuffix")
 

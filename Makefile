@@ -24,7 +24,7 @@ contracts: $(READY)
 
 # Four on two cores: the tests of the screen wait for it more than they compute.
 unit: $(READY)
-	$(BIN)/pytest -n 4 $(ARGS)
+	$(BIN)/pytest -n 4 --dist worksteal $(ARGS)
 
 scenarios: $(READY)
 	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml configs/scenarios/siemens/*.toml $(ARGS)

@@ -18,6 +18,7 @@ from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
 
 INSTANCES = ("A", "B", "C")
+LEVELS = dict.fromkeys(INSTANCES, 1)  # all tasks have the default priority
 DATA_OF = {"A": "rx_a", "B": "rx_b", "C": "rx_c"}
 SIZES = {"rx_a": 8, "rx_b": 5, "rx_c": 64}
 PEERS = ("P1", "P2", "P3")
@@ -212,7 +213,7 @@ class BenchMachine(RuleBasedStateMachine):
         self.seq = self.bench.runtime.ledger.last_seq
         delivered = self.read_news(news)
         disturbed = self.is_disturbed or self.bench.plan.active
-        self.kept.check(news, self.bench.runtime.snapshot(), disturbed)
+        self.kept.check(news, self.bench.runtime.snapshot(), LEVELS, disturbed)
         for out in self.bench.runtime.called:
             self.check_outputs(out)
         self.check_data(delivered)

@@ -89,7 +89,8 @@ def check_in_use(out: Outputs, before: Snapshot, after: Snapshot, began: list[st
 class FramesKept:
     """No whole frame is dropped with a lost connection while a reader stands; nobody resets a successor.
 
-    A reader stands as long as its pins ask, its job could start, and no fault is planned.
+    A reader stands as long as its pins ask, its job could start, no fault is planned, and no owner of its
+    level (a priority) keeps it out who can start none himself (decision 461).
     """
 
     def __init__(self) -> None:
@@ -107,9 +108,11 @@ class FramesKept:
         """A client has sent FIN or RST."""
         self._ended.add(client)
 
-    def check(self, news: Iterable[Line], picture: Snapshot, is_disturbed: bool) -> None:
+    def check(
+        self, news: Iterable[Line], picture: Snapshot, levels: dict[str, int], is_disturbed: bool
+    ) -> None:
         """Check one scan; `is_disturbed`: a fault was, or is, planned."""
-        now = {c.name: {} if is_disturbed else _readers(picture, c.name) for c in picture.connections}
+        now = {c.name: {} if is_disturbed else _readers(picture, c.name, levels) for c in picture.connections}
         for line in news:
             match line.event:
                 case ConnectionNote(name, _, What.CONNECTED, local, peer):
@@ -127,8 +130,16 @@ class FramesKept:
             self._asked[name] = dict(readers.items() & now.get(name, {}).items())
 
 
-def _readers(picture: Snapshot, connect: str) -> dict[str, int]:
-    """Return whose job on this CONNECT can start, and with how many bytes it is complete."""
+def _readers(picture: Snapshot, connect: str, levels: dict[str, int]) -> dict[str, int]:
+    """Return whose job on this CONNECT can start, kept out by nobody, and how many bytes it needs."""
+    readers, connection = _able(picture, connect), picture.connection(connect)
+    owners = () if connection is None else connection.receivers
+    barred = {levels[name] for name in owners if not name.endswith(GONE) and name not in readers}
+    return {name: least for name, least in readers.items() if levels[name] not in barred}
+
+
+def _able(picture: Snapshot, connect: str) -> dict[str, int]:
+    """Return whose pins and DATA let a job start, and with how many bytes it is complete."""
     connection = picture.connection(connect)
     if connection is None or any(name.endswith(GONE) for name in connection.receivers):
         return {}

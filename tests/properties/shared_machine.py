@@ -362,7 +362,9 @@ class SharedMachine(RuleBasedStateMachine):
         model.read(news)
         self.seq = runtime.ledger.last_seq
         before, self.picture = self.picture, runtime.snapshot()
-        self.kept.check(news, self.picture, self.is_disturbed or self.bench.plan.active)
+        priorities = {t.name: 0 if self.across_tasks else t.priority for t in self.bench.project.tasks}
+        levels = {name: priorities[task] for name, task in self.task_of.items()}
+        self.kept.check(news, self.picture, levels, self.is_disturbed or self.bench.plan.active)
         for name in model.anew if runtime.running else tuple(self.before):
             self.before.pop(name, None)
         called = runtime.called
@@ -374,9 +376,8 @@ class SharedMachine(RuleBasedStateMachine):
             self.before[out.instance] = out
         for name, expected in model.data.items():
             assert runtime.data(name) == expected, "DATA changes only at DONE, and by commands"
-        priorities = {t.name: 0 if self.across_tasks else t.priority for t in self.bench.project.tasks}
         check_orphans(before, self.picture)
-        check_owners(self.picture, model, {n: priorities[task] for n, task in self.task_of.items()})
+        check_owners(self.picture, model, levels)
         self.witness.check(model.said, len(model.receiving) + len(model.sending))
 
     # -- the end ---------------------------------------------------------------------------------------

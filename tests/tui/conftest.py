@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.rig import scenario_files
+from trcvtui.tui import app
 
 
 @pytest.fixture(autouse=True)
@@ -21,6 +22,17 @@ def own_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("COLORTERM", "truecolor")  # whatever terminal the tests are started in
     monkeypatch.setenv("TERM", "xterm-256color")
+
+
+@pytest.fixture(autouse=True)
+def frames_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let tests call the frames (`follow`, `settle`); Pilot waits for a process that rests.
+
+    Twenty frames a second leave it none. The real screen keeps its objects from the collector to its end;
+    tests open hundreds of screens.
+    """
+    monkeypatch.setattr(app, "FRAME_S", 0.5)
+    monkeypatch.setattr(app, "_quiet_collector", lambda: None)
 
 
 @pytest.fixture

@@ -61,13 +61,15 @@ class Looker:
         """Let the engine send pictures, and wait until the last one is shown."""
         self.driver.waiting.extend(pictures)
         while self.driver.waiting:
-            await self.pilot.pause(0.01)
+            self.app._frame()
+            await self.pilot.pause()
         await self.settle()
 
     async def settle(self) -> None:
         """Let messages and repaints come to an end."""
         await self.pilot.pause()
-        await self.pilot.pause(0.06)
+        self.app._frame()
+        await self.pilot.pause()
 
     @property
     def lines(self) -> list[str]:

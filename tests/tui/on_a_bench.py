@@ -68,7 +68,8 @@ class BenchLooker(Looker):
         for _ in range(MOST_PAUSES):
             if len(self.driver.requests) >= wanted:
                 break
-            await self.pilot.pause(0.01)
+            self.app._frame()
+            await self.pilot.pause()
         assert len(self.driver.requests) >= wanted, "the screen asks no more"
         await self.settle()
 

@@ -9,7 +9,7 @@ import pytest
 from textual import events
 
 from tests.tui.fakes import FakeDriver, bench_project, picture, receiving
-from tests.tui.looking import SMALL, WIDE, looking, screen_text, typed
+from tests.tui.looking import SMALL, WIDE, follow, looking, screen_text, typed
 from trcvtui.plc.project_file import load_project
 from trcvtui.tui.app import BenchApp
 
@@ -22,12 +22,12 @@ async def test_a_project_without_anything_opens(size: tuple[int, int], tmp_path:
     bare = replace(seen, snapshot=replace(seen.snapshot, instances=(), connections=(), data=()))
     app = BenchApp(FakeDriver(bare), load_project(path))
     async with app.run_test(size=size) as pilot:
-        await pilot.pause(0.15)
+        await follow(app, pilot)
         for key in ("2", "n", "3", "4", "down", "5", "right", "6", "down", "7", "s", "m", "question_mark"):
             await pilot.press(key)
         await pilot.press("escape")
         await pilot.press("7")
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         assert "no peer in this project" in screen_text(app)
 
 
@@ -65,7 +65,7 @@ async def test_a_project_name_with_markup_stays_text(tmp_path: Path) -> None:
     path.write_text('dialect = "baosky"\n', encoding="utf-8")
     app = BenchApp(FakeDriver(), load_project(path))
     async with app.run_test(size=SMALL) as pilot:
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         assert "[red]x[b].toml" in screen_text(app)
 
 
@@ -73,7 +73,7 @@ async def test_until_the_first_picture_the_screen_says_that_the_engine_starts() 
     app = BenchApp(FakeDriver(), bench_project())
     async with app.run_test(size=SMALL) as pilot:
         await pilot.press("n", "space", "2", "5", "6")
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         assert "the engine starts" in screen_text(app)
         assert "TRCV_C_2" in screen_text(app)
 

@@ -6,7 +6,7 @@ import pytest
 from rich.color import Color
 
 from tests.tui.fakes import bench_project, picture
-from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
 from trcvtui.rig.picture import Answer
 
 
@@ -201,7 +201,7 @@ async def test_a_key_named_in_the_last_line_can_be_clicked() -> None:
 async def test_an_engine_that_ends_is_told_and_leaves_the_last_picture() -> None:
     async with looking(SMALL) as looker:
         looker.driver.stopped = "Traceback\n  ...\nAssertionError: two receivers"
-        await looker.pilot.pause(0.15)
+        await follow(looker.app, looker.pilot)
         assert "ENGINE ENDED" in looker.text
         assert "✗ AssertionError: two receivers" in looker.text
         assert "7006 receiving" in looker.text
@@ -215,7 +215,7 @@ async def test_after_the_end_of_the_engine_the_lamps_are_grey_and_r_starts_it_an
         grey = looker.app.main.instances.named_style("faint cursor").color
         assert lamp != grey, "BUSY is 1 and shines"
         looker.driver.stopped = "killed"
-        await looker.pilot.pause(0.15)
+        await follow(looker.app, looker.pilot)
         assert lamp_colour(looker) == grey
         assert "R starts the engine anew" in looker.text
         await looker.press("R")

@@ -10,7 +10,7 @@ import pytest
 from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, picture
-from tests.tui.looking import BOTH, SMALL, WIDE, screen_text
+from tests.tui.looking import BOTH, SMALL, WIDE, follow, screen_text
 from tests.tui.scenario_stage import HERE, scenarios
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.picture import Answer
@@ -84,9 +84,9 @@ async def test_text_of_a_file_is_neither_markup_nor_an_escape(tmp_path: Path) ->
     )
     app = BenchApp(FakeDriver(picture()), load_project(tmp_path / "eight.toml"))
     async with app.run_test(size=WIDE) as pilot:
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         await pilot.press("S", "slash", *"[x]", "enter")
-        await pilot.pause(0.2)
+        await follow(app, pilot)
         text = screen_text(app)
     for words in (r"[red]\x1b[31m", r"[b]\x07", r"# [red]\x1b[1m[/]", "2 [x].toml"):
         assert words in text
@@ -188,12 +188,12 @@ async def test_another_scenario_has_instances_of_its_own() -> None:
 
 
 async def test_k_chooses_real_sockets_for_the_next_one() -> None:
-    async with looking_at_scenarios() as (_, driver, pilot):
+    async with looking_at_scenarios() as (app, driver, pilot):
         await pilot.press("k", "enter")
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         assert driver.lines == [], "the first one is broken"
         await pilot.press("slash", *"frame", "enter", "enter", "y", "n", "y", "k", "enter", "y")
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         assert driver.lines == [
             "scenario load scenarios/frame.toml live",
             "scenario step",
@@ -206,11 +206,11 @@ async def test_what_the_engine_refuses_is_said_whole() -> None:
     async with looking_at_scenarios(SMALL) as (app, driver, pilot):
         await pilot.press("slash", *"frame", "enter", "enter", "y")
         driver.waiting.append(picture(answers=[Answer(1, driver.lines[-1], error)]))
-        await pilot.pause(0.2)
+        await follow(app, pilot)
         assert f"✗ {error}" in " ".join(screen_text(app).split())
         sent = len(driver.lines)
         await pilot.press("n", "y")
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         assert driver.lines[-1].startswith("scenario load"), "it is not loaded, so the next step loads it"
         assert len(driver.lines) == sent + 1
 
@@ -218,7 +218,7 @@ async def test_what_the_engine_refuses_is_said_whole() -> None:
 async def test_an_engine_that_ends_is_told_on_the_bench() -> None:
     async with looking_at_scenarios() as (app, driver, pilot):
         driver.stopped = "Traceback\n  ...\nAssertionError: two receivers"
-        await pilot.pause(0.2)
+        await follow(app, pilot)
         assert "ENGINE ENDED" in screen_text(app)
         assert "1 Instances" in screen_text(app)
 
@@ -231,7 +231,7 @@ async def looking_at_scenarios(
     driver = FakeDriver(picture())
     app = BenchApp(driver, load_project(Path("eight.toml")))
     async with app.run_test(size=size) as pilot:
-        await pilot.pause(0.1)
+        await follow(app, pilot)
         await pilot.press("f2")
-        await pilot.pause(0.2)
+        await follow(app, pilot)
         yield app, driver, pilot

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tui.looking import BOTH, SMALL, WIDE, looking, same_screen, typed
+from tests.tui.looking import BOTH, SMALL, WIDE, follow, looking, same_screen, typed
 from tests.tui.scenario_stage import HERE, scenarios
 
 pytestmark = pytest.mark.usefixtures("own_scenarios_only")
@@ -69,10 +69,10 @@ async def test_a_click_chooses_and_a_second_one_loads() -> None:
     async with scenarios() as stage:
         y = next(n for n, line in enumerate(stage.text.splitlines()) if "Two wrong hopes" in line)
         await stage.pilot.click(offset=(10, y))
-        await stage.pilot.pause(0.1)
+        await follow(stage.app, stage.pilot)
         assert "2 wrong-hope.toml" in stage.text
         await stage.pilot.click(offset=(10, y))
-        await stage.pilot.pause(0.2)
+        await follow(stage.app, stage.pilot)
         assert "wrong-hope.toml · sim · step 1 of 5" in stage.text
 
 
@@ -85,7 +85,7 @@ async def test_no_size_breaks_the_play(size: tuple[int, int]) -> None:
         for key in "1234":
             await stage.press(key)
         await stage.pilot.resize_terminal(*WIDE)
-        await stage.pilot.pause(0.2)
+        await follow(stage.app, stage.pilot)
         assert "✗ FAILED: 2 of 5 steps" in stage.text
 
 

@@ -39,7 +39,8 @@ class Newcomer(Looker):
         for _ in range(2):
             before = self.app.scene.live
             while self.app.scene.live is before:
-                await self.pilot.pause(0.01)
+                self.app._frame()
+                await self.pilot.pause()
         await self.settle()
 
 

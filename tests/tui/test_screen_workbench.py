@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import peers, picture
-from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, looking, screen_text
+from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
 from trcvtui.plc.project import MessageDecl, SequenceDecl
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.bench import parse_line
@@ -171,8 +171,8 @@ async def bench(size: tuple[int, int], *lines: str) -> AsyncIterator[tuple[Looke
 
 async def frames(looker: Looker) -> None:
     """Let a few pictures come and be shown."""
-    await looker.pilot.pause(0.2)
-    await looker.settle()
+    await follow(looker.app, looker.pilot)
+    await follow(looker.app, looker.pilot)
 
 
 @SIZES

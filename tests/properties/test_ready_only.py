@@ -16,8 +16,8 @@ from trcvtui.plc.project_file import read_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
 
-EXAMPLES = 100
-LEAST_SCANS = 10_000
+EXAMPLES = 50
+LEAST_SCANS = 5_000
 
 
 class TwinMachine(SharedMachine):

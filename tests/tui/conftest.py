@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from textual.css.model import RuleSet
+from textual.css.stylesheet import Stylesheet
 
 from trcvtui.rig import scenario_files
 from trcvtui.tui import app
@@ -33,6 +35,24 @@ def frames_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """
     monkeypatch.setattr(app, "FRAME_S", 0.5)
     monkeypatch.setattr(app, "_quiet_collector", lambda: None)
+
+
+_parsed: dict[object, list[RuleSet]] = {}
+_parse_rules = Stylesheet._parse_rules
+
+
+def _parsed_once(sheet: Stylesheet, css: str, *place: object, **told: object) -> list[RuleSet]:
+    """Read the styles of a widget once for all tests: it is a fifth of a screen's start."""
+    key = css, *place, *told.items(), *sheet._variables.items()
+    if key not in _parsed:
+        _parsed[key] = _parse_rules(sheet, css, *place, **told)  # type: ignore[arg-type]
+    return _parsed[key]
+
+
+@pytest.fixture(autouse=True)
+def styles_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the parsed styles from test to test."""
+    monkeypatch.setattr(Stylesheet, "_parse_rules", _parsed_once)
 
 
 @pytest.fixture

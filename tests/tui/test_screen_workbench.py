@@ -208,6 +208,7 @@ async def test_a_trial_can_be_stopped_from_its_table() -> None:
         await looker.type("01 02 03 04 05 06 07 08")
         await looker.press("escape", "e")
         driver.scan(10)
+        await frames(looker)  # the key acts on the table that is seen
         await looker.press("x")
         driver.scan(10)
         await frames(looker)

@@ -58,7 +58,7 @@ def message(layout: Layout, chance: random.Random) -> bytes:
 every = [(name, profile) for name in TELEGRAMS for profile in profiles_for(TYPES.named(name))]
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.sampled_from(every), st.integers(0, 10_000), st.integers(1, 3), st.booleans())
 def test_the_profile_of_the_sender_ranks_first(
     sent: tuple[str, Profile], seed: int, count: int, framed: bool

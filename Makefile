@@ -5,12 +5,22 @@ ARGS   ?=
 INSTALLED := $(VENV)/.installed
 READY  := $(VENV)/.ready
 
-.PHONY: run test lint types contracts unit soak oracle bench scenarios pictures atlas clean
+.PHONY: run test quick lint types contracts collected unit soak oracle bench scenarios pictures atlas clean
+
+# Compiled tests are kept: each of the processes that run them would compile them again.
+unexport PYTHONDONTWRITEBYTECODE
 
 run: $(INSTALLED)
 	@$(BIN)/trcvtui $(ARGS)
 
-test: lint types contracts unit
+# Both cores: mypy on one, the tests compiled by pytest on the other.
+test: $(READY)
+	@$(MAKE) --no-print-directory -j2 lint types contracts collected
+	@$(MAKE) --no-print-directory unit
+
+# The minute between two edits: no screen, no pseudo-terminal, no long random run.
+quick: lint types contracts
+	$(BIN)/pytest -n 2 --dist worksteal --ignore tests/tui --ignore tests/e2e --ignore tests/properties $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .
@@ -22,9 +32,12 @@ types: $(READY)
 contracts: $(READY)
 	$(BIN)/lint-imports
 
-# Four on two cores: the tests of the screen wait for it more than they compute.
+collected: $(READY)
+	@$(BIN)/pytest --collect-only -q >/dev/null || $(BIN)/pytest --collect-only -q
+
+# Five on two cores: the tests of the screen wait for it as much as they compute.
 unit: $(READY)
-	$(BIN)/pytest -n 4 --dist worksteal $(ARGS)
+	$(BIN)/pytest -n 5 --dist worksteal $(ARGS)
 
 scenarios: $(READY)
 	$(BIN)/trcvtui scenario configs/scenarios/baosky/*.toml configs/scenarios/siemens/*.toml $(ARGS)

@@ -14,7 +14,7 @@ __all__ = ["certificates", "secure_bench"]
 
 TESTS = Path(__file__).parent
 
-settings.register_profile("untimed", deadline=None)
+settings.register_profile("untimed", deadline=None, max_examples=60)
 settings.load_profile("untimed")
 
 

@@ -28,7 +28,8 @@ from trcvtui import files
 from trcvtui.cli import main
 from trcvtui.rig import wave_files
 from trcvtui.rig.driver import EngineDriver
-from trcvtui.rig.picture import Answer, PictureRequest
+from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.snapshots import Answer
 from trcvtui.tui import keepsake, taking
 from trcvtui.tui.read_only import LINES
 from trcvtui.tui.served import (

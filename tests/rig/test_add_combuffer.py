@@ -11,7 +11,8 @@ from trcvtui.plc.project_file import load_project
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_lines import to_line
 from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.picture import EngineTiming, PictureRequest
+from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.snapshots import EngineTiming
 
 EMPTY = 'dialect = "twincat"\n'
 

@@ -11,7 +11,7 @@ from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench import parse_line
 from trcvtui.rig.check_frames import Checker, frame
-from trcvtui.rig.picture import CheckSnapshot, Tally
+from trcvtui.rig.snapshots import CheckSnapshot, Tally
 
 SIZE = 16
 

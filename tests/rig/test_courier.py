@@ -14,7 +14,8 @@ from trcvtui.rig import clock
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.console import Console
 from trcvtui.rig.courier import Courier
-from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
+from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.snapshots import EngineTiming
 
 FAR_AWAY = 10_000_000_000
 BIG = 60_000

@@ -6,7 +6,8 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.console import Console, fresh_bench
 from trcvtui.rig.history_window import HistoryRequest, HistoryWindow, Seek
-from trcvtui.rig.picture import EngineTiming, PictureRequest
+from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.snapshots import EngineTiming
 
 MARKS = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")
 

@@ -9,7 +9,8 @@ import pytest
 
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.picture import Answer, EngineTiming, PictureRequest
+from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.snapshots import Answer, EngineTiming
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PLAIN = """

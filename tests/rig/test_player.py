@@ -13,20 +13,10 @@ from trcvtui.plc.project_file import load_project
 from trcvtui.rig.console import Console, fresh_bench
 from trcvtui.rig.driver import EngineDriver, start_engine
 from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.picture import (
-    DONE,
-    FAILED,
-    HELD,
-    NOW,
-    TO_COME,
-    Answer,
-    EngineTiming,
-    Picture,
-    PictureRequest,
-    PlayerSnapshot,
-)
+from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.player import MOST_STEPS
 from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 
 PASSIVE = CONFIGS / "passive.toml"
 FIN = CONFIGS / "scenarios" / "baosky" / "80a6-fin-mid-frame.toml"

@@ -16,9 +16,10 @@ from trcvtui.rig.bench_words import Step
 from trcvtui.rig.console import Console, fresh_bench
 from trcvtui.rig.evidence import evidence_now
 from trcvtui.rig.framer_warnings import warnings_of
-from trcvtui.rig.picture import EngineTiming, PictureRequest
+from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.port_trouble import port_away, port_hint
 from trcvtui.rig.runner import Runner, VirtualPace
+from trcvtui.rig.snapshots import EngineTiming
 
 PROJECT = """
 dialect = "twincat"

@@ -21,9 +21,10 @@ from trcvtui.rig import session as kept
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.picture import Answer, PictureRequest
+from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.session import Seen
+from trcvtui.rig.snapshots import Answer
 
 PASSIVE = CONFIGS / "passive.toml"
 

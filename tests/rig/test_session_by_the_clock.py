@@ -10,11 +10,12 @@ import pytest
 from trcvtui.cli import main
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.picture import EngineTiming, PictureRequest
+from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.race import race_file
 from trcvtui.rig.routine import next_due
 from trcvtui.rig.scenario import load_scenario
 from trcvtui.rig.session import Seen
+from trcvtui.rig.snapshots import EngineTiming
 
 MS = 1_000_000
 LATE = 300_000  # ns that a live scan may begin behind its time

@@ -12,9 +12,9 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.plc.project_file import read_project
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.facts import Fired
 from trcvtui.rig.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.snapshots import Fired
 from trcvtui.rig.triggers import read_trigger
 
 BENCH = """

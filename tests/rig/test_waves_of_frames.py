@@ -9,7 +9,8 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.picture import EngineTiming, PictureRequest
+from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.rig.wave import Wave
 from trcvtui.rig.wave_files import Span, plain_text, svg_text, vcd_text
 from trcvtui.rig.wave_lane import Window

@@ -8,7 +8,8 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.plc.project_file import load_project
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.console import Console
-from trcvtui.rig.picture import EngineTiming, PictureRequest
+from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.rig.wave import Wave
 from trcvtui.rig.wave_lane import Lane
 from trcvtui.rig.wave_shelf import WaveShelf

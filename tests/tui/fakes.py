@@ -14,7 +14,8 @@ from trcvtui.plc.project import Project
 from trcvtui.plc.project_file import load_project
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.rig.driver import EngineStopped
-from trcvtui.rig.picture import Answer, EngineTiming, PeerSnapshot, Picture, PictureRequest
+from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.snapshots import Answer, EngineTiming, PeerSnapshot
 
 HERE = Path(__file__).parent
 MS = 1_000_000

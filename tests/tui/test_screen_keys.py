@@ -7,7 +7,7 @@ from rich.color import Color
 
 from tests.tui.fakes import bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, follow, looking
-from trcvtui.rig.picture import Answer
+from trcvtui.rig.snapshots import Answer
 
 
 @BOTH

@@ -13,7 +13,7 @@ from tests.tui.fakes import FakeDriver, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, screen_text
 from tests.tui.scenario_stage import HERE, scenarios
 from trcvtui.plc.project_file import load_project
-from trcvtui.rig.picture import Answer
+from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
 
 pytestmark = pytest.mark.usefixtures("own_scenarios_only")

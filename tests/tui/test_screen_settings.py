@@ -9,7 +9,7 @@ import pytest
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from trcvtui.rig.picture import Answer
+from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.screens.main import MainScreen

@@ -15,7 +15,7 @@ import pytest
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture, receiving, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from trcvtui.rig.picture import Answer
+from trcvtui.rig.snapshots import Answer
 from trcvtui.tui import keepsake
 from trcvtui.tui.keepsake import keep, to_clipboard
 from trcvtui.tui.taking import MOUSE_OFF, MOUSE_ON

@@ -14,8 +14,8 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.facts import Fired
 from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.snapshots import Fired
 from trcvtui.tui.app import BenchApp
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])

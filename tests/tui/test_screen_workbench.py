@@ -21,7 +21,8 @@ from trcvtui.rig.bench import parse_line
 from trcvtui.rig.bench_words import PeerSend
 from trcvtui.rig.console import fresh_bench
 from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.picture import CheckSnapshot, Picture, ReplySnapshot, Tally
+from trcvtui.rig.picture import Picture
+from trcvtui.rig.snapshots import CheckSnapshot, ReplySnapshot, Tally
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.cuts import Cuts, cuts_of
 from trcvtui.tui.formatting import MS

@@ -10,7 +10,7 @@ from typing import Final
 from trcvtui.blocks.parameters import SENDERS
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.facts import Drop, Facts
-from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count
 
 GONE: Final = " (gone)"

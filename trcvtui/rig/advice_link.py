@@ -12,7 +12,7 @@ from trcvtui.net.description import selector_text
 from trcvtui.net.description_check import Protocol, meaning
 from trcvtui.rig.evidence import Evidence
 from trcvtui.rig.facts import NOT_BUILT, Failures
-from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count, times
 
 ANY: Final = "0.0.0.0"

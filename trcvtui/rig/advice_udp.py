@@ -14,7 +14,7 @@ from trcvtui.rig import advice_job as job
 from trcvtui.rig import advice_link as link
 from trcvtui.rig.advice_receive import limit
 from trcvtui.rig.evidence import Evidence
-from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count
 
 UDP_BLOCKS: Final = SPEAKS_UDP - ON_CONNECT

@@ -37,9 +37,9 @@ from trcvtui.rig.bench_routine import read_replies, read_routines
 from trcvtui.rig.checking import Checking
 from trcvtui.rig.edit_words import MENDS, Mend
 from trcvtui.rig.peer_links import link_of
-from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.program import Program, read_program
 from trcvtui.rig.routine import SelfActing
+from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.udp_peer import AnyPeer, new_peer
 from trcvtui.rig.wire import set_link
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import zlib
 from typing import Final
 
-from trcvtui.rig.picture import Tally
+from trcvtui.rig.snapshots import Tally
 
 MARK: Final = b"\xc5\x5c"
 NUMBER_END: Final = len(MARK) + 4

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from trcvtui.rig.bench_words import CheckOn, PeerSend
 from trcvtui.rig.check_frames import Checker, frame
-from trcvtui.rig.picture import CheckSnapshot
 from trcvtui.rig.routine import next_due
+from trcvtui.rig.snapshots import CheckSnapshot
 from trcvtui.rig.udp_peer import AnyPeer
 
 

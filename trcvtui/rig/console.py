@@ -25,12 +25,13 @@ from trcvtui.rig.edit_words import Mend
 from trcvtui.rig.history_reader import HistoryReader
 from trcvtui.rig.job_history import JobHistory
 from trcvtui.rig.on_the_way import ends_of, free_port
-from trcvtui.rig.picture import Answer, EngineTiming, Picture, PictureRequest
+from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.player import Player, refuse_too_many_steps
 from trcvtui.rig.project_edits import Edits
 from trcvtui.rig.remarks import remark_on
 from trcvtui.rig.scenario import load_scenario, start_steps
 from trcvtui.rig.session import Session
+from trcvtui.rig.snapshots import Answer, EngineTiming
 from trcvtui.rig.trial import Trials
 from trcvtui.rig.watching import Watching
 from trcvtui.rig.wave_news import WaveNews

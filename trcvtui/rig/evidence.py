@@ -10,7 +10,8 @@ from trcvtui.net.connect_config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
 from trcvtui.rig.facts import Facts, Moment
-from trcvtui.rig.picture import PeerSnapshot, Picture
+from trcvtui.rig.picture import Picture
+from trcvtui.rig.snapshots import PeerSnapshot
 
 if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
     from trcvtui.plc.project import Project

@@ -1,4 +1,4 @@
-"""What the ledger has told, kept small: the facts of one CONNECT, and a trigger that has fired.
+"""What the ledger has told, kept small: the facts of one CONNECT.
 
 Rule: only what was seen stands in here; a field that is empty or None is not known, and no rule may guess it.
 """
@@ -144,14 +144,3 @@ class Facts:
     losses: int = 0
     datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
     open_since: Moment | None = None  # that socket
-
-
-@dataclass(frozen=True, slots=True)
-class Fired:
-    """A trigger that has fired, and in which scan; `number` counts them on this bench from 1."""
-
-    number: int
-    text: str
-    scan: int
-    t_ns: int
-    holds: bool = False

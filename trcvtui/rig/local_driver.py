@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.picture import EngineTiming, Picture, PictureRequest
+from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.snapshots import EngineTiming
 
 
 class LocalDriver:

@@ -15,8 +15,8 @@ from trcvtui.plc.project import PeerDecl
 from trcvtui.rig.bench_words import PeerPlay, PeerSend
 from trcvtui.rig.inbox import Inbox
 from trcvtui.rig.peer_traffic import FIN, PeerTraffic
-from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.replies import Replies
+from trcvtui.rig.snapshots import PeerSnapshot
 
 BACKLOG: Final = 4
 MOST_ACCEPTS: Final = 64  # a flood of clients costs bounded work between two scans

@@ -12,8 +12,17 @@ from typing import Final
 from trcvtui.errors import mistake
 from trcvtui.rig import bench_words as words
 from trcvtui.rig.assembly import Bench
-from trcvtui.rig.picture import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot, TrialSnapshot
 from trcvtui.rig.scenario import START_STEP, Scenario
+from trcvtui.rig.snapshots import (
+    DONE,
+    FAILED,
+    HELD,
+    NOW,
+    TO_COME,
+    PlayerSnapshot,
+    StepSnapshot,
+    TrialSnapshot,
+)
 from trcvtui.rig.stage import Stage
 
 MOST_STEPS: Final = 1000  # all of them are in each picture

@@ -13,8 +13,8 @@ from typing import Protocol
 from trcvtui.rig.bench_lines import rule_text
 from trcvtui.rig.bench_reply import MOST_RULES
 from trcvtui.rig.bench_words import PeerSend, ReplyOn
-from trcvtui.rig.picture import ReplySnapshot
 from trcvtui.rig.reply_words import Contains, FieldIs, Match, Matches, Starts
+from trcvtui.rig.snapshots import ReplySnapshot
 from trcvtui.rig.stream_pattern import StreamPattern
 from trcvtui.udt.decode import decode_leaves
 

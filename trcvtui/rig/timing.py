@@ -9,7 +9,7 @@ from typing import Final
 
 from trcvtui.files import write_file
 from trcvtui.rig import clock
-from trcvtui.rig.picture import EngineTiming
+from trcvtui.rig.snapshots import EngineTiming
 
 KEPT: Final = 1000
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.bench_words import PeerSend, TrySplits
-from trcvtui.rig.picture import SplitRow, TrialSnapshot
+from trcvtui.rig.snapshots import SplitRow, TrialSnapshot
 
 GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart
 SETTLE_SCANS: Final = 2  # behind the last byte: DONE is over, the next job is armed

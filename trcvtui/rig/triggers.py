@@ -25,8 +25,8 @@ from trcvtui.rig.bench_data import base_name, read_target
 from trcvtui.rig.bench_tokens import Words
 from trcvtui.rig.bench_values import pin_value
 from trcvtui.rig.conditions import pin_now
-from trcvtui.rig.facts import Fired
 from trcvtui.rig.member_values import leaf_bytes, leaf_value
+from trcvtui.rig.snapshots import Fired
 from trcvtui.udt.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import Text
 

@@ -18,8 +18,8 @@ from trcvtui.rig.inbox import Inbox
 from trcvtui.rig.outbox import Outbox
 from trcvtui.rig.payload import chunks
 from trcvtui.rig.peer import LAST_SHOWN, PEER_OPTIONS, Peer
-from trcvtui.rig.picture import PeerSnapshot
 from trcvtui.rig.replies import Replies
+from trcvtui.rig.snapshots import PeerSnapshot
 
 READ_BYTES: Final = 65536  # no datagram is larger
 LARGEST: Final = 65507

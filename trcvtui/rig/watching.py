@@ -12,8 +12,9 @@ from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.assembly import Bench
 from trcvtui.rig.fact_book import FactBook
-from trcvtui.rig.facts import Facts, Fired
-from trcvtui.rig.picture import PeerSnapshot, Picture
+from trcvtui.rig.facts import Facts
+from trcvtui.rig.picture import Picture
+from trcvtui.rig.snapshots import Fired, PeerSnapshot
 from trcvtui.rig.triggers import Watch, read_trigger
 
 BEFORE: Final = 2000  # lines of the ledger that a picture of a trigger brings at most

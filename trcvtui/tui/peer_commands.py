@@ -9,7 +9,7 @@ from typing import Final
 
 from trcvtui.plc.project import Project
 from trcvtui.rig.bench_trial import RECEIVES
-from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.snapshots import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
 HEX, TEXT, UDT = "hex", "text", "udt"

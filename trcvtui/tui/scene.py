@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.project import DataDecl, Project
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
-from trcvtui.rig.facts import Fired
 from trcvtui.rig.history_window import HistoryRequest, HistoryWindow
-from trcvtui.rig.picture import Answer, PeerSnapshot, Picture, PictureRequest
+from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.snapshots import Answer, Fired, PeerSnapshot
 from trcvtui.rig.wave_shelf import WaveShelf
 from trcvtui.tui.afterglow import Afterglow
 from trcvtui.tui.history import History

@@ -16,7 +16,7 @@ from textual.containers import Horizontal, Vertical
 from textual.screen import Screen
 from textual.widget import Widget
 
-from trcvtui.rig.picture import PlayerSnapshot
+from trcvtui.rig.snapshots import PlayerSnapshot
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import clip, count, plain
 from trcvtui.tui.library import Library

@@ -7,7 +7,7 @@ from typing import ClassVar
 from textual import events
 from textual.binding import Binding
 
-from trcvtui.rig.picture import CheckSnapshot, PeerSnapshot, Tally
+from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot, Tally
 from trcvtui.tui.formatting import cells, clip, count, pad, plain
 from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.scene import Scene

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row

@@ -10,7 +10,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.rig.picture import PeerSnapshot
+from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
 from trcvtui.tui.scene import Scene

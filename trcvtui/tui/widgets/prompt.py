@@ -12,7 +12,7 @@ from textual.suggester import Suggester
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.rig.picture import Answer
+from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.keystrokes import TypedField
 from trcvtui.tui.scene import Scene

@@ -6,8 +6,8 @@ from typing import ClassVar, Final
 
 from textual.binding import Binding, BindingType
 
-from trcvtui.rig.picture import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.rig.scenario_files import ScenarioFile, ScriptLine
+from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.library import Library
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row

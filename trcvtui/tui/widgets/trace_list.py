@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.rig.picture import PlayerSnapshot
+from trcvtui.rig.snapshots import PlayerSnapshot
 from trcvtui.tui.formatting import clip, lamp, plain, wrapped
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row

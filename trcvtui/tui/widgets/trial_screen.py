@@ -9,7 +9,7 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
-from trcvtui.rig.picture import Answer, SplitRow, TrialSnapshot
+from trcvtui.rig.snapshots import Answer, SplitRow, TrialSnapshot
 from trcvtui.tui.formatting import bar, clip, count, plain, wrapped
 from trcvtui.tui.scene import Scene
 from trcvtui.tui.styles import COMPONENT_CLASSES

@@ -14,9 +14,9 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Static
 
-from trcvtui.tui import styles
-from trcvtui.tui.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets import styles
 from trcvtui.tui.widgets.hex_view import HexView
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
 
 STYLES: Final = Path(styles.__file__).with_name("styles.tcss")
 

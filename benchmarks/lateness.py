@@ -22,7 +22,7 @@ from benchmarks.scans import Scans
 from benchmarks.terminal import Terminal
 from benchmarks.traffic import traffic
 from trcvtui.rig.clock import now_ns
-from trcvtui.rig.engine import TIMING_FILE
+from trcvtui.rig.engine.engine import TIMING_FILE
 
 INSTANCES: Final = 64
 CONNECTIONS: Final = 32  # a T4 has no more: two instances share each CONNECT

@@ -12,11 +12,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from trcvtui.plc.project_file import load_project
 from trcvtui.plc.snapshot import Snapshot
+from trcvtui.project.file import load_project
 from trcvtui.rig.clock import now_ns
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.engine import TIMING_FILE, Engine
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.engine import TIMING_FILE, Engine
 from trcvtui.rig.picture import Picture, PictureRequest
 
 LOOK_S: Final = 0.05

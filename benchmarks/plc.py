@@ -6,14 +6,14 @@ import socket
 from pathlib import Path
 from typing import Final
 
-from trcvtui.net.answers import Fault, WouldBlock
+from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.kernel import Accepted, Handle
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.resources import BufferPool, ConnectionBudget, JobQueue, Resources
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.results import Fault, WouldBlock
 from trcvtui.plc.commands import SetInput
-from trcvtui.plc.project_file import read_project
 from trcvtui.plc.runtime import Runtime
+from trcvtui.project.file import read_project
 from trcvtui.rig import clock
 
 SET_UP_SCANS: Final = 8

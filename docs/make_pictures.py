@@ -18,11 +18,11 @@ from textual.pilot import Pilot
 from textual.widgets import Input
 
 from trcvtui.rig import demo_path
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings
 
 HERE: Final = Path(__file__).resolve().parent

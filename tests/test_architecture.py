@@ -18,7 +18,9 @@ def modules_after(statement: str) -> set[str]:
 
 
 def test_the_headless_half_loads_no_screen_library() -> None:
-    loaded = modules_after("import trcvtui.rig.scenario_command, trcvtui.rig.driver, trcvtui.rig.engine")
+    loaded = modules_after(
+        "import trcvtui.rig.scenario.command, trcvtui.rig.engine.driver, trcvtui.rig.engine.engine"
+    )
     assert not {name for name in loaded if name.split(".")[0] in ("textual", "rich")}
     assert not {name for name in loaded if name.startswith("trcvtui.tui")}
 

@@ -16,7 +16,7 @@ from benchmarks.report import LATER, lines, markdown
 from benchmarks.scans import Scan, Scans, overruns
 from benchmarks.targets import TARGETS, Target
 from trcvtui.rig import clock
-from trcvtui.rig.timing import Punctuality
+from trcvtui.rig.engine.timing import Punctuality
 
 
 def test_a_ratio_is_taken_pair_by_pair_and_not_of_the_sums() -> None:

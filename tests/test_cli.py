@@ -343,7 +343,7 @@ def test_the_demo_needs_a_terminal(capfd: pytest.CaptureFixture[str]) -> None:
 
 STARTED = """
 import os, sys
-import trcvtui.rig.driver as driver
+import trcvtui.rig.engine.driver as driver
 from trcvtui.cli import main
 os.isatty = lambda number: True
 def started(path, kernel, netns=False, read_only=False):

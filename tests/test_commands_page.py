@@ -7,11 +7,11 @@ from pathlib import Path
 
 from textual.binding import Binding
 
-from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
+from trcvtui.rig.commands.peer import VERBS as PEER_VERBS
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.completion import VERBS
-from trcvtui.tui.screens.main import MainScreen
-from trcvtui.tui.theme import THEMES
+from trcvtui.tui.main import MainScreen
+from trcvtui.tui.widgets.theme import THEMES
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")

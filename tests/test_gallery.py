@@ -7,8 +7,8 @@ from pathlib import Path
 from types import ModuleType
 
 from tests.tui.fakes import bench_project
-from trcvtui.tui.scene import Scene
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.main import MainScreen
+from trcvtui.tui.view_model.view_model import Scene
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

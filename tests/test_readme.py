@@ -49,7 +49,7 @@ def test_every_picture_and_page_that_the_docs_link_is_there(page: str) -> None:
 
 
 def test_every_project_that_is_opened_in_the_readme_and_the_stories_opens() -> None:
-    from trcvtui.rig.scenario import load_bench
+    from trcvtui.rig.scenario.scenario import load_bench
 
     projects = re.findall(r"^trcvtui run (configs/\S+)$", README + STORIES, re.MULTILINE)
     assert len(projects) == 4
@@ -81,8 +81,8 @@ def test_the_project_file_of_the_readme_shows_a_living_bench_when_it_is_pasted(
 def test_the_page_of_siemens_has_each_switch_with_its_default_and_descriptions_that_are_right(
     tmp_path: Path,
 ) -> None:
-    from trcvtui.dialects.siemens import SWITCHES
-    from trcvtui.plc.project_file import load_project
+    from trcvtui.dialects.siemens.rules import SWITCHES
+    from trcvtui.project.file import load_project
 
     listed = re.findall(
         r"^\| `(\w+)` \| \S+ \| (.*) \|$", SIEMENS.partition("What the manuals leave open")[2], re.MULTILINE

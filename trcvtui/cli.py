@@ -18,7 +18,7 @@ from trcvtui.errors import UserError, mistake, one_line
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from trcvtui.plc.project import Project
+    from trcvtui.project.project import Project
 
 GOOD: Final = 0
 FAILED: Final = 1
@@ -84,7 +84,7 @@ def _print(text: str) -> int:
 
 
 def _print_lines(lines: Iterable[str]) -> int:
-    from trcvtui.udt.streaming import pages
+    from trcvtui.udt.layout.streaming import pages
 
     for page in pages(lines):
         _print("\n".join(page))
@@ -128,7 +128,7 @@ def _open_screen(
     import os
 
     if netns:
-        from trcvtui.rig.wire import enter_own_network
+        from trcvtui.rig.bench.cable import enter_own_network
 
         enter_own_network(kernel)  # found out here, where there is no screen yet
     if not (os.isatty(0) and os.isatty(1)) and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
@@ -136,7 +136,7 @@ def _open_screen(
         raise mistake("trcvtui run", "no terminal", "a terminal; `trcvtui scenario` needs none")
     if not read_only and not _is_there(path):
         return WRONG_INPUT
-    from trcvtui.rig.driver import EngineStopped, start_engine
+    from trcvtui.rig.engine.driver import EngineStopped, start_engine
 
     gc.disable()  # until the first frame stands: what is imported on the way to it stays
     driver = start_engine(
@@ -166,13 +166,13 @@ def _is_there(path: Path) -> bool:
             return True
     except OSError:
         pass
-    from trcvtui.rig.new_project import is_wanting, offer_in_the_terminal
+    from trcvtui.rig.engine.new_project import is_wanting, offer_in_the_terminal
 
     return offer_in_the_terminal(path) if is_wanting(path) else True
 
 
 def _load_bench(path: Path) -> Project:
-    from trcvtui.rig.scenario import load_bench
+    from trcvtui.rig.scenario.scenario import load_bench
 
     return load_bench(path)
 
@@ -181,8 +181,8 @@ def _load_bench(path: Path) -> Project:
 
 
 def _scenario(args: argparse.Namespace) -> int:
-    from trcvtui.rig.report import FORMATS
-    from trcvtui.rig.scenario_command import run_files
+    from trcvtui.rig.scenario.command import run_files
+    from trcvtui.rig.scenario.report import FORMATS
 
     if args.format not in FORMATS:
         raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(FORMATS))
@@ -194,13 +194,13 @@ def _scenario(args: argparse.Namespace) -> int:
 
 
 def _race(args: argparse.Namespace) -> int:
-    from trcvtui.rig.race_report import run_race
+    from trcvtui.rig.scenario.race_report import run_race
 
     return _print(run_race(_path(args.file), args.dialect, args.format))
 
 
 def _format_names() -> str:
-    from trcvtui.rig.report import FORMATS
+    from trcvtui.rig.scenario.report import FORMATS
 
     return "formats: " + ", ".join(FORMATS)
 
@@ -214,7 +214,7 @@ def _status(args: argparse.Namespace) -> int:
     found = report.explain(dialects, code, args.block, report.parse_number(args.code or ""))
     if code is None and args.format == "text":
         return _print(report.as_table(found))
-    from trcvtui.rig.scenario_shelf import scenarios_of
+    from trcvtui.rig.scenario.scenario_index import scenarios_of
 
     shelf_of = {dialect.name: dialect.shelf for dialect in dialects}
     if args.format == "text":
@@ -247,32 +247,32 @@ def _st(args: argparse.Namespace) -> int:
 
 
 def _udt_show(args: argparse.Namespace) -> int:
-    from trcvtui.udt import command
+    from trcvtui.udt.command import command
 
     return _print_lines(command.show(_with_examples(args)))
 
 
 def _udt_decode(args: argparse.Namespace) -> int:
-    from trcvtui.udt import command
+    from trcvtui.udt.command import command
 
     return _print_lines(command.decode(_with_examples(args)))
 
 
 def _udt_encode(args: argparse.Namespace) -> int:
-    from trcvtui.udt import command
+    from trcvtui.udt.command import command
 
     return _print(command.encode(_with_examples(args)))
 
 
 def _udt_export(args: argparse.Namespace) -> int:
-    from trcvtui.udt import command
+    from trcvtui.udt.command import command
 
     text = command.export(_with_examples(args))
     return _print(text) if text else GOOD
 
 
 def _udt_compare(args: argparse.Namespace) -> int:
-    from trcvtui.udt import command
+    from trcvtui.udt.command import command
 
     lines, is_equal = command.compare(_with_examples(args))
     _print_lines(lines)
@@ -280,7 +280,7 @@ def _udt_compare(args: argparse.Namespace) -> int:
 
 
 def _udt_fit(args: argparse.Namespace) -> int:
-    from trcvtui.udt import command
+    from trcvtui.udt.command import command
 
     text, is_sure = command.fit(_with_examples(args))
     _print(text)
@@ -288,15 +288,15 @@ def _udt_fit(args: argparse.Namespace) -> int:
 
 
 def _udt_cure(args: argparse.Namespace) -> int:
-    from trcvtui.tui.lab_cure import cure_source
-    from trcvtui.udt import command
+    from trcvtui.tui.lab_model.lab_fix import cure_source
+    from trcvtui.udt.command import command
 
     ours, theirs = command.two_sides_of_a_cure(_with_examples(args))
     return _print(cure_source(ours, theirs, args.form).rstrip("\n"))
 
 
 def _layout_names() -> str:
-    from trcvtui.udt.layout import LAYOUT_ALIASES, LAYOUTS
+    from trcvtui.udt.layout.layout import LAYOUT_ALIASES, LAYOUTS
 
     return "layouts: " + ", ".join([*LAYOUTS, *LAYOUT_ALIASES])
 
@@ -443,7 +443,7 @@ def _add_st(parser: _Parser) -> None:
 
 
 def _add_udt(parser: _Parser) -> None:
-    from trcvtui.udt.arguments import add_udt
+    from trcvtui.udt.command.arguments import add_udt
 
     parser.set_defaults(command=None)
     commands = {

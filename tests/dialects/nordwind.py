@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition as Is
-from trcvtui.blocks.course import Course
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.status_sequence import Course
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
-from trcvtui.net.policy import Policy
+from trcvtui.net.connection.policy import Policy
 
 BLOCKS: Final = ("TRCV_C", "TSEND_C")
 SECOND: Final = 1_000_000_000  # ns

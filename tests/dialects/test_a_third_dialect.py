@@ -12,8 +12,8 @@ import pytest
 from tests.dialects.nordwind import NORDWIND
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
-from trcvtui.rig.race import race_file
-from trcvtui.rig.race_report import summary
+from trcvtui.rig.scenario.scenario.race import race_file
+from trcvtui.rig.scenario.scenario.race_report import summary
 
 PACKAGE = Path(__file__).parents[2] / "trcvtui"
 
@@ -130,15 +130,15 @@ VENDOR = re.compile(r"baosky|tianxing|siemens|s7[-_]1|nordwind", re.IGNORECASE)
 # Defaults, the layouts that bear a vendor's name because its manual is all that describes them, and the file
 # formats of a vendor's tool: none of them says what a block does.
 ALLOWED = {
-    "rig/new_project.py": {"baosky"},  # what a new project is proposed
-    "udt/arguments.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
-    "udt/command.py": {": a Siemens source, laid out as "},
-    "udt/formats/__init__.py": {"trcvtui.udt.formats.siemens"},
-    "udt/formats/xml_file.py": {
+    "rig/engine/new_project.py": {"baosky"},  # what a new project is proposed
+    "udt/command/arguments.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
+    "udt/command/command.py": {": a Siemens source, laid out as "},
+    "udt/sources/__init__.py": {"trcvtui.udt.sources.siemens"},
+    "udt/sources/xml_file.py": {
         "<Document> (Siemens Openness), <project> (PLCopen) or <TcPlcObject> (TwinCAT)"
     },
-    "udt/profiles.py": {"baosky", "baosky-slot4", "baosky-pack4"},
-    "udt/rules.py": {"BAOSKY", "baosky", "baosky-slot4", "baosky-pack4", "BAOSKY_UNVERIFIED"},
+    "udt/layout/profiles.py": {"baosky", "baosky-slot4", "baosky-pack4"},
+    "udt/layout/rules.py": {"BAOSKY", "baosky", "baosky-slot4", "baosky-pack4", "BAOSKY_UNVERIFIED"},
 }
 
 

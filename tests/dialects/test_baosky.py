@@ -8,9 +8,9 @@ from tests.dialects.foreign import NOT_BAOSKYS
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects import DIALECTS
-from trcvtui.dialects.baosky import BAOSKY
+from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.switches import defaults, format_value, read_switches
-from trcvtui.net.policy import Policy
+from trcvtui.net.connection.policy import Policy
 
 
 def rules(**raw: object) -> Rules:

@@ -9,7 +9,7 @@ import pytest
 from tests.dialects.foreign import NOT_BAOSKYS
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.blocks.status import Reach, StatusRow
-from trcvtui.dialects.baosky_status import STATUS
+from trcvtui.dialects.baosky.status import STATUS
 
 # fmt: off
 RECEIVE_CODES = [

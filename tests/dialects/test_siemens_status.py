@@ -10,8 +10,8 @@ import pytest
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects import DIALECTS
-from trcvtui.dialects.siemens_blocks import ALL
-from trcvtui.dialects.siemens_status import STATUS
+from trcvtui.dialects.siemens.blocks import ALL
+from trcvtui.dialects.siemens.status import STATUS
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from trcvtui.dialects.baosky import BAOSKY
-from trcvtui.dialects.baosky_status import STATUS
+from trcvtui.dialects.baosky.rules import BAOSKY
+from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.status_report import (
     as_json,
     as_table,
@@ -19,7 +19,7 @@ from trcvtui.dialects.status_report import (
     parse_number,
     with_scenarios,
 )
-from trcvtui.dialects.twincat import TWINCAT
+from trcvtui.dialects.twincat.rules import TWINCAT
 from trcvtui.errors import UserError
 
 BLOCKS = "TCON, TDISCON, TRCV, TRCV_C, TSEND, TSEND_C, T_RESET"

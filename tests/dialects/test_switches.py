@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from trcvtui.dialects.baosky import BAOSKY
+from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.switches import defaults, expected_of, format_value, read_switches
 
 

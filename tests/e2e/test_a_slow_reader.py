@@ -12,9 +12,9 @@ import pytest
 
 from tests.e2e.terminal import need
 from trcvtui.plc import commands
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.live_pace import LivePace
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.live_pace import LivePace
 
 FRAME = 4000
 MOST_SCANS = 3000

@@ -15,9 +15,9 @@ import pytest
 from tests.e2e.terminal import need
 from tests.rig.scenarios import CONFIGS
 from trcvtui.plc import commands
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.live_pace import LivePace
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.live_pace import LivePace
 
 MOST_SCANS = 500
 

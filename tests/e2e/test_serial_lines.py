@@ -11,12 +11,12 @@ import pytest
 
 from tests.e2e.terminal import need
 from trcvtui.blocks.framing.frame import Ending
-from trcvtui.blocks.serial_notes import FrameEnded
+from trcvtui.blocks.serial_events import FrameEnded
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.live_pace import LivePace
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.engine.controller import fresh_bench
 
 pytest.importorskip("serial")
 MOST_SCANS = 500

@@ -26,11 +26,12 @@ from aiohttp.web import AppRunner, SockSite
 from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui import files
 from trcvtui.cli import main
-from trcvtui.rig import wave_files
-from trcvtui.rig.driver import EngineDriver
+from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.history import wave_files
 from trcvtui.rig.snapshots import Answer
-from trcvtui.tui import keepsake, taking
+from trcvtui.tui.copying import clipboard_and_files as keepsake
+from trcvtui.tui.copying import taking
 from trcvtui.tui.read_only import LINES
 from trcvtui.tui.served import (
     MOST_SCREENS,

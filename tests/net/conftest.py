@@ -8,7 +8,7 @@ import pytest
 
 from tests.net.iso_bench import IsoBench, Net, OsNetwork
 from tests.net.net_sim import SimNetwork
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 
 @pytest.fixture(params=["sim", "os"])

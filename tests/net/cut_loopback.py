@@ -11,8 +11,8 @@ import select
 import socket
 
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, SocketOptions
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.os_namespace import enter, set_loopback
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.os.namespace import enter, set_loopback
 
 
 def connection(kernel: OsKernel, options: SocketOptions) -> tuple[Handle, Handle]:

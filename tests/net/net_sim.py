@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from tests.net.net_bench import Bench, Pair
 from trcvtui.net.kernel import Endpoint, Fault, Handle, SocketOptions
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 MS = 1_000_000
 SECOND = 1000 * MS

@@ -14,8 +14,8 @@ from tests.net.net_sim import MS, SimBench
 from tests.net.test_faults import FaultyBench, injected
 from tests.net.test_os_kernel import OsNetwork
 from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Handle
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 
 def owned(b: SimBench, owner: str) -> Handle:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.net.description import (
+from trcvtui.net.connection.description import (
     ADDRESSES,
     CONNECTIONS,
     LONGEST_NAME,
@@ -23,7 +23,7 @@ from trcvtui.net.description import (
     rows,
     structure_of,
 )
-from trcvtui.net.description_check import Asked, Finding, Flaw, Protocol, judge, meaning
+from trcvtui.net.connection.description_check import Asked, Finding, Flaw, Protocol, judge, meaning
 
 STRUCTURES = CONNECTIONS | ADDRESSES
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"

@@ -10,7 +10,7 @@ from tests.net.net_sim import SimBench, SimNetwork
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, FaultPlan, FaultyKernel
 from trcvtui.net.kernel import CALLS, WOULD_BLOCK, Accepted, Fault, Loss
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 
 def injected(call: str, error: str) -> Fault:

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trcvtui.net.cotp import Code, Connect, Data, Disconnect, TpktReader, encode, segments
-from trcvtui.net.iso_on_tcp import MESSAGES_WAITING, IsoOnTcp, IsoSettings
-from trcvtui.net.session import Ended, Message
+from trcvtui.net.layer import Ended, Message
+from trcvtui.net.layers.cotp import Code, Connect, Data, Disconnect, TpktReader, encode, segments
+from trcvtui.net.layers.iso_on_tcp import MESSAGES_WAITING, IsoOnTcp, IsoSettings
 
 E001, E002, E003 = b"\xe0\x01", b"\xe0\x02", b"\xe0\x03"
 CALLER = IsoSettings(local=E001, remote=E002, cap=8192)

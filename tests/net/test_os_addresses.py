@@ -9,16 +9,16 @@ import sys
 import pytest
 
 from tests.net.test_os_kernel import no_descriptor_left
-from trcvtui.net import os_addresses
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.net.identities import Identities
-from trcvtui.net.ipv4 import broadcast_of
+from trcvtui.net.connection.connection.config import ConnectConfig
+from trcvtui.net.connection.connection.connection_ids import Identities
+from trcvtui.net.connection.connection.ipv4 import broadcast_of
+from trcvtui.net.connection.connection.local_address import wrong_local_address
+from trcvtui.net.connection.connection.policy import Policy
+from trcvtui.net.connection.connection.set_up import SetUp, Stage
 from trcvtui.net.kernel import Endpoint, Fault, LocalAddress
-from trcvtui.net.local_address import wrong_local_address
-from trcvtui.net.os_addresses import interface_addresses
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.policy import Policy
-from trcvtui.net.set_up import SetUp, Stage
+from trcvtui.net.os import addresses as os_addresses
+from trcvtui.net.os.addresses import interface_addresses
+from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.work import Work
 
 
@@ -61,7 +61,7 @@ def test_without_a_descriptor_the_last_list_of_addresses_is_kept(monkeypatch: py
     kernel = OsKernel()
     own = (*(interface_addresses() or ()), LocalAddress("192.0.2.7", "eth7"))
     with monkeypatch.context() as cabinet:
-        cabinet.setattr("trcvtui.net.os_kernel.interface_addresses", lambda: own)
+        cabinet.setattr("trcvtui.net.os.kernel.interface_addresses", lambda: own)
         assert kernel.local_addresses() == own
     with no_descriptor_left():
         assert interface_addresses() is None

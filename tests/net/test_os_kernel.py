@@ -17,11 +17,13 @@ import pytest
 
 from tests.net.contract import FACTS, NEEDS_RDHUP, OF_THE_WIRE, Fact
 from tests.net.net_bench import Bench
-from trcvtui.net import os_kernel, os_poll, os_queues
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Handle, LocalAddress, Loss, SocketOptions
 from trcvtui.net.kernel import Fault as Failed
-from trcvtui.net.os_errors import error_name
-from trcvtui.net.os_kernel import OsKernel
+from trcvtui.net.os import kernel as os_kernel
+from trcvtui.net.os import poll as os_poll
+from trcvtui.net.os import queues as os_queues
+from trcvtui.net.os.errors import error_name
+from trcvtui.net.os.kernel import OsKernel
 
 OF_THE_POLL_SET = [f for f in FACTS if f not in OF_THE_WIRE]
 

@@ -11,9 +11,10 @@ import pytest
 
 from tests.net.net_bench import Bench
 from tests.net.test_os_kernel import OsNetwork
-from trcvtui.net import os_link, os_options
 from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Loss, SocketOptions
-from trcvtui.net.os_kernel import OsKernel
+from trcvtui.net.os import link as os_link
+from trcvtui.net.os import options as os_options
+from trcvtui.net.os.kernel import OsKernel
 
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="packet filters at sockets are Linux's own")
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.net.answers import Fault
-from trcvtui.net.os_serial import OsSerialPort
-from trcvtui.net.serial_errors import fault_of
+from trcvtui.net.os.serial import OsSerialPort
+from trcvtui.net.os.serial_errors import fault_of
+from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 
 pytest.importorskip("serial")

@@ -9,8 +9,8 @@ from tests.net.iso_bench import CAP, WAITS, IsoBench, OsNetwork
 from tests.net.net_bench import Bench
 from tests.net.net_sim import SimNetwork
 from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Datagram, Fault, Loss, SocketOptions
-from trcvtui.net.session_kernel import SessionKernel
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 
 class Through:

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from tests.net.iso_bench import E001, E002, SECOND, IsoBench, Net
 from tests.net.net_sim import SimNetwork
 from tests.net.test_iso_on_tcp import TPDUS
-from trcvtui.net.cotp import Code, Connect, encode
-from trcvtui.net.iso_on_tcp import REMARKS, IsoSettings
 from trcvtui.net.kernel import Accepted, SocketOptions
-from trcvtui.net.shared_listener import ENDED, IGNORED
-from trcvtui.net.sim_kernel import SimKernel
-from trcvtui.net.stream import PIECE
+from trcvtui.net.layers.cotp import Code, Connect, encode
+from trcvtui.net.layers.iso_on_tcp import REMARKS, IsoSettings
+from trcvtui.net.layers.shared_listener import ENDED, IGNORED
+from trcvtui.net.layers.stream import PIECE
+from trcvtui.net.sim.kernel import SimKernel
 
 CAP = 1000
 LARGEST_TPKT = 65535

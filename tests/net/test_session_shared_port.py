@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.net.iso_bench import CAP, E001, E002, E003, WAITS, IsoBench
-from trcvtui.net.iso_on_tcp import IsoSettings
 from trcvtui.net.kernel import Fault
+from trcvtui.net.layers.iso_on_tcp import IsoSettings
 
 
 def test_two_connects_share_a_port_and_each_gets_its_own_partner(b: IsoBench) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from tests.net.iso_bench import CAP, E001, E002, SECOND, IsoBench, raw_client
-from trcvtui.net.cotp import Code, Connect, Data, encode
-from trcvtui.net.iso_on_tcp import CAPS, IsoSettings
 from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle
-from trcvtui.net.shared_listener import ENDED
+from trcvtui.net.layers.cotp import Code, Connect, Data, encode
+from trcvtui.net.layers.iso_on_tcp import CAPS, IsoSettings
+from trcvtui.net.layers.shared_listener import ENDED
 
 BEGUN = encode(Data(b"begun", False))
 SMALL = IsoSettings(E002, E001, 1000)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.net.net_bench import Bench
 from tests.net.net_sim import MS, SimBench, SimNetwork
 from trcvtui.net.kernel import Fault, Handle, SocketOptions
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 SIDES = st.sampled_from((0, 1))
 SIZES = st.one_of(st.integers(1, 40), st.integers(1, 6000))

@@ -10,8 +10,8 @@ from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import ANY_PORT, Bench
 from tests.net.net_sim import MS, SimBench, SimNetwork
 from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, LocalAddress
-from trcvtui.net.sim_kernel import SimKernel
-from trcvtui.net.sim_stream import Stream
+from trcvtui.net.sim.kernel import SimKernel
+from trcvtui.net.sim.stream import Stream
 
 KERNELS = {
     "plain": lambda: SimKernel(),

@@ -7,7 +7,7 @@ import pytest
 from tests.net.net_bench import Pair
 from tests.net.net_sim import MS, SimBench
 from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Loss, PathInfo, SocketOptions
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 TIMED_OUT = Fault("recv", "ETIMEDOUT")
 

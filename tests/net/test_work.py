@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trcvtui.net.notes import What
+from trcvtui.net.events import What
 from trcvtui.net.work import EPISODE_REST, LEAST_SHARE, Party, Work
 
 MS = 1_000_000

@@ -9,11 +9,11 @@ import pytest
 
 from trcvtui.errors import UserError
 from trcvtui.net.serial_line import SerialSettings
-from trcvtui.plc.project import ComBufferDecl, Project
-from trcvtui.plc.project_file import read_project
-from trcvtui.plc.project_keys import keys_of
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_lines import to_line
+from trcvtui.project.file import read_project
+from trcvtui.project.keys import keys_of
+from trcvtui.project.project import ComBufferDecl, Project
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.reader import parse_line
 
 DATA = """
 dialect = "twincat"

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.plc.project_edit import adding
-from trcvtui.plc.project_file import load_project, read_project
-from trcvtui.plc.project_keys import keys_of
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.edit_words import Add
-from trcvtui.rig.project_save import save_project
+from trcvtui.project.edit import adding
+from trcvtui.project.file import load_project, read_project
+from trcvtui.project.keys import keys_of
+from trcvtui.rig.commands.edit_words import Add
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.engine.project_save import save_project
 
 HEAD = 'dialect = "s7-1500"\n'
 NAMED = 'type = "TCON_QDN"\nActiveEstablished = true\nRemoteQDN = "a.b."\nRemotePort = 2000'

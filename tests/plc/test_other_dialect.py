@@ -10,12 +10,12 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
-from trcvtui.net.answers import Endpoint
-from trcvtui.net.description_check import Flaw
-from trcvtui.net.iso_on_tcp import IsoSettings
-from trcvtui.plc.other_dialect import Translated, in_dialect
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import load_project, read_project
+from trcvtui.net.connection.description_check import Flaw
+from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.results import Endpoint
+from trcvtui.project.convert_dialect import Translated, in_dialect
+from trcvtui.project.file import load_project, read_project
+from trcvtui.project.project import Project
 
 C1 = {"name": "C1", "LocalAddress": "127.0.0.1"}
 

@@ -11,10 +11,10 @@ import pytest
 
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
-from trcvtui.net.answers import Endpoint
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.plc.project import InstanceDecl, PeerDecl, Project, SimDecl, Task
-from trcvtui.plc.project_file import load_project, load_scenario_document, read_project
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.results import Endpoint
+from trcvtui.project.file import load_project, load_scenario_document, read_project
+from trcvtui.project.project import InstanceDecl, PeerDecl, Project, SimDecl, Task
 
 CONTRACT = """
 dialect = "baosky"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
 
 UDT = """
 TYPE Telegram : STRUCT

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
 
 ADDRESS = "an IPv4 address, four numbers from 0 to 255"
 PORT = "a whole number from 0 to 65535"

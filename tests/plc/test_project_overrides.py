@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import load_project, read_project
+from trcvtui.project.file import load_project, read_project
+from trcvtui.project.project import Project
 
 PORT = "a whole number from 0 to 65535"
 FORMS = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"

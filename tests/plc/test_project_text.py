@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.plc.project import DataDecl, Declaration, MessageDecl, Project
-from trcvtui.plc.project_edit import names_of, read_entry, with_entry
-from trcvtui.plc.project_file import read_project
-from trcvtui.plc.project_keys import KIND_OF, keys_of
-from trcvtui.plc.project_text import with_entries, with_files_from
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.project.edit import names_of, read_entry, with_entry
+from trcvtui.project.file import read_project
+from trcvtui.project.keys import KIND_OF, keys_of
+from trcvtui.project.project import DataDecl, Declaration, MessageDecl, Project
+from trcvtui.project.text import with_entries, with_files_from
 
 PLAIN = """\
 # A bench with words of its own.   Trailing blanks stay.  \n\

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import read_project
+from trcvtui.project.file import read_project
+from trcvtui.project.project import Project
 
 DATA = """
 [[data]]

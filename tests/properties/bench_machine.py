@@ -10,12 +10,12 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from tests.properties.promises import FramesKept
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.net.notes import BytesDropped, BytesReceived, ConnectionNote, What
+from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionNote, What
 from trcvtui.plc.instance import Outputs
 from trcvtui.plc.ledger import BenchNote, Line, PeerSent
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 INSTANCES = ("A", "B", "C")
 LEVELS = dict.fromkeys(INSTANCES, 1)  # all tasks have the default priority

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
-from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote, What
+from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionNote, What
 from trcvtui.plc.ledger import BenchNote, Line
-from trcvtui.plc.project import InstanceDecl
+from trcvtui.project.project import InstanceDecl
 
 Ends = tuple[str, str]  # who says it, to whom
 THE_END = {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET}

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from tests.properties.byte_model import ByteModel, Ends
 from trcvtui.blocks.parameters import MOVES_BYTES
-from trcvtui.dialects.baosky_status import STATUS
-from trcvtui.net.notes import BytesDropped, ConnectionNote, What
+from trcvtui.dialects.baosky.status import STATUS
+from trcvtui.net.events import BytesDropped, ConnectionNote, What
 from trcvtui.plc.instance import Outputs
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot

@@ -22,12 +22,12 @@ from tests.properties.witness import Witness
 from trcvtui.blocks.parameters import MOVES_BYTES, inputs_of
 from trcvtui.net.kernel import CALLS
 from trcvtui.plc.instance import Outputs
-from trcvtui.plc.project import InstanceDecl
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import Create, Resize, Write
-from trcvtui.rig.peer import Peer
+from trcvtui.project.file import read_project
+from trcvtui.project.project import InstanceDecl
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import Create, Resize, Write
+from trcvtui.rig.peers.peer import Peer
 
 MOST_INSTANCES: Final = 8
 SMALL_WINDOW: Final = 2000  # bytes: as long as no more are on the way, no window of this bench has closed

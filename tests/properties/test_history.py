@@ -13,12 +13,12 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.history_reader import HistoryReader
-from trcvtui.rig.history_window import HistoryRequest, HistoryWindow, JobSpan
-from trcvtui.rig.job_history import JobHistory
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.history.job_history import JobHistory
+from trcvtui.rig.history.reader import HistoryReader
+from trcvtui.rig.history.window import HistoryRequest, HistoryWindow, JobSpan
 
 DATA = 24
 

@@ -12,9 +12,9 @@ from tests.properties.bench_machine import DOCUMENT, INSTANCES
 from tests.properties.drawn_projects import Document
 from tests.properties.shared_machine import SharedMachine
 from trcvtui.plc.instance import Instance
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 EXAMPLES = 50
 LEAST_SCANS = 5_000

@@ -11,9 +11,9 @@ from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.blocks.status import Reach
 from trcvtui.plc.instance import Outputs
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 SCANS = 250
 PROJECTS = ("s7-pair.toml", "s7-sender.toml", "s7-receiver.toml", "s7-single-active.toml", "s7-udp.toml")

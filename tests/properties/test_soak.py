@@ -15,11 +15,11 @@ from hypothesis.stateful import run_state_machine_as_test
 from tests.properties.drawn_projects import DATA
 from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
 from trcvtui.net.kernel import CALLS
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
-from trcvtui.rig.timing import Punctuality
+from trcvtui.rig.engine.timing import Punctuality
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
 EXAMPLES = 150  # of one round; Hypothesis forgets them behind it

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from tests.properties.byte_model import ByteModel, Ends
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.inbox import Inbox
-from trcvtui.rig.peer import Peer
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.inbox import Inbox
+from trcvtui.rig.peers.peer import Peer
 
 
 class Ear(Inbox):

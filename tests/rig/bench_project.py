@@ -5,8 +5,8 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import read_project
+from trcvtui.project.file import read_project
+from trcvtui.project.project import Project
 
 TELEGRAM = """
 TYPE Point : STRUCT x : INT; y : INT; END_STRUCT END_TYPE

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from tests.rig.peer_wire import Wire
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.sim.kernel import SimKernel
 
 
 @pytest.fixture(params=["sim", "live"])

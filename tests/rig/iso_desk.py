@@ -8,10 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import RunScans
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import RunScans
 
 PASSIVE = """
 dialect = "s7-1500"

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.net.kernel import Accepted, Endpoint, Fault, Handle
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc.ledger import BenchNote, Event
-from trcvtui.plc.project import PeerDecl
-from trcvtui.rig.peer import Peer
+from trcvtui.project.project import PeerDecl
+from trcvtui.rig.peers.peer import Peer
 
 MS: Final = 1_000_000
 HOME: Final = Endpoint("127.0.0.1", 0)

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.live_pace import LivePace
-from trcvtui.rig.report import JsonLines
-from trcvtui.rig.runner import Runner, Verdict, VirtualPace
-from trcvtui.rig.scenario import load_scenario
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.scenario.report import JsonLines
+from trcvtui.rig.scenario.runner import Runner, Verdict, VirtualPace
+from trcvtui.rig.scenario.scenario import load_scenario
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BAOSKY = sorted((CONFIGS / "scenarios" / "baosky").glob("*.toml"))

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_lines import to_line
-from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 

@@ -8,8 +8,8 @@ import pytest
 
 from tests.rig.told import UP, Told
 from trcvtui.blocks.conditions import Condition
-from trcvtui.rig.advice import NEXT, advice_on
-from trcvtui.rig.evidence import Evidence
+from trcvtui.rig.diagnosis.advice import NEXT, advice_on
+from trcvtui.rig.diagnosis.evidence import Evidence
 
 # situation, instance, the whole of why, what stands in the checks
 SITUATIONS = [

@@ -9,12 +9,12 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.rig.advice import NEXT, Advice, advice_on
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.evidence import NOTHING_KNOWN, evidence_then
-from trcvtui.rig.facts import Moment
-from trcvtui.rig.scenario import load_scenario
-from trcvtui.rig.stage import Stage
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.diagnosis.advice import NEXT, Advice, advice_on
+from trcvtui.rig.diagnosis.evidence import NOTHING_KNOWN, evidence_then
+from trcvtui.rig.history.facts import Moment
+from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.rig.scenario.step_runner import Stage
 
 # scenario, condition, block, what why says, what the first check that knows says
 SITUATIONS = [

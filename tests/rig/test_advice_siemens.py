@@ -10,12 +10,12 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.rig.told import Told
 from trcvtui.blocks.conditions import Condition
-from trcvtui.net.answers import Fault
-from trcvtui.net.notes import ConnectionNote, What
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.fact_book import FactBook
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.net.events import ConnectionNote, What
+from trcvtui.net.results import Fault
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.history.link_statistics import FactBook
 
 TSAPS = 'ActiveEstablished = false\nLocalTSelector = "16#E002"\nRemoteTSelector = "16#E001"\nIsoPort = 0'
 ARMED = ("set TRCV_C_1 CONT=1 EN_R=1", "run 20")

@@ -11,9 +11,9 @@ from tests.rig.scenarios import CONFIGS
 from tests.rig.told import Told
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.parameters import RECEIVERS, SENDERS
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 
 BENCH = """
 dialect = "baosky"

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from tests.rig.bench_project import bench_project
-from trcvtui.plc.project import Project
-from trcvtui.rig import bench_words as words
-from trcvtui.rig.bench import parse_line, parse_script
-from trcvtui.rig.payload import random_bytes
-from trcvtui.rig.trace_pattern import parse_pattern
+from trcvtui.project.project import Project
+from trcvtui.rig.commands import words as words
+from trcvtui.rig.commands.payload import random_bytes
+from trcvtui.rig.commands.reader import parse_line, parse_script
+from trcvtui.rig.commands.trace_pattern import parse_pattern
 
 MS = 1_000_000
 ZERO = bytes(60)

@@ -9,10 +9,10 @@ import pytest
 from tests.rig.bench_project import bench_project
 from tests.rig.scenarios import CONFIGS, failures, play
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_instances import after
-from trcvtui.rig.bench_lines import to_line
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.instances import after
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.reader import parse_line
 
 KERNELS = pytest.mark.parametrize("kernel", ["sim", "live"])
 EMPTY = 'dialect = "baosky"\n[scenario]\nsteps = """\n{steps}\n"""\n'

@@ -8,10 +8,10 @@ import pytest
 
 from tests.rig.bench_project import bench_project
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import Expect, MemberIs
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import Expect, MemberIs
+from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.types import ELEMENTARY, Member, Struct
 
 FLAGS = Struct("Flags", tuple(Member(name, ELEMENTARY["BOOL"]) for name in ("ready", "fault")))

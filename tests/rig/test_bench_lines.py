@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 from tests.rig.bench_project import bench_project
 from trcvtui.net.faults import KNOWN_ERRORS
 from trcvtui.net.kernel import CALLS
-from trcvtui.plc.project import InstanceDecl, Project
-from trcvtui.rig import bench_words as words
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_lines import LINES, to_line
-from trcvtui.rig.fills import Fill
-from trcvtui.rig.reply_words import Contains, Matches, Starts
-from trcvtui.rig.trace_pattern import ANY, Atom, TracePattern
+from trcvtui.project.project import InstanceDecl, Project
+from trcvtui.rig.commands import words as words
+from trcvtui.rig.commands.counters_and_checksums import Fill
+from trcvtui.rig.commands.lines import LINES, to_line
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.reply_words import Contains, Matches, Starts
+from trcvtui.rig.commands.trace_pattern import ANY, Atom, TracePattern
 
 TRUTH = st.booleans()
 UDINT = st.integers(0, 4294967295)

@@ -6,10 +6,10 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.errors import UserError
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_lines import to_line
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.reader import parse_line
 
 PROJECT = load_project(CONFIGS / "twincat-line.toml")
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_lines import to_line
-from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.scenario import load_bench, load_scenario
-from trcvtui.rig.scenario_command import run_files
+from trcvtui.project.file import load_project
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.scenario.command import run_files
+from trcvtui.rig.scenario.scenario import load_bench, load_scenario
 
 PROJECT = """# the line to the scale
 dialect = "baosky"

@@ -6,8 +6,8 @@ import pytest
 
 from tests.rig.bench_project import bench_project
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.rig.bench import parse_line, parse_script
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.reader import parse_line, parse_script
 
 UDINT = "a whole number from 0 to 4294967295"
 HEX_BYTES = "hex bytes such as 01 02 0A"

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from tests.certificates import NEEDS_OPENSSL
-from trcvtui.net import cotp
-from trcvtui.net.cotp import Code, Connect, Data, encode
-from trcvtui.net.iso_on_tcp import EMPTY_PIECES
-from trcvtui.net.notes import ConnectionNote, What
-from trcvtui.net.tls import Tls
+from trcvtui.net.events import ConnectionNote, What
+from trcvtui.net.layers import cotp
+from trcvtui.net.layers.cotp import Code, Connect, Data, encode
+from trcvtui.net.layers.iso_on_tcp import EMPTY_PIECES
+from trcvtui.net.layers.tls import Tls
 from trcvtui.net.work import ACCEPT, HANDSHAKE, USUAL_INTERVAL, Work
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 GOOD = 8
 SCANS = 120

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.check_frames import Checker, frame
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.check_frames import Checker, frame
+from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.snapshots import CheckSnapshot, Tally
 
 SIZE = 16

@@ -9,12 +9,12 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 
-from trcvtui.plc.project_file import read_project
+from trcvtui.project.file import read_project
 from trcvtui.rig import clock
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.console import Console
-from trcvtui.rig.courier import Courier
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.controller import Console
 from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.engine.update_pipe import Courier
 from trcvtui.rig.snapshots import EngineTiming
 
 FAR_AWAY = 10_000_000_000

@@ -11,13 +11,13 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.errors import UserError
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
 from trcvtui.rig import demo_path
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.driver import Driver, EngineDriver, EngineStopped, start_engine
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.driver import Driver, EngineDriver, EngineStopped, start_engine
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.scenario.scenario import load_bench
 
 PASSIVE = CONFIGS / "passive.toml"
 MOST_PICTURES = 3000

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.history_window import HistoryRequest, HistoryWindow, Seek
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.history.window import HistoryRequest, HistoryWindow, Seek
 from trcvtui.rig.snapshots import EngineTiming
 
 MARKS = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")

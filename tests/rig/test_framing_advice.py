@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from tests.rig.framing_recordings import cut_up, every, recorded
 from trcvtui.blocks.framing.frame import Framing
 from trcvtui.blocks.serial.recording import MOST_BYTES, Recorder
-from trcvtui.rig.framing_advice import MOST_PROPOSALS, advise
-from trcvtui.rig.framing_proposal import MOST_BYTES_SHOWN, MOST_SHOWN, Kind
-from trcvtui.rig.framing_trial import LengthField, cut
+from trcvtui.rig.framing_advice.advice import MOST_PROPOSALS, advise
+from trcvtui.rig.framing_advice.proposal import MOST_BYTES_SHOWN, MOST_SHOWN, Kind
+from trcvtui.rig.framing_advice.trial import LengthField, cut
 
 CODES = [b"\x02400638%d\r\n" % number for number in (1333931, 77, 1333955, 90210, 1333962, 4711)]
 

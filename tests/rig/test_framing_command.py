@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import Answer, EngineTiming
 

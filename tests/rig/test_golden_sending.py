@@ -8,10 +8,10 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.plc.instance import Outputs
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_script
-from trcvtui.rig.runner import Runner, VirtualPace
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_script
+from trcvtui.rig.scenario.runner import Runner, VirtualPace
 
 UP = "set TSEND_C_1 CONT=1\nwait TSEND_C_1 STATUS=7004\n"
 

@@ -12,11 +12,11 @@ import pytest
 from tests.rig.scenarios import LEGACY, SIEMENS, failures, play
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects import DIALECTS
-from trcvtui.dialects.siemens_connection_errors import LEGACY_ERRORS
-from trcvtui.dialects.siemens_legacy import OWN_ROWS
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.runner import Runner, VirtualPace
-from trcvtui.rig.scenario import load_scenario
+from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
+from trcvtui.dialects.siemens.legacy import OWN_ROWS
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.scenario.runner import Runner, VirtualPace
+from trcvtui.rig.scenario.scenario import load_scenario
 
 SECTIONS = {f"1-{number}" for number in range(1, 12)}
 LIVE = [

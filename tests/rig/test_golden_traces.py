@@ -8,7 +8,7 @@ import pytest
 
 from tests.rig.scenarios import BAOSKY, SIM_ONLY, failures, play
 from trcvtui.dialects import DIALECTS
-from trcvtui.rig.scenario import load_scenario
+from trcvtui.rig.scenario.scenario import load_scenario
 
 TCP_BLOCKS = ("TRCV_C", "TSEND_C", "TCON", "TDISCON", "T_RESET", "TSEND", "TRCV")
 RUNS = (0x7002, 0x7004, 0x7005, 0x7006)  # how long these last is the link's business (design section 3.4)

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import TWINCAT, failures, play
-from trcvtui.blocks.serial_notes import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartDropped
+from trcvtui.blocks.serial_events import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartDropped
 from trcvtui.blocks.status import Reach
-from trcvtui.dialects.twincat_errors import COM_ERRORS
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.runner import Runner, VirtualPace
-from trcvtui.rig.scenario import load_scenario
-from trcvtui.rig.scenario_shelf import shown_by
+from trcvtui.dialects.twincat.errors import COM_ERRORS
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.scenario.runner import Runner, VirtualPace
+from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.rig.scenario.scenario_index import shown_by
 
 STREAMS = [path for path in TWINCAT if path.stem.startswith(("6-", "barcode"))]
 ROWS = 14  # of the table "every combination"

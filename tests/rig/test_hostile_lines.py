@@ -14,11 +14,11 @@ from trcvtui.blocks.serial.recording import MOST_BYTES
 from trcvtui.net.serial_ports import MOST_WAITING, SimSerialPort
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.plc.port_feed import MOST_A_SCAN
-from trcvtui.plc.project_file import load_project
 from trcvtui.plc.snapshot import FramerSnapshot
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.console import fresh_bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.engine.controller import fresh_bench
 
 SIZE = 200  # of a frame
 PROJECT = """

@@ -10,10 +10,10 @@ from tests.rig.iso_desk import PASSIVE, Desk
 from tests.rig.scenarios import CONFIGS, failures, play
 from tests.rig.test_golden_traces import walk
 from trcvtui.net.faults import FaultyKernel
-from trcvtui.net.session_kernel import SessionKernel
+from trcvtui.net.layers.layer_kernel import SessionKernel
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
 
 SCENARIOS = sorted(CONFIGS.glob("scenarios/siemens/iso-*.toml"))
 

@@ -13,9 +13,9 @@ from snap7.connection import ISOTCPConnection
 from snap7.error import S7ConnectionError
 
 from tests.rig.iso_desk import PASSIVE, Desk
-from trcvtui.net.answers import Fault, WouldBlock
 from trcvtui.net.kernel import Handle
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.results import Fault, WouldBlock
+from trcvtui.net.sim.kernel import SimKernel
 
 LIVE_LIMIT = 5.0  # s
 

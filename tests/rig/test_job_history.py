@@ -7,13 +7,14 @@ import random
 import pytest
 
 from tests.properties.test_history import Generator, all_of, history_bench, labels
-from trcvtui.net.notes import ConnectionNote, What
+from trcvtui.net.events import ConnectionNote, What
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.rig import history_reader, job_history
-from trcvtui.rig.history_reader import HistoryReader
-from trcvtui.rig.history_window import HistoryRequest, HistoryWindow, Seek
-from trcvtui.rig.job_history import JobHistory
-from trcvtui.rig.sent_messages import SentMessages
+from trcvtui.rig.history import job_history
+from trcvtui.rig.history import reader as history_reader
+from trcvtui.rig.history.job_history import JobHistory
+from trcvtui.rig.history.reader import HistoryReader
+from trcvtui.rig.history.sent_messages import SentMessages
+from trcvtui.rig.history.window import HistoryRequest, HistoryWindow, Seek
 
 
 def talking() -> tuple[Generator, HistoryReader]:

@@ -13,8 +13,8 @@ from tests.rig.scenarios import BAOSKY
 from tests.rig.test_scenario_command import PASSIVE, PULSE, scenario
 from trcvtui.cli import main
 from trcvtui.errors import mistake
-from trcvtui.rig.junit import Junit
-from trcvtui.rig.report import FORMATS
+from trcvtui.rig.scenario.junit import Junit
+from trcvtui.rig.scenario.report import FORMATS
 
 Capture = pytest.CaptureFixture[str]
 

@@ -8,10 +8,10 @@ import socket
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.net.notes import ConnectionNote, What
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.net.events import ConnectionNote, What
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 
 def connected(kernel: str, seconds: int) -> Bench:

@@ -9,13 +9,13 @@ import pytest
 
 from tests.rig.bench_project import bench_project
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_library import check_library
-from trcvtui.rig.bench_words import PeerPlay, PeerSend
-from trcvtui.rig.fills import filled
-from trcvtui.rig.outbox import Outbox
+from trcvtui.project.file import read_project
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.counters_and_checksums import filled
+from trcvtui.rig.commands.library import check_library
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import PeerPlay, PeerSend
+from trcvtui.rig.peers.outbox import Outbox
 
 MS = 1_000_000
 

@@ -9,7 +9,7 @@ import pytest
 from tests.rig.test_project_save import driven, say
 from trcvtui.cli import main
 from trcvtui.errors import Problem, UserError
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
 from trcvtui.tui.formatting import cells, pad, squeeze
 
 TYPES = "TYPE Gerät : STRUCT Größe : INT; 重量 : REAL; कि : INT; END_STRUCT END_TYPE\n"

@@ -11,12 +11,12 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_driver import wait_for
 from trcvtui.cli import KERNELS, main
-from trcvtui.net import os_namespace
+from trcvtui.net.os import namespace as os_namespace
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench_words import Link
-from trcvtui.rig.driver import start_engine
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.commands.reader.bench import Bench
+from trcvtui.rig.commands.words import Link
+from trcvtui.rig.engine.engine.driver import start_engine
+from trcvtui.rig.scenario.scenario.scenario import load_bench
 
 PASSIVE = str(CONFIGS / "passive.toml")
 TWO_ADDRESSES = """
@@ -105,7 +105,7 @@ def test_loopback_of_the_own_network_goes_down_for_every_connect_and_each_file_h
 def test_in_the_own_network_the_ledger_names_the_interface() -> None:
     script = (
         "from trcvtui.errors import UserError\n"
-        "from trcvtui.net.os_kernel import OsKernel\n"
+        "from trcvtui.net.os.kernel import OsKernel\n"
         "from trcvtui.rig import wire\n"
         "try:\n    wire.enter_own_network('live')\n"
         "except UserError as refused:\n    raise SystemExit(str(refused))\n"
@@ -133,7 +133,7 @@ def test_the_ledger_says_by_what_means_the_wire_was_cut(kernel: str) -> None:
 
 
 def test_the_engine_of_a_screen_gets_a_network_of_its_own_too() -> None:
-    run_alone("-c", "from trcvtui.rig.wire import enter_own_network as enter; enter('live')")
+    run_alone("-c", "from trcvtui.rig.bench.cable import enter_own_network as enter; enter('live')")
     driver = start_engine(Path(PASSIVE), "live", netns=True)
     try:
         driver.submit("link C1 down")

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from trcvtui.dialects import DIALECTS
-from trcvtui.net.answers import Endpoint
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_lines import to_line
-from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.scenario import load_bench
+from trcvtui.net.results import Endpoint
+from trcvtui.project.file import load_project
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.scenario.scenario import load_bench
 
 
 def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> Console:

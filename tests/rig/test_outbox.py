@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.rig.bench_words import PeerSend
-from trcvtui.rig.outbox import Outbox
+from trcvtui.rig.commands.words import PeerSend
+from trcvtui.rig.peers.outbox import Outbox
 
 
 def play(outbox: Outbox, until: int, step: int = 10, stack: int = 1 << 30) -> list[tuple[int, bytes]]:

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIM_ONLY, play
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.driver import EngineDriver, start_engine
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.driver import EngineDriver, start_engine
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
-from trcvtui.rig.player import MOST_STEPS
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.scenario.player import MOST_STEPS
+from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
 
 PASSIVE = CONFIGS / "passive.toml"

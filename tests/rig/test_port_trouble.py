@@ -6,19 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.net.answers import Fault
-from trcvtui.plc.project_file import load_project
+from trcvtui.net.results import Fault
 from trcvtui.plc.snapshot import ComBufferSnapshot
-from trcvtui.rig.advice import Advice, advice_on
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import Step
-from trcvtui.rig.console import Console, fresh_bench
-from trcvtui.rig.evidence import evidence_now
-from trcvtui.rig.framer_warnings import warnings_of
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import Step
+from trcvtui.rig.diagnosis.advice import Advice, advice_on
+from trcvtui.rig.diagnosis.evidence import evidence_now
+from trcvtui.rig.diagnosis.framer_warnings import warnings_of
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.port_trouble import port_away, port_hint
-from trcvtui.rig.runner import Runner, VirtualPace
+from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.snapshots import EngineTiming
 
 PROJECT = """

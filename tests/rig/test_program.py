@@ -8,9 +8,9 @@ import pytest
 
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.scenario import load_bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.scenario.scenario import load_bench
 
 BENCH = '''
 dialect = "baosky"

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import CONFIGS, failures, play
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
 from trcvtui.rig import demo_path
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.scenario.scenario import load_bench
 
 ADD = (
     "add connect C7 LocalAddress=127.0.0.1",

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.rig.test_project_save import driven, say
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.local_driver import LocalDriver
 
 PROJECT = """# mine
 dialect = "baosky"

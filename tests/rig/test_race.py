@@ -10,13 +10,13 @@ import pytest
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
-from trcvtui.rig import race as racing
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.console import Console
-from trcvtui.rig.race import known_dialects, race_file, race_lines
-from trcvtui.rig.race_report import Cell, RaceRow, race_rows, race_text, summary
-from trcvtui.rig.race_result import Race
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.controller import Console
+from trcvtui.rig.scenario import race as racing
+from trcvtui.rig.scenario.race import known_dialects, race_file, race_lines
+from trcvtui.rig.scenario.race_report import Cell, RaceRow, race_rows, race_text, summary
+from trcvtui.rig.scenario.race_result import Race
+from trcvtui.rig.scenario.scenario import load_bench
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")
 BOTH = ["baosky", "s7-1500"]

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from tests.rig.bench_project import bench_project
 from tests.rig.peer_wire import Wire, connected, write
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_lines import rule_text
-from trcvtui.rig.bench_routine import read_replies
-from trcvtui.rig.bench_words import ReplyOn
-from trcvtui.rig.fills import filled
-from trcvtui.rig.replies import Replies
+from trcvtui.project.file import read_project
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.counters_and_checksums import filled
+from trcvtui.rig.commands.lines import rule_text
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.routine import read_replies
+from trcvtui.rig.commands.words import ReplyOn
+from trcvtui.rig.peers.replies import Replies
 
 ROOM = 1000
 

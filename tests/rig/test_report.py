@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from trcvtui.plc.instance import Outputs
-from trcvtui.rig.report import JsonLines
+from trcvtui.rig.scenario.report import JsonLines
 
 PINS: dict[str, Any] = {"status": 0x7009, "busy": False, "done": True, "error": False}
 

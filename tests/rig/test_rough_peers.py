@@ -9,11 +9,11 @@ from collections.abc import Iterator
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.net.notes import ConnectionNote, What
+from trcvtui.net.events import ConnectionNote, What
 from trcvtui.plc.ledger import KEPT_LINES
-from trcvtui.plc.project_file import load_project, read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.project.file import load_project, read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 KERNELS = ("sim", "live")
 INSTANCE = "TRCV_C_1"

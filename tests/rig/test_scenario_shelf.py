@@ -10,9 +10,9 @@ import pytest
 from tests.rig.scenarios import BAOSKY, LEGACY, SIEMENS, play
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.status_report import as_text, explain, with_scenarios, with_telling
-from trcvtui.rig import bench_words as words
-from trcvtui.rig.scenario import load_scenario
-from trcvtui.rig.scenario_shelf import scenarios_of, shown_by
+from trcvtui.rig.commands import words as words
+from trcvtui.rig.scenario.scenario.scenario import load_scenario
+from trcvtui.rig.scenario.scenario.scenario_index import scenarios_of, shown_by
 
 
 def expected(steps: Iterable[words.Step], blocks: dict[str, str]) -> set[tuple[int, str]]:
@@ -96,7 +96,7 @@ def test_a_file_that_is_wrong_shows_nothing(text: str, tmp_path: Path) -> None:
 
 
 def test_without_configs_the_shelf_is_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.rig.scenario_shelf.ROOT", tmp_path)
+    monkeypatch.setattr("trcvtui.rig.scenario.scenario_index.ROOT", tmp_path)
     assert scenarios_of("baosky") == {}
 
 

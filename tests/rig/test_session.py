@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 from tests.properties.drawn_projects import projects
 from tests.rig.scenarios import CONFIGS
 from trcvtui.cli import main
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig import session as kept
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import PictureRequest
-from trcvtui.rig.scenario import load_scenario
-from trcvtui.rig.session import Seen
+from trcvtui.rig.scenario import recorded_session as kept
+from trcvtui.rig.scenario.recorded_session import Seen
+from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.snapshots import Answer
 
 PASSIVE = CONFIGS / "passive.toml"

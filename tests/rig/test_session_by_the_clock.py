@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from trcvtui.cli import main
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
-from trcvtui.rig.race import race_file
-from trcvtui.rig.routine import next_due
-from trcvtui.rig.scenario import load_scenario
-from trcvtui.rig.session import Seen
+from trcvtui.rig.peers.routine import next_due
+from trcvtui.rig.scenario.race import race_file
+from trcvtui.rig.scenario.recorded_session import Seen
+from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.snapshots import EngineTiming
 
 MS = 1_000_000

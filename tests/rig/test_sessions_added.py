@@ -9,7 +9,7 @@ import pytest
 from tests.certificates import Certificates
 from tests.rig.iso_desk import Desk
 from trcvtui.net.faults import FaultyKernel
-from trcvtui.net.session_kernel import SessionKernel
+from trcvtui.net.layers.layer_kernel import SessionKernel
 
 PLAIN = """
 dialect = "s7-1500"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from trcvtui.net.notes import BytesDropped, BytesReceived
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.net.events import BytesDropped, BytesReceived
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 
 def bench_with(*instances: tuple[str, str, str], active: bool = False, **options: str) -> Bench:

@@ -9,11 +9,11 @@ import pytest
 
 from tests.certificates import NEEDS_OPENSSL
 from tests.rig.test_project_save import driven, say
-from trcvtui.net.iso_on_tcp import IsoSettings
-from trcvtui.net.tls_settings import TlsSettings
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import load_project
-from trcvtui.tui.add_fields import KINDS, fields_of, first_name, line_of
+from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.project.file import load_project
+from trcvtui.project.project import Project
+from trcvtui.tui.forms.add_fields import KINDS, fields_of, first_name, line_of
 
 BENCH = 'dialect = "{}"\n[[data]]\nname = "rx"\ntype = "ARRAY[0..3] OF BYTE"\n'
 DESCRIBED = (

@@ -7,13 +7,13 @@ from itertools import groupby
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.dialects.siemens import S7_1200, S7_1500, SWITCHES
-from trcvtui.dialects.siemens_legacy import S7_1200_LEGACY
+from trcvtui.dialects.siemens.legacy import S7_1200_LEGACY
+from trcvtui.dialects.siemens.rules import S7_1200, S7_1500, SWITCHES
 from trcvtui.dialects.switches import defaults, format_value
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_script
-from trcvtui.rig.bench_words import RunScans
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_script
+from trcvtui.rig.commands.words import RunScans
 
 SENDER, RECEIVER, PAIR = "s7-sender.toml", "s7-receiver.toml", "s7-pair.toml"
 

@@ -11,8 +11,8 @@ from trcvtui.blocks.parameters import BUFFER_PIN, DATA_PIN, HAS_DATA, PINS, POIN
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
+from trcvtui.project.project import Project
 from trcvtui.rig.st_call import st_call, st_text, st_variables
 
 DATA = """

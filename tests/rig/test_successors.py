@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.net.notes import BytesDropped, ConnectionNote, What
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
+from trcvtui.net.events import BytesDropped, ConnectionNote, What
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
 
 KERNELS = ("sim", "live")
 SIZE = 8

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
 
 
 def calls(scans: int, *tasks: dict[str, Any]) -> list[tuple[int, str]]:

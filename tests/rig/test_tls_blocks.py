@@ -14,10 +14,10 @@ from tests.certificates import NEEDS_OPENSSL, OPENSSL, Certificates
 from tests.rig.scenarios import failures, play
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import BenchNote, StatusEdge
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench_words import PlcStop
-from trcvtui.rig.live_pace import LivePace
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.commands.words import PlcStop
 
 pytestmark = NEEDS_OPENSSL
 SCANS = 900  # 9 s at most

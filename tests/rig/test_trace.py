@@ -6,9 +6,9 @@ import tracemalloc
 
 import pytest
 
-from trcvtui.rig import trace
-from trcvtui.rig.trace import Trace
-from trcvtui.rig.trace_pattern import Scan, parse_pattern
+from trcvtui.rig.commands.trace_pattern import Scan, parse_pattern
+from trcvtui.rig.scenario import trace
+from trcvtui.rig.scenario.trace import Trace
 
 WAITING: Scan = (0x7006, False)
 RECEIVED: Scan = (0x7008, False)

@@ -11,7 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.rig.trace_pattern import ANY, Atom, Run, Scan, TracePattern, collapse, matches, parse_pattern
+from trcvtui.rig.commands.trace_pattern import (
+    ANY,
+    Atom,
+    Run,
+    Scan,
+    TracePattern,
+    collapse,
+    matches,
+    parse_pattern,
+)
 
 
 def trace(text: str) -> list[Run]:

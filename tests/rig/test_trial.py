@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.split_test import trial_text
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import TrialSnapshot
-from trcvtui.rig.trial import trial_text
 
 TRY = "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1 differ=any"
 

@@ -10,12 +10,12 @@ import pytest
 from tests.rig.bench_project import TELEGRAM, bench_project
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.triggers import read_trigger
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Fired
-from trcvtui.rig.triggers import read_trigger
 
 BENCH = """
 dialect = "baosky"

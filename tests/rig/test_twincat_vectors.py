@@ -8,11 +8,11 @@ import pytest
 
 from tests.framing.vectors import VECTORS, Vector
 from tests.rig.scenarios import failures, play
-from trcvtui.blocks.serial_notes import FrameEnded, NoiseDropped
+from trcvtui.blocks.serial_events import FrameEnded, NoiseDropped
 from trcvtui.cli import main
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.runner import Runner, VirtualPace
-from trcvtui.rig.scenario import load_scenario
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.scenario.runner import Runner, VirtualPace
+from trcvtui.rig.scenario.scenario import load_scenario
 
 MS = 1_000_000
 OFTEN = ("V03", "V17", "V20", "V26")

@@ -8,12 +8,12 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.errors import UserError
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import RunScans
-from trcvtui.rig.runner import Runner, VirtualPace
-from trcvtui.rig.scenario import load_scenario
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import RunScans
+from trcvtui.rig.scenario.runner import Runner, VirtualPace
+from trcvtui.rig.scenario.scenario import load_scenario
 
 UDP_SCENARIOS = sorted(CONFIGS.glob("scenarios/*/udp-*.toml"))
 

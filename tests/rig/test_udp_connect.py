@@ -10,10 +10,10 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_udp_blocks import Desk
 from trcvtui.errors import UserError
-from trcvtui.net.notes import ConnectionNote
-from trcvtui.plc.project_file import load_project, read_project
-from trcvtui.plc.project_keys import keys_of
-from trcvtui.rig.bench import parse_line
+from trcvtui.net.events import ConnectionNote
+from trcvtui.project.file import load_project, read_project
+from trcvtui.project.keys import keys_of
+from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.st_call import st_call
 
 FILE = CONFIGS / "s7-udp-connect.toml"

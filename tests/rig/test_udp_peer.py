@@ -10,15 +10,15 @@ import pytest
 
 from trcvtui.errors import UserError
 from trcvtui.net.kernel import Datagram, Endpoint, Fault, Handle
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.net.sim_kernel import SimKernel
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
-from trcvtui.plc.project import PeerDecl
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import PeerRst, PeerSend
-from trcvtui.rig.udp_peer import UdpPeer, new_peer
+from trcvtui.project.file import load_project
+from trcvtui.project.project import PeerDecl
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import PeerRst, PeerSend
+from trcvtui.rig.peers.udp_peer import UdpPeer, new_peer
 
 MS: Final = 1_000_000
 HOME: Final = Endpoint("127.0.0.1", 0)

@@ -8,16 +8,16 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.errors import UserError
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.bench import parse_line, parse_script
-from trcvtui.rig.bench_words import PeerSend
-from trcvtui.rig.runner import Runner, VirtualPace
-from trcvtui.udt.corrective import corrective
-from trcvtui.udt.decode import decode
-from trcvtui.udt.fit import fit, leaders, verdict
-from trcvtui.udt.layout import lay_out
+from trcvtui.project.file import load_project
+from trcvtui.project.project import Project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands.reader import parse_line, parse_script
+from trcvtui.rig.commands.words import PeerSend
+from trcvtui.rig.scenario.runner import Runner, VirtualPace
+from trcvtui.udt.compare.fit import fit, leaders, verdict
+from trcvtui.udt.cure.padded_type import corrective
+from trcvtui.udt.layout.decode import decode
+from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.st_write import st_text
 
 SEND = "peer Drive send udt AxisReport {axis=1, position=12.5}"

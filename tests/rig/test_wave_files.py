@@ -13,8 +13,16 @@ from vcdvcd import VCDVCD  # type: ignore[import-untyped]
 from tests.rig.wave_runs import RECEIVER, SENDER, Run, connected, random_run
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import InputEdge, StatusEdge
-from trcvtui.rig.wave_files import Span, free_path, plain_text, svg_text, target_folder, vcd_text, write_waves
-from trcvtui.rig.wave_news import pins_of
+from trcvtui.rig.history.wave_files import (
+    Span,
+    free_path,
+    plain_text,
+    svg_text,
+    target_folder,
+    vcd_text,
+    write_waves,
+)
+from trcvtui.rig.history.waveform_delta import pins_of
 
 if hasattr(signal, "SIGPIPE"):
     # vcdvcd lets the whole process die of a closed pipe; every other test wants EPIPE, as Python has it.

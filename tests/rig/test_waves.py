@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from tests.rig.wave_runs import RECEIVER, SENDER, Run, connected, random_run
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.rig import waves
-from trcvtui.rig.wave_lane import POLL_NS, Lane, Window
-from trcvtui.rig.wave_text import drawn, ruler
-from trcvtui.tui.widgets.timing_view import ZOOMS
+from trcvtui.rig.history import waves
+from trcvtui.rig.history.pin_waveform import POLL_NS, Lane, Window
+from trcvtui.rig.history.wave_text import drawn, ruler
+from trcvtui.tui.panes.timing_view import ZOOMS
 
 LEVELS = "▁▔█╱╲┃"
 
@@ -265,7 +265,7 @@ def test_the_ghost_row_is_what_polling_every_100_ms_shows() -> None:
 
 
 def test_the_ruler_names_scans_and_shows_marks() -> None:
-    from trcvtui.rig.wave_text import Mark
+    from trcvtui.rig.history.wave_text import Mark
 
     drawn_ruler = "".join(part for part, _ in ruler(Window(0, 50, 1), 100, [Mark(5, "▼")]))
     assert drawn_ruler.startswith("╷1  ▼") and "╷21" in drawn_ruler

@@ -7,15 +7,15 @@ import re
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.history.pin_waveform import Window
+from trcvtui.rig.history.wave import Wave
+from trcvtui.rig.history.wave_files import Span, plain_text, svg_text, vcd_text
+from trcvtui.rig.history.wave_text import drawn, row_names
+from trcvtui.rig.history.waveform_cache import WaveShelf
 from trcvtui.rig.snapshots import EngineTiming
-from trcvtui.rig.wave import Wave
-from trcvtui.rig.wave_files import Span, plain_text, svg_text, vcd_text
-from trcvtui.rig.wave_lane import Window
-from trcvtui.rig.wave_shelf import WaveShelf
-from trcvtui.rig.wave_text import drawn, row_names
 
 INPUTS = {"LenPrefix": 8, "LenSuffix": 8, "SizeReceiveData": 32, "Timeout": 32, "Reset": 1}
 OUTPUTS = {"DataReceived": 1, "busy": 1, "Error": 16, "RxTimeout": 1, "LenReceiveData": 32}

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.advice import Advice, advice_on
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.evidence import Evidence, evidence_now, evidence_then
-from trcvtui.rig.fact_book import facts_while
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.diagnosis.advice import Advice, advice_on
+from trcvtui.rig.diagnosis.evidence import Evidence, evidence_now, evidence_then
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.history.link_statistics import facts_while
 
 BENCH = """
 dialect = "baosky"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import random
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.console import Console
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.controller import Console
 from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.history.pin_waveform import Lane
+from trcvtui.rig.history.wave import Wave
+from trcvtui.rig.history.waveform_cache import WaveShelf
 from trcvtui.rig.snapshots import EngineTiming
-from trcvtui.rig.wave import Wave
-from trcvtui.rig.wave_lane import Lane
-from trcvtui.rig.wave_shelf import WaveShelf
 
 RECEIVER, SENDER = "TRCV_C_1", "TSEND_C_1"
 LINES = (

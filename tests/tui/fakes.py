@@ -10,10 +10,10 @@ from pathlib import Path
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_file import load_project
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
-from trcvtui.rig.driver import EngineStopped
+from trcvtui.project.file import load_project
+from trcvtui.project.project import Project
+from trcvtui.rig.engine.driver import EngineStopped
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Answer, EngineTiming, PeerSnapshot
 

@@ -15,7 +15,7 @@ from textual.pilot import Pilot
 from tests.tui.fakes import FakeDriver, bench_project, picture
 from trcvtui.rig.picture import Picture
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings
 
 WIDE, SMALL = (140, 45), (80, 24)

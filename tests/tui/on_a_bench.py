@@ -9,7 +9,7 @@ from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, bench_project
 from tests.tui.looking import WIDE, Looker
-from trcvtui.rig.console import Console, fresh_bench
+from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.tui.app import BenchApp

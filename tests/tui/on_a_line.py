@@ -11,9 +11,9 @@ from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import SMALL, follow, screen_text
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 LINE, STREAM = "twincat-line.toml", "twincat-stream.toml"

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.tui.fold_tree import FoldTree
-from trcvtui.tui.twin_tree import twin_of
-from trcvtui.udt.formats import read_file
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.tui.lab_model.collapsible_tree import FoldTree
+from trcvtui.tui.lab_model.compare_tree import twin_of
+from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
+from trcvtui.udt.sources import read_file
 
 SOURCE = """
 TYPE Point : STRUCT a : BYTE; b : LREAL; c : BYTE; END_STRUCT END_TYPE

@@ -11,9 +11,9 @@ from tests.tui.looking import BOTH, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import on_a_line
 from tests.tui.test_screen_add import fields, fill, keys_of
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.plc.project_file import load_project
-from trcvtui.tui.change_fields import all_parts, fields_to_change, set_line, text_of, values_of
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.project.file import load_project
+from trcvtui.tui.forms.change_fields import all_parts, fields_to_change, set_line, text_of, values_of
 from trcvtui.tui.read_only import REFUSED
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -13,14 +13,14 @@ from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.net.description import Description, pack
-from trcvtui.plc.project import Project
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.scenario import load_scenario
+from trcvtui.net.connection.description import Description, pack
+from trcvtui.project.project import Project
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.st_call import st_call
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.screens.description import DescriptionScreen
+from trcvtui.tui.forms.description import DescriptionScreen
 
 SCENARIOS = CONFIGS / "scenarios"
 SINGLE, UDP = "siemens/1-10-single-instructions.toml", "siemens/udp-send-and-receive.toml"

@@ -10,7 +10,7 @@ from textual import events
 
 from tests.tui.fakes import FakeDriver, bench_project, picture, receiving
 from tests.tui.looking import SMALL, WIDE, follow, looking, screen_text, typed
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
 from trcvtui.tui.app import BenchApp
 
 

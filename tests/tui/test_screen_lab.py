@@ -13,14 +13,14 @@ from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.lab_bytes import DATA, JOB, LabBytes
-from trcvtui.tui.scene import Scene
-from trcvtui.tui.screens.lab import LabScreen
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.tui.lab.screen import LabScreen
+from trcvtui.tui.lab_model.lab_bytes import DATA, JOB, LabBytes
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.udt.layout.layout import lay_out, rules_for
 
 MISMATCH = CONFIGS / "udt-mismatch.toml"
 PROJECT = """

@@ -11,7 +11,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.picture import Picture
-from trcvtui.tui.widgets.instance_list import Columns
+from trcvtui.tui.panes.instance_list import Columns
 from trcvtui.tui.widgets.line_view import Row
 
 

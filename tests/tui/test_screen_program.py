@@ -8,9 +8,9 @@ from pathlib import Path
 
 from tests.tui.looking import BOTH, SMALL, WIDE
 from tests.tui.test_screen_bench import Stepped
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -6,10 +6,10 @@ import pytest
 
 from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.net.notes import BytesReceived, ConnectionNote, What
+from trcvtui.net.events import BytesReceived, ConnectionNote, What
 from trcvtui.plc.ledger import Event, Line, PeerSent
-from trcvtui.tui.advice import notes_of
-from trcvtui.tui.provenance import KEPT, KEPT_LINKS, MOST_PARTS, Provenance
+from trcvtui.tui.view_model.advice import notes_of
+from trcvtui.tui.view_model.byte_origin import KEPT, KEPT_LINKS, MOST_PARTS, Provenance
 
 PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"
 

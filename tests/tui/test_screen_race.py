@@ -11,12 +11,12 @@ from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.rig import scenario_files
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.scenario import files as scenario_files
+from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.screens.race import RaceScreen
+from trcvtui.tui.race.screen import RaceScreen
 
 STEPS = """
 set TRCV_C_1 CONT=1 EN_R=1

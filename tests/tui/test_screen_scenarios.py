@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from tests.tui.fakes import FakeDriver, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, screen_text
 from tests.tui.scenario_stage import HERE, scenarios
-from trcvtui.plc.project_file import load_project
+from trcvtui.project.file import load_project
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
 

@@ -11,9 +11,9 @@ import pytest
 from tests.certificates import NEEDS_OPENSSL
 from tests.tui.looking import BOTH
 from tests.tui.test_screen_dialects import Bench
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.scenario import load_scenario
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.tui.app import BenchApp
 
 pytestmark = NEEDS_OPENSSL

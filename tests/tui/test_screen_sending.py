@@ -10,11 +10,11 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import bench_project, connections, peers, picture, receiving
 from tests.tui.looking import BOTH, WIDE, looking
-from trcvtui.plc.project_file import read_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import read_project
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture
-from trcvtui.tui.widgets.function_block import LATE_S
+from trcvtui.tui.panes.function_block import LATE_S
 
 
 def sending(unacknowledged: int | None = 4000, have: int = 0, need: int = 0) -> Picture:

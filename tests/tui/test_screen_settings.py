@@ -12,7 +12,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import Settings, load_settings
 from trcvtui.tui.widgets.line_view import ruled
 

@@ -11,9 +11,9 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import BOTH, Looker
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
-from trcvtui.rig.scenario import load_bench
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
 
 Size = tuple[int, int]

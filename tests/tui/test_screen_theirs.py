@@ -8,7 +8,7 @@ import pytest
 
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.test_screen_why import SWAPPED, UP, Desk, at_the_desk
-from trcvtui.plc.project import DataDecl
+from trcvtui.project.project import DataDecl
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "wide"])
 PACKED = struct.pack(">ihBf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00"

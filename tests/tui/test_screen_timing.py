@@ -13,14 +13,14 @@ from textual.pilot import Pilot
 
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import SMALL, WIDE, follow, same_screen, screen_text
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.commands.reader.bench import Bench
+from trcvtui.rig.engine.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import duration
-from trcvtui.tui.theme import LIGHT
-from trcvtui.tui.widgets.timing import Timing
-from trcvtui.tui.widgets.timing_view import LABEL
+from trcvtui.tui.panes.timing import Timing
+from trcvtui.tui.panes.timing_view import LABEL
+from trcvtui.tui.widgets.theme import LIGHT
 
 SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]
 
@@ -310,7 +310,7 @@ async def test_a_click_on_a_wide_column_goes_to_the_edge_inside_it() -> None:
 
 @pytest.fixture(autouse=True)
 def _files_stay_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.rig.wave_files.target_folder", lambda project: tmp_path)
+    monkeypatch.setattr("trcvtui.rig.history.wave_files.target_folder", lambda project: tmp_path)
 
 
 async def test_e_asks_for_the_format_and_says_where_the_file_is(tmp_path: Path) -> None:

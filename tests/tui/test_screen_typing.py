@@ -16,30 +16,30 @@ from textual.widgets import Input
 import trcvtui.tui
 from tests.tui.looking import WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.scenario_files import Found
-from trcvtui.tui.change_fields import Part
-from trcvtui.tui.keystrokes import TypedField
-from trcvtui.tui.lab import Lab
-from trcvtui.tui.library import Library
-from trcvtui.tui.screens.description import DescriptionScreen
-from trcvtui.tui.screens.framings import FramingScreen
-from trcvtui.tui.screens.help import HelpScreen
-from trcvtui.tui.screens.lab import LabScreen
-from trcvtui.tui.screens.main import MainScreen
-from trcvtui.tui.screens.race import RaceScreen
-from trcvtui.tui.screens.scenarios import ScenariosScreen
-from trcvtui.tui.screens.yank import YankScreen
-from trcvtui.tui.widgets.add_screen import AddScreen, ChoiceField
-from trcvtui.tui.widgets.change_screen import ChangeScreen
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.project.file import load_project
+from trcvtui.rig.scenario.files import Found
+from trcvtui.tui.copying.copy_formats import subject_of
+from trcvtui.tui.copying.copy_menu import YankScreen
+from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField
+from trcvtui.tui.forms.change_fields import Part
+from trcvtui.tui.forms.change_screen import ChangeScreen
+from trcvtui.tui.forms.description import DescriptionScreen
+from trcvtui.tui.forms.message_list import MessagesScreen
+from trcvtui.tui.forms.split_test_screen import TrialScreen
+from trcvtui.tui.forms.udt_form import UdtForm, form_of
+from trcvtui.tui.framings.screen import FramingScreen
+from trcvtui.tui.lab.constants_form import ConstantsForm
+from trcvtui.tui.lab.problems_screen import ProblemsScreen
+from trcvtui.tui.lab.screen import LabScreen
+from trcvtui.tui.lab_model.lab import Lab
+from trcvtui.tui.main import MainScreen
+from trcvtui.tui.race.screen import RaceScreen
+from trcvtui.tui.scenarios.scenario_list_model import Library
+from trcvtui.tui.scenarios.screen import ScenariosScreen
 from trcvtui.tui.widgets.choice_screen import ChoiceScreen
-from trcvtui.tui.widgets.constants_form import ConstantsForm
-from trcvtui.tui.widgets.message_list import MessagesScreen
-from trcvtui.tui.widgets.problems_screen import ProblemsScreen
-from trcvtui.tui.widgets.trial_screen import TrialScreen
-from trcvtui.tui.widgets.udt_form import UdtForm, form_of
-from trcvtui.tui.yank import subject_of
+from trcvtui.tui.widgets.help import HelpScreen
+from trcvtui.tui.widgets.keystrokes import TypedField
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import connections, peers, picture, receiving
 from tests.tui.looking import BOTH, looking
-from trcvtui.plc.project_file import load_project
 from trcvtui.plc.snapshot import AddrSnapshot
-from trcvtui.rig.assembly import Bench
+from trcvtui.project.file import load_project
+from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.picture import Picture
 from trcvtui.tui.completion import complete
 

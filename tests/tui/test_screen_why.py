@@ -13,8 +13,8 @@ from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, rece
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.rig.assembly import Bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.snapshots import Fired
 from trcvtui.tui.app import BenchApp
 

@@ -7,12 +7,12 @@ import pytest
 from tests.tui.fakes import MS, SECOND, bench_project, edge
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, CLASSES
 from trcvtui.tui.completion import complete
-from trcvtui.tui.explain import why
 from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped
-from trcvtui.tui.keys import letters_of
 from trcvtui.tui.peer_commands import send_line
+from trcvtui.tui.view_model.explain import why
+from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, CLASSES
+from trcvtui.tui.widgets.keys import letters_of
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_the_last_word_of_a_command_is_completed(line: str, completed: str | Non
 
 
 def test_every_verb_that_a_prompt_takes_is_completed() -> None:
-    from trcvtui.rig.bench import VERBS as BENCH_VERBS
+    from trcvtui.rig.commands.reader import VERBS as BENCH_VERBS
     from trcvtui.tui.completion import VERBS
 
     assert set(BENCH_VERBS) - {"wait"} <= set(VERBS), "a prompt does not wait"

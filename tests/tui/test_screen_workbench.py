@@ -15,17 +15,17 @@ from hypothesis import strategies as st
 from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
-from trcvtui.plc.project import MessageDecl, SequenceDecl
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.bench import parse_line
-from trcvtui.rig.bench_words import PeerSend
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.project.project import MessageDecl, SequenceDecl
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import PeerSend
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import CheckSnapshot, ReplySnapshot, Tally
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.cuts import Cuts, cuts_of
 from trcvtui.tui.formatting import MS
+from trcvtui.tui.panes.splits import Cuts, cuts_of
 
 SIZES = pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
 RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)

@@ -19,11 +19,11 @@ from textual.app import App
 from textual.pilot import Pilot
 from textual.widgets import Input
 
-from trcvtui.plc.project_file import load_project
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.local_driver import LocalDriver
+from trcvtui.project.file import load_project
+from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings
 
 Size = tuple[int, int]

@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from trcvtui.udt import compare_report, report
-from trcvtui.udt.codec import Data
-from trcvtui.udt.compare import Comparison, Count
-from trcvtui.udt.layout import Layout
+from trcvtui.udt import report
+from trcvtui.udt.compare import compare_report
+from trcvtui.udt.compare.compare import Comparison, Count
+from trcvtui.udt.layout.codec import Data
+from trcvtui.udt.layout.layout import Layout
 
 
 def show_text(layout: Layout) -> str:

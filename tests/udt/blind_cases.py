@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.udt.coding import coding_of
-from trcvtui.udt.encode import encode
-from trcvtui.udt.fit import Fit, fit
-from trcvtui.udt.layout import Layout, Leaf, lay_out
-from trcvtui.udt.profiles import Profile, profiles_for, shape
+from trcvtui.udt.compare.fit import Fit, fit
+from trcvtui.udt.layout.coding import coding_of
+from trcvtui.udt.layout.encode import encode
+from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
+from trcvtui.udt.layout.profiles import Profile, profiles_for, shape
 from trcvtui.udt.types import (
     DAY,
     ELEMENTARY,

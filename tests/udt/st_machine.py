@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.layout import Layout, LayoutRules, lay_out
+from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out
 
 Order = Literal["little", "big"]
 LOCAL = r"(?<!\d)#"  # before the name of a local variable in SCL

@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from trcvtui.udt.declared import (
+from trcvtui.udt.ast import (
     ArraySpec,
     Declaration,
     EnumSpec,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.formats import READERS
+from trcvtui.udt.sources import READERS
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import (
     ELEMENTARY,

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from tests.udt.blind_cases import CAUSES, FILLS, make, measure
-from trcvtui.udt.fit import fit
+from trcvtui.udt.compare.fit import fit
 
 IS_SOAK = "TRCVTUI_SOAK" in os.environ  # make soak: minutes
 FIRST_SEED = 50_000  # the points were chosen by the seeds below 2000

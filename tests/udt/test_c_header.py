@@ -10,17 +10,9 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import (
-    ArraySpec,
-    Declaration,
-    Declarations,
-    Formula,
-    PointerSpec,
-    Reference,
-    StructSpec,
-)
-from trcvtui.udt.formats.c_header import read_c
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.ast import ArraySpec, Declaration, Declarations, Formula, PointerSpec, Reference, StructSpec
+from trcvtui.udt.layout.layout import lay_out, rules_for
+from trcvtui.udt.sources.c_header import read_c
 from trcvtui.udt.type_set import join
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from tests.udt.test_fit import TELEGRAMS, TYPES
 from tests.udt.udt_strategies import layout_of
-from trcvtui.udt.c_write import c_text
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.cure.c_write import c_text
+from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 
 
 def wanted(name: str, layout: str) -> Layout:

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from tests.udt.answers import compare_json, compare_text
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.compare import Row, compare
-from trcvtui.udt.decode import decode
-from trcvtui.udt.layout import LayoutRules, lay_out, rules_for
-from trcvtui.udt.profiles import shape
+from trcvtui.udt.compare.compare import Row, compare
+from trcvtui.udt.layout.decode import decode
+from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for
+from trcvtui.udt.layout.profiles import shape
+from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.types import Member, Struct, Text
-from trcvtui.udt.value_text import value_text
 
 MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"
 CONTENT = bytes.fromhex("01 00000000000000 0000000000002940 0700 000000000000")

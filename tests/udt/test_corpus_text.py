@@ -11,8 +11,8 @@ import pytest
 
 from tests.udt.corpus import FULL, OWN, cuts, files, of_others
 from trcvtui.errors import UserError
-from trcvtui.udt.formats import READERS, decode_text, read_file, read_files
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.layout.layout import lay_out, rules_for
+from trcvtui.udt.sources import READERS, decode_text, read_file, read_files
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import Array, Struct, Type, Union, Unplaced, type_text
 

@@ -12,9 +12,9 @@ import pytest
 from tests.udt.corpus import FULL, OWN, cuts, files, needs_given, of_others
 from tests.udt.xml_writer import bare
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import Declarations
-from trcvtui.udt.formats import READERS, decode_text, read_file, read_files
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.ast import Declarations
+from trcvtui.udt.layout.layout import lay_out, rules_for
+from trcvtui.udt.sources import READERS, decode_text, read_file, read_files
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import ELEMENTARY, Array, Struct, Text
 

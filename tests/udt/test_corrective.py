@@ -9,12 +9,12 @@ from hypothesis import event, given, settings
 
 from tests.udt.test_fit import TELEGRAMS, TYPES
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.corrective import corrective, told
-from trcvtui.udt.formats.siemens import read_tia
-from trcvtui.udt.layout import LAYOUTS, Layout, LayoutRules, lay_out, rules_for
-from trcvtui.udt.padding import Unreachable
-from trcvtui.udt.placed import Leaf
-from trcvtui.udt.proof import prove
+from trcvtui.udt.cure.padded_type import corrective, told
+from trcvtui.udt.cure.proof import prove
+from trcvtui.udt.layout.layout import LAYOUTS, Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.layout.padding import Unreachable
+from trcvtui.udt.sources.siemens import read_tia
 from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import ELEMENTARY, Member, Struct, Text

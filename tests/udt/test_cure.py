@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from tests.udt.st_machine import Machine
 from tests.udt.test_fit import TELEGRAMS, TYPES, message
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.cure import cure, cure_text
-from trcvtui.udt.decode import decode
-from trcvtui.udt.fit import fit, verdict
-from trcvtui.udt.formats.siemens import read_tia
-from trcvtui.udt.formats.st import read_st
-from trcvtui.udt.layout import Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.compare.fit import fit, verdict
+from trcvtui.udt.cure.cure import cure, cure_text
+from trcvtui.udt.cure.swap import Language
+from trcvtui.udt.layout.decode import decode
+from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.renaming import ST_WORDS
+from trcvtui.udt.sources.siemens import read_tia
+from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.st_write import scl_text, st_text
-from trcvtui.udt.swap import Language
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import Array, Member, Struct
 

@@ -12,7 +12,7 @@ from tests.udt.export_types import EVERY_LAYOUT, plant
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.udt.exports import export
 from trcvtui.udt.exports.outline import fields_of, structs_of
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.types import ELEMENTARY, Member, Struct
 
 SIZES = {

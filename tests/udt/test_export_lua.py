@@ -15,17 +15,17 @@ from tests.udt.capture_file import write_capture
 from tests.udt.export_types import EVERY_LAYOUT, plant, plant_bytes
 from tests.udt.udt_strategies import layout_of, types_of
 from trcvtui.errors import UserError
-from trcvtui.net.os_kernel import OsKernel
-from trcvtui.plc.project_file import load_project
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.project.file import load_project
 from trcvtui.rig import clock, demo_path
-from trcvtui.rig.console import fresh_bench
-from trcvtui.rig.live_pace import LivePace
-from trcvtui.udt.decode import decode
-from trcvtui.udt.encode import encode
+from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.udt.exports import export
 from trcvtui.udt.exports.lua import filter_name
-from trcvtui.udt.formats import read_file
-from trcvtui.udt.layout import Layout, Leaf, lay_out, rules_for
+from trcvtui.udt.layout.decode import decode
+from trcvtui.udt.layout.encode import encode
+from trcvtui.udt.layout.layout import Layout, Leaf, lay_out, rules_for
+from trcvtui.udt.sources import read_file
 from trcvtui.udt.types import Kind, Member, Pointer, Struct, Text
 
 PORT = 2000

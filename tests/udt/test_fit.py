@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.difference import difference
-from trcvtui.udt.encode import encode
-from trcvtui.udt.fit import fit, leaders, verdict
-from trcvtui.udt.layout import Layout, LayoutRules, Leaf, lay_out, rules_for
-from trcvtui.udt.profiles import Profile, has_text, profiles_for, same_layouts, shape
+from trcvtui.udt.compare.difference import difference
+from trcvtui.udt.compare.fit import fit, leaders, verdict
+from trcvtui.udt.layout.encode import encode
+from trcvtui.udt.layout.layout import Layout, LayoutRules, Leaf, lay_out, rules_for
+from trcvtui.udt.layout.profiles import Profile, has_text, profiles_for, same_layouts, shape
 from trcvtui.udt.types import Elementary, Enumeration, Kind, Struct, Text
 
 TYPES = types_of("""

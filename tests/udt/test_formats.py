@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.udt.formats import LARGEST_FILE, READERS, decode_text, read_file, read_files
-from trcvtui.udt.formats.st import read_st
+from trcvtui.udt.sources import LARGEST_FILE, READERS, decode_text, read_file, read_files
+from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.types import ELEMENTARY, Struct
 
 DATA = Path(__file__).parent / "data"

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.udt import given
-from trcvtui.udt.given import given_bytes, given_values
+from trcvtui.udt.command import cli_input as given
+from trcvtui.udt.command.cli_input import given_bytes, given_values
 
 
 def refusal(read: object, argument: str) -> str:

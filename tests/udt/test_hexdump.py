@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.udt import hexdump as module
-from trcvtui.udt.hexdump import BLOCK, hexdump, hexdump_blocks
+from trcvtui.udt.command import hexdump as module
+from trcvtui.udt.command.hexdump import BLOCK, hexdump, hexdump_blocks
 
 NEEDS_HEXDUMP = pytest.mark.skipif(shutil.which("hexdump") is None, reason="needs the program hexdump")
 

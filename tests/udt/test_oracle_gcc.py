@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.udt.oracle_gcc import Case, Measured, cases, measured
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.layout.layout import lay_out, rules_for
 
 COUNT = int(os.environ.get("TRCVTUI_ORACLE", "300"))
 BATCH = 500

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from tests.udt.answers import decode_json, decode_text, show_json, show_text
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.errors import UserError
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
+from trcvtui.udt.layout.value_text import real_text
 from trcvtui.udt.report import encode_values
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Text
-from trcvtui.udt.value_text import real_text
 
 TELEGRAM = """TYPE Mode : (Stop, Run := 5); Telegram : STRUCT
   id : DINT; speed : REAL; ok : BOOL; bits : WORD; mode : Mode; name : STRING[4]; c : CHAR; wait : TIME;

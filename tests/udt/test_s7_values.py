@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.udt.decode import decode
-from trcvtui.udt.encode import encode
 from trcvtui.udt.iec_type import parse_type
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.layout.decode import decode
+from trcvtui.udt.layout.encode import encode
+from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
+from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.types import ELEMENTARY, Pointer, Subrange, Type
-from trcvtui.udt.value_text import value_text
 
 
 def layout_of(type_: str | Type, layout: str = "s7-standard", order: str | None = None) -> Layout:

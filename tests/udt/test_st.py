@@ -9,9 +9,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.formats import READERS, decode_text, read_file
-from trcvtui.udt.joining import MOST_NESTED
-from trcvtui.udt.layout import lay_out, rules_for
+from trcvtui.udt.layout.layout import lay_out, rules_for
+from trcvtui.udt.resolve import MOST_NESTED
+from trcvtui.udt.sources import READERS, decode_text, read_file
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, Struct, Subrange, Text, Type, type_text
 

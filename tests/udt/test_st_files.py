@@ -6,8 +6,8 @@ import pytest
 
 from tests.udt.st_texts import good, member, members, read
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.formats import READERS
-from trcvtui.udt.formats.st import read_spec, read_st
+from trcvtui.udt.sources import READERS
+from trcvtui.udt.sources.st import read_spec, read_st
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import (
     ELEMENTARY,

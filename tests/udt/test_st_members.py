@@ -6,7 +6,7 @@ import pytest
 
 from tests.udt.st_texts import INT, good, lines, member, members
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.formats.st import read_st
+from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import (
     Array,

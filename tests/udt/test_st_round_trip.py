@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.udt.st_text import Writer, declarations, placeless
-from trcvtui.udt.declared import Declaration
-from trcvtui.udt.formats.st import Parser, read_st
-from trcvtui.udt.formats.st_tokens import Source, Token
+from trcvtui.udt.ast import Declaration
+from trcvtui.udt.sources.st import Parser, read_st
+from trcvtui.udt.sources.st_tokens import Source, Token
 
 
 @given(declarations(), st.data())

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from tests.udt.answers import show_json, show_text
 from tests.udt.udt_strategies import layouts, types_of
-from trcvtui.udt import streaming
-from trcvtui.udt.decode import decode
-from trcvtui.udt.layout import MOST_LEAVES, Layout, lay_out, rules_for
-from trcvtui.udt.streaming import stream, values_of
+from trcvtui.udt.layout import streaming
+from trcvtui.udt.layout.decode import decode
+from trcvtui.udt.layout.layout import MOST_LEAVES, Layout, lay_out, rules_for
+from trcvtui.udt.layout.streaming import stream, values_of
 
 MIB = 1024 * 1024
 LIMITED = f"""import resource, sys

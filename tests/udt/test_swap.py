@@ -10,12 +10,12 @@ from tests.udt.st_machine import Machine
 from tests.udt.test_cure import ODD_NAMES
 from tests.udt.test_fit import TELEGRAMS, TYPES, message
 from tests.udt.udt_strategies import layout_of, types_of
-from trcvtui.udt.decode import decode
-from trcvtui.udt.encode import encode
-from trcvtui.udt.formats.siemens import read_tia
-from trcvtui.udt.layout import Layout, lay_out, rules_for
+from trcvtui.udt.cure.swap import Language, swap_code
+from trcvtui.udt.layout.decode import decode
+from trcvtui.udt.layout.encode import encode
+from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.renaming import st_renamed
-from trcvtui.udt.swap import Language, swap_code
+from trcvtui.udt.sources.siemens import read_tia
 from trcvtui.udt.type_set import join
 
 OTHER = {"little": "big", "big": "little"}

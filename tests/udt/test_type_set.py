@@ -6,9 +6,9 @@ import pytest
 
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
-from trcvtui.udt.formats.st import read_st
 from trcvtui.udt.iec_type import parse_type
-from trcvtui.udt.joining import MOST_NESTED
+from trcvtui.udt.resolve import MOST_NESTED
+from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import ELEMENTARY, Array, Text
 

@@ -6,11 +6,11 @@ import pytest
 
 from tests.udt.xml_writer import bare
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import Declarations, Reference, StructSpec
-from trcvtui.udt.formats import decode_text, xml_source
-from trcvtui.udt.formats.st import read_st
-from trcvtui.udt.formats.xml_file import read_xml_file, refuse_export
-from trcvtui.udt.formats.xml_source import MOST_DEPTH, read_xml
+from trcvtui.udt.ast import Declarations, Reference, StructSpec
+from trcvtui.udt.sources import decode_text, xml_source
+from trcvtui.udt.sources.st import read_st
+from trcvtui.udt.sources.xml_file import read_xml_file, refuse_export
+from trcvtui.udt.sources.xml_source import MOST_DEPTH, read_xml
 
 OPENNESS = """<?xml version="1.0" encoding="utf-8"?>
 <Document><Engineering version="V21" />

@@ -7,7 +7,7 @@ from hypothesis import strategies as hyp
 
 from tests.udt.xml_writer import bare, in_openness, in_plcopen, in_st
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import (
+from trcvtui.udt.ast import (
     ArraySpec,
     Declaration,
     EnumSpec,
@@ -20,8 +20,8 @@ from trcvtui.udt.declared import (
     StructSpec,
     TextSpec,
 )
-from trcvtui.udt.formats.st import read_st
-from trcvtui.udt.formats.xml_file import read_xml_file
+from trcvtui.udt.sources.st import read_st
+from trcvtui.udt.sources.xml_file import read_xml_file
 from trcvtui.udt.types import ROWS, Kind, Text
 
 WHOLE = [row.name for row in ROWS if row.kind in (Kind.INTEGER, Kind.BITS) and row.name != "BIT"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.sax.saxutils import escape, quoteattr
 
-from trcvtui.udt.declared import (
+from trcvtui.udt.ast import (
     ArraySpec,
     Declaration,
     Declarations,

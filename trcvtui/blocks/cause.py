@@ -8,7 +8,7 @@ from enum import StrEnum
 from operator import attrgetter
 from typing import Any, Final
 
-from trcvtui.net.answers import Fault
+from trcvtui.net.results import Fault
 
 
 class Why(StrEnum):

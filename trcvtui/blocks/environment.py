@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.serial_notes import SerialNote
-from trcvtui.net.resources import Resources
+from trcvtui.blocks.serial_events import SerialNote
+from trcvtui.net.connection.resources import Resources
 
 
 class JobStarted(NamedTuple):

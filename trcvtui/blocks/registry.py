@@ -21,16 +21,16 @@ from trcvtui.blocks.single.trcv import Trcv as SingleTrcv
 from trcvtui.blocks.single.tsend import Tsend as SingleTsend
 from trcvtui.blocks.single.turcv import Turcv
 from trcvtui.blocks.single.tusend import Tusend
-from trcvtui.blocks.t_reset import TReset
-from trcvtui.blocks.tcon import Tcon
-from trcvtui.blocks.tdiscon import Tdiscon
-from trcvtui.blocks.trcv import Trcv
-from trcvtui.blocks.trcv_c import TrcvC
-from trcvtui.blocks.tsend import Tsend
-from trcvtui.blocks.tsend_c import TsendC
-from trcvtui.blocks.udp_binding import UdpBinding
-from trcvtui.blocks.urecv_c import UrecvC
-from trcvtui.blocks.usend_c import UsendC
+from trcvtui.blocks.tcp.t_reset import TReset
+from trcvtui.blocks.tcp.tcon import Tcon
+from trcvtui.blocks.tcp.tdiscon import Tdiscon
+from trcvtui.blocks.tcp.trcv import Trcv
+from trcvtui.blocks.tcp.trcv_c import TrcvC
+from trcvtui.blocks.tcp.tsend import Tsend
+from trcvtui.blocks.tcp.tsend_c import TsendC
+from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.blocks.udp.urecv_c import UrecvC
+from trcvtui.blocks.udp.usend_c import UsendC
 
 BLOCKS: Final[Mapping[str, Callable[[Binding], Block]]] = {
     "TRCV_C": TrcvC,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.course import Course
 from trcvtui.blocks.parameters import Pin
-from trcvtui.net.policy import Policy
+from trcvtui.blocks.status_sequence import Course
+from trcvtui.net.connection.policy import Policy
 
 
 class NotConnected(Enum):

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.dialects.baosky import BAOSKY
+from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect
-from trcvtui.dialects.siemens import S7_1200, S7_1500
-from trcvtui.dialects.siemens_legacy import S7_1200_LEGACY
-from trcvtui.dialects.twincat import TWINCAT
+from trcvtui.dialects.siemens.legacy import S7_1200_LEGACY
+from trcvtui.dialects.siemens.rules import S7_1200, S7_1500
+from trcvtui.dialects.twincat.rules import TWINCAT
 
 DIALECTS: Final[dict[str, Dialect]] = {
     dialect.name: dialect for dialect in (BAOSKY, S7_1500, S7_1200, S7_1200_LEGACY, TWINCAT)

@@ -11,19 +11,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, NewType, Protocol
 
-from trcvtui.net.answers import HELD_BACK as HELD_BACK
-from trcvtui.net.answers import WOULD_BLOCK as WOULD_BLOCK
-from trcvtui.net.answers import Datagram as Datagram
-from trcvtui.net.answers import Endpoint as Endpoint
-from trcvtui.net.answers import Fault as Fault
-from trcvtui.net.answers import WouldBlock as WouldBlock
-from trcvtui.net.session import Settings
+from trcvtui.net.layer import Settings
+from trcvtui.net.results import HELD_BACK as HELD_BACK
+from trcvtui.net.results import WOULD_BLOCK as WOULD_BLOCK
+from trcvtui.net.results import Datagram as Datagram
+from trcvtui.net.results import Endpoint as Endpoint
+from trcvtui.net.results import Fault as Fault
+from trcvtui.net.results import WouldBlock as WouldBlock
 
 Handle = NewType("Handle", int)
 
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 
-# The calls that a fault plan can make fail; `buffer` and `queue` are the PLC's own (net/resources.py).
+# The calls that a fault plan can make fail; `buffer` and `queue` are the PLC's own (net/connection/resources.py).
 CALLS: Final = (
     "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "resolve", "connect",
     "recv", "send", "shutdown", "abort", "close", "buffer", "queue",

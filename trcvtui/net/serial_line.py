@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from trcvtui.net.answers import Fault
+from trcvtui.net.results import Fault
 
 # The calls that a fault plan can make fail, beside those of the network.
 SERIAL_CALLS: Final = ("open", "read", "write")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.net.answers import Fault
 from trcvtui.net.faults import FaultPlan
+from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import Opening, SerialPort
 
 MOST_WAITING: Final = 1_048_576  # bytes on a simulated line, whose sender nobody can slow

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.net.notes import What
+from trcvtui.net.events import What
 
 NS_A_UNIT: Final = 20_000  # of the interval
 FEWEST: Final = 32  # units of a scan, however short

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.net.udp_config import AddrParam, UdpConfig
-from trcvtui.plc.project import ComBufferDecl, DataDecl, InstanceDecl
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
+from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
 
 PinValue = bool | int
 

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
-from trcvtui.blocks.serial_notes import SerialNote
-from trcvtui.net.notes import BytesDropped, BytesReceived, BytesSent, ConnectionNote
+from trcvtui.blocks.serial_events import SerialNote
+from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionNote
 
 KEPT_LINES: Final = 20_000
 

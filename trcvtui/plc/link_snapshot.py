@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trcvtui.net.connection import Connection, State
+from trcvtui.net.connection.connection import Connection, State
 from trcvtui.plc.snapshot import ConnectionSnapshot
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.serial.com_buffer import ComBuffer
-from trcvtui.net.answers import Fault
+from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import Opening, SerialPort
 
 RETRY_NS: Final = 1_000_000_000

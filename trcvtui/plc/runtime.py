@@ -17,17 +17,18 @@ from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
-from trcvtui.blocks.udp_binding import UdpBinding
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.net.connection import Connection, State
-from trcvtui.net.datagram_connection import connection_of
+from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.connection import Connection, State
+from trcvtui.net.connection.resources import Resources
+from trcvtui.net.connection.udp_config import AddrParam, RemoteAddress, UdpConfig
+from trcvtui.net.connection.udp_connection import connection_of
+from trcvtui.net.connection.udp_port import UdpPort
+from trcvtui.net.events import ConnectionNote, What
 from trcvtui.net.kernel import Handle
-from trcvtui.net.notes import ConnectionNote, What
-from trcvtui.net.resources import Resources
+from trcvtui.net.layers.layer_kernel import Stirring
 from trcvtui.net.serial_line import SerialPorts
-from trcvtui.net.session_kernel import Stirring
-from trcvtui.net.udp_config import AddrParam, RemoteAddress, UdpConfig
-from trcvtui.net.udp_port import UdpPort
+from trcvtui.plc.call_order import Roster
 from trcvtui.plc.commands import (
     BlinkInput,
     Command,
@@ -50,12 +51,11 @@ from trcvtui.plc.elements import elements_of, text_lens_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.link_snapshot import connection_snapshot
-from trcvtui.plc.project import ComBufferDecl, DataDecl, InstanceDecl, Project
-from trcvtui.plc.roster import Roster
 from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import ConnectionSnapshot, FramerSnapshot, SentBytes, Snapshot
 from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
 from trcvtui.plc.variables import area_of, data_snapshot
+from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
 
 T = TypeVar("T")
 

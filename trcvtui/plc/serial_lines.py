@@ -18,16 +18,16 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
-from trcvtui.blocks.serial_notes import SerialNote
-from trcvtui.net.connection import Connection
+from trcvtui.blocks.serial_events import SerialNote
+from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import OVER_TCP, SerialPorts
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.port_feed import PortFeed
-from trcvtui.plc.project import ComBufferDecl, InstanceDecl
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.plc.stream_drain import StreamDrain
 from trcvtui.plc.stream_feed import StreamFeed
+from trcvtui.project.project import ComBufferDecl, InstanceDecl
 
 STREAM: Final = "tcp"  # what a recording says of a source that is a TRCV_C
 CABLE: Final = "cable"

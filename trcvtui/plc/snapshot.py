@@ -10,7 +10,7 @@ from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.framing.marks import FrameMarks, Tally
 from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES
 from trcvtui.blocks.parameters import SENDERS as SENDERS
-from trcvtui.net.answers import Fault
+from trcvtui.net.results import Fault
 
 
 @dataclass(frozen=True, slots=True)

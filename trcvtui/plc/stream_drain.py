@@ -12,7 +12,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.serial.com_buffer import ComBuffer
-from trcvtui.net.connection import Connection, State
+from trcvtui.net.connection.connection import Connection, State
 
 READY: Final = (Condition.CONNECTED, Condition.SENT)  # what the last call showed, where REQ may rise
 

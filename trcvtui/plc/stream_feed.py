@@ -11,7 +11,7 @@ from trcvtui.blocks.block import Job
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.serial.com_buffer import ComBuffer
-from trcvtui.net.connection import Connection, State
+from trcvtui.net.connection.connection import Connection, State
 
 
 class StreamFeed:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from trcvtui.net.udp_config import RemoteAddress
-from trcvtui.net.udp_port import UdpPort
+from trcvtui.net.connection.udp_config import RemoteAddress
+from trcvtui.net.connection.udp_port import UdpPort
 from trcvtui.plc.snapshot import AddrSnapshot, ConnectionSnapshot
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.plc.elements import elements_of, text_lens_of
-from trcvtui.plc.project import DataDecl
 from trcvtui.plc.snapshot import DataSnapshot
+from trcvtui.project.project import DataDecl
 
 
 def area_of(decl: DataDecl) -> DataArea:

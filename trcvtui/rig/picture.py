@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.rig.facts import Facts
-from trcvtui.rig.history_window import HistoryRequest, HistoryWindow
+from trcvtui.rig.history.facts import Facts
+from trcvtui.rig.history.waveform_delta import WaveNews
+from trcvtui.rig.history.window import HistoryRequest, HistoryWindow
 from trcvtui.rig.snapshots import Answer, EngineTiming, Fired, PeerSnapshot, PlayerSnapshot, TrialSnapshot
-from trcvtui.rig.wave_news import WaveNews
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
-    from trcvtui.plc.project import Project
+    from trcvtui.project.project import Project
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,11 @@ from trcvtui.blocks.parameters import (
     Pin,
 )
 from trcvtui.errors import mistake
-from trcvtui.net.connect_config import ConnectConfig
-from trcvtui.net.udp_config import AddrParam
-from trcvtui.plc.initial_values import REMARK, Initial, declaration, declaration_of_addr, record
-from trcvtui.plc.names import expected_name
-from trcvtui.plc.project import InstanceDecl, Project
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.udp_config import AddrParam
+from trcvtui.project.initial_values import REMARK, Initial, declaration, declaration_of_addr, record
+from trcvtui.project.names import expected_name
+from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.udt.literals import format_time
 
 PinValue = bool | int

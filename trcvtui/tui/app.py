@@ -20,24 +20,24 @@ from textual.screen import Screen
 from textual.widget import AwaitMount
 
 from trcvtui.files import close_files
-from trcvtui.plc.project import Project
-from trcvtui.rig.driver import Driver, EngineStopped
+from trcvtui.project.project import Project
+from trcvtui.rig.engine.driver import Driver, EngineStopped
 from trcvtui.rig.wording import count
-from trcvtui.tui.keystrokes import obey
 from trcvtui.tui.lab_words import LAB, is_for_lab
+from trcvtui.tui.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.messages import RaceWanted
 from trcvtui.tui.read_only import REFUSED, may_open, may_say
-from trcvtui.tui.scene import Scene
-from trcvtui.tui.screens.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.settings import Settings, load_settings
-from trcvtui.tui.theme import THEMES
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.keystrokes import obey
+from trcvtui.tui.widgets.theme import THEMES
 
 if TYPE_CHECKING:
-    from trcvtui.tui.lab import Lab
-    from trcvtui.tui.screens.framings import FramingScreen
-    from trcvtui.tui.screens.lab import LabScreen
-    from trcvtui.tui.screens.race import RaceScreen
-    from trcvtui.tui.screens.scenarios import ScenariosScreen
+    from trcvtui.tui.framings.screen import FramingScreen
+    from trcvtui.tui.lab.screen import LabScreen
+    from trcvtui.tui.lab_model.lab import Lab
+    from trcvtui.tui.race.screen import RaceScreen
+    from trcvtui.tui.scenarios.screen import ScenariosScreen
 
 FRAME_S: Final = 1 / 20
 HANG_UP_S: Final = 1.0
@@ -272,9 +272,9 @@ class BenchApp(App[None]):
     # -- scenarios ----------------------------------------------------------------------------------
 
     def _open_scenarios(self) -> None:
-        from trcvtui.rig.scenario_files import find_files  # read when first asked for
-        from trcvtui.tui.library import Library
-        from trcvtui.tui.screens.scenarios import ScenariosScreen
+        from trcvtui.rig.scenario.files import find_files  # read when first asked for
+        from trcvtui.tui.scenarios.scenario_list_model import Library
+        from trcvtui.tui.scenarios.screen import ScenariosScreen
 
         if self.scenarios is None and not self.last_words:
             player = self.scene.picture.player if self.scene.picture is not None else None
@@ -301,8 +301,8 @@ class BenchApp(App[None]):
         self.submit(LAB)
 
     def _open_lab(self, line: str) -> None:
-        from trcvtui.tui.lab import Lab  # read when first asked for
-        from trcvtui.tui.screens.lab import LabScreen
+        from trcvtui.tui.lab.screen import LabScreen
+        from trcvtui.tui.lab_model.lab import Lab  # read when first asked for
 
         if self.lab is not None or self.scenarios is not None or self.last_words:
             return
@@ -324,7 +324,7 @@ class BenchApp(App[None]):
 
     def on_description_wanted(self) -> None:
         """Show the connection description of the selected instance, where there is any."""
-        from trcvtui.tui.screens.description import DescriptionScreen  # read when first asked for
+        from trcvtui.tui.forms.description import DescriptionScreen  # read when first asked for
 
         configs = [each for each in self.scene.project.connects if each.description is not None]
         instance = self.scene.instance
@@ -346,7 +346,7 @@ class BenchApp(App[None]):
 
     def open_race(self, path: Path | None) -> None:
         """Race a scenario file, or with None the session, through several dialects."""
-        from trcvtui.tui.screens.race import RaceScreen  # read when first asked for
+        from trcvtui.tui.race.screen import RaceScreen  # read when first asked for
 
         if self.refuses():
             return
@@ -368,7 +368,7 @@ class BenchApp(App[None]):
 
     def action_framings(self) -> None:
         """Open the advice on how the bytes of a ComBuffer may be cut into frames."""
-        from trcvtui.tui.screens.framings import FramingScreen  # read when first asked for
+        from trcvtui.tui.framings.screen import FramingScreen  # read when first asked for
 
         if self.screen is not self.main or self.refuses():
             return
@@ -387,7 +387,7 @@ class BenchApp(App[None]):
 
     def action_add(self, kind: str) -> None:
         """Open the form for what is added to the project."""
-        from trcvtui.tui.widgets.add_screen import AddScreen  # read when first asked for
+        from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
         if self.screen is self.main:
             self.push_screen(AddScreen(lambda: self.scene.project, kind, {}), self._added)
@@ -409,7 +409,7 @@ class BenchApp(App[None]):
 
     def action_picture(self) -> None:
         """Save the screen as SVG and tell where."""
-        from trcvtui.tui.taking import take_picture  # read when first asked for
+        from trcvtui.tui.copying.taking import take_picture  # read when first asked for
 
         if not self.is_web and self.refuses():  # a browser gets the picture, no file is written
             return

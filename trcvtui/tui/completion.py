@@ -7,11 +7,11 @@ from typing import Final
 
 from textual.suggester import Suggester
 
-from trcvtui.plc.project import Project
-from trcvtui.plc.project_edit import kinds_named, names_of
 from trcvtui.plc.wired_pins import buffer_pin, mark_pins
-from trcvtui.rig.bench_peer import VERBS as PEER_VERBS
-from trcvtui.tui.add_fields import BARE, KINDS, fields_of, first_name
+from trcvtui.project.edit import kinds_named, names_of
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.peer import VERBS as PEER_VERBS
+from trcvtui.tui.forms.add_fields import BARE, KINDS, fields_of, first_name
 
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
@@ -214,9 +214,9 @@ def _after_resize(words: list[str], project: Project) -> Iterable[str]:
 
 
 def _after_udt(words: list[str], project: Project) -> Iterable[str]:
-    from trcvtui.tui.lab import PROFILE_WORDS  # read when first asked for
-    from trcvtui.tui.lab_bytes import SOURCES
-    from trcvtui.tui.lab_lines import WORDS
+    from trcvtui.tui.lab_model.lab import PROFILE_WORDS  # read when first asked for
+    from trcvtui.tui.lab_model.lab_bytes import SOURCES
+    from trcvtui.tui.lab_model.lab_lines import WORDS
 
     if len(words) == 1:
         return WORDS

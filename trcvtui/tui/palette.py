@@ -10,13 +10,13 @@ from textual.app import SystemCommand
 
 from trcvtui.plc.wired_pins import buffer_pin
 from trcvtui.rig import demo_path
-from trcvtui.tui.add_fields import TITLES
 from trcvtui.tui.formatting import plain
+from trcvtui.tui.forms.add_fields import TITLES
+from trcvtui.tui.main import RACE, MainScreen
 from trcvtui.tui.messages import InstanceSelected, PeerSelected
 from trcvtui.tui.palette_keys import PANES, commands_of_keys
 from trcvtui.tui.peer_commands import SEND, buttons_for
-from trcvtui.tui.scene import Scene
-from trcvtui.tui.screens.main import RACE, MainScreen
+from trcvtui.tui.view_model.view_model import Scene
 
 
 class Reach(NamedTuple):
@@ -78,7 +78,7 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
     for kind, what in TITLES.items():
         about = f"add {kind} …: a form" + (" · key A" if kind == "instance" else "")
         yield SystemCommand(f"Add {what}", about, partial(bench.add, kind))
-    from trcvtui.tui.change_fields import parts_at_hand
+    from trcvtui.tui.forms.change_fields import parts_at_hand
 
     about = "a part of the project: its form, or `remove` · key E"
     yield SystemCommand("Change or remove …", about, bench.main.action_change)
@@ -171,7 +171,7 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
 
 
 def _of_taking(bench: Reach) -> Iterator[SystemCommand]:
-    from trcvtui.tui.yank import FORMATS
+    from trcvtui.tui.copying.copy_formats import FORMATS
 
     yield SystemCommand("Yank …", "a menu of all formats · key y", bench.main.action_yank)
     for form in FORMATS:

@@ -14,7 +14,7 @@ from textual.dom import DOMNode
 from textual.keys import format_key
 from textual.widget import Widget
 
-from trcvtui.tui.screens.main import MainScreen
+from trcvtui.tui.main import MainScreen
 
 PANES: Final = {
     1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",

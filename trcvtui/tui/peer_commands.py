@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.plc.project import Project
-from trcvtui.rig.bench_trial import RECEIVES
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.trial import RECEIVES
 from trcvtui.rig.snapshots import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')

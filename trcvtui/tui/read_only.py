@@ -21,8 +21,8 @@ def may_open(screen: object) -> bool:
     """Return whether a screen may be opened above the panes: it shows, and opens no file."""
     from textual.command import CommandPalette
 
-    from trcvtui.tui.screens.description import DescriptionScreen
-    from trcvtui.tui.screens.help import HelpScreen
-    from trcvtui.tui.screens.main import MainScreen
+    from trcvtui.tui.forms.description import DescriptionScreen
+    from trcvtui.tui.main import MainScreen
+    from trcvtui.tui.widgets.help import HelpScreen
 
     return isinstance(screen, MainScreen | HelpScreen | DescriptionScreen | CommandPalette)

@@ -20,9 +20,9 @@ from textual.binding import Binding, BindingType
 from textual.keys import Keys, _character_to_key, format_key
 
 from trcvtui.files import read_bytes
-from trcvtui.plc.names import expected_name
-from trcvtui.plc.tables import shown
-from trcvtui.tui.theme import THEMES
+from trcvtui.project.names import expected_name
+from trcvtui.project.tables import shown
+from trcvtui.tui.widgets.theme import THEMES
 
 FEW_COLOURS: Final = (None, "standard")
 COLOUR_SYSTEMS: Final[tuple[Literal["standard", "256", "truecolor"], ...]] = ("standard", "256", "truecolor")

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.udt.declared import Constant, Number
+from trcvtui.udt.ast import Constant, Number
 from trcvtui.udt.formula import evaluate, plain_name
 
 DEEPEST = 12  # constants that are made of constants below them in the file

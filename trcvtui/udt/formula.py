@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.declared import Formula, Number
+from trcvtui.udt.ast import Formula, Number
 from trcvtui.udt.literals import parse_integer
 from trcvtui.udt.types import ELEMENTARY
 from trcvtui.udt.words import NAME

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trcvtui.udt.formats.st import read_spec
+from trcvtui.udt.sources.st import read_spec
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, build
 from trcvtui.udt.types import Type
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from trcvtui.udt.rules import LayoutRules
+from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.type_set import TypeSet
 from trcvtui.udt.types import Array, Enumeration, Struct, Type, Union
 

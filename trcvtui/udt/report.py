@@ -7,14 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, repeat
 
 from trcvtui.errors import one_line
-from trcvtui.udt.codec import Data
-from trcvtui.udt.coding import Value
-from trcvtui.udt.encode import encode
-from trcvtui.udt.layout import Layout, Leaf
-from trcvtui.udt.placed import PlacedLeaf
-from trcvtui.udt.streaming import pages, stream, values_of
+from trcvtui.udt.layout.codec import Data
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.encode import encode
+from trcvtui.udt.layout.layout import Layout, Leaf
+from trcvtui.udt.layout.layout_tree import PlacedLeaf
+from trcvtui.udt.layout.streaming import pages, stream, values_of
+from trcvtui.udt.layout.value_text import NO_DATA, special_text, value_text
 from trcvtui.udt.types import Enumeration, Pointer, Text, type_text
-from trcvtui.udt.value_text import NO_DATA, special_text, value_text
 
 Row = tuple[str, ...]
 

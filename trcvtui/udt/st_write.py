@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from trcvtui.udt.layout import lay_out
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.renaming import is_st_word, st_renamed, st_word
-from trcvtui.udt.rules import S7
 from trcvtui.udt.types import (
     Array,
     Enumeration,

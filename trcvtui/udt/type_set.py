@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.udt.ast import Declarations, Spec
 from trcvtui.udt.constants import Constants
-from trcvtui.udt.declared import Declarations, Spec
-from trcvtui.udt.joining import KNOWN, Joining, unknown_name
-from trcvtui.udt.joining import MOST_NESTED as MOST_NESTED
+from trcvtui.udt.resolve import KNOWN, Joining, unknown_name
+from trcvtui.udt.resolve import MOST_NESTED as MOST_NESTED
 from trcvtui.udt.types import Type
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.serial.recording import Recorder
-from trcvtui.blocks.serial_notes import BytesArrived, BytesLost, LineHeld, SerialNote
+from trcvtui.blocks.serial_events import BytesArrived, BytesLost, LineHeld, SerialNote
 
 ROOM: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
 MOST_ENDS: Final = 64

@@ -16,7 +16,7 @@ from trcvtui.blocks.framing.framer import KEPT_NOISE, Framer
 from trcvtui.blocks.framing.marks import NO_FRAMES, FrameMarks, marks_of
 from trcvtui.blocks.outcome import Lamp, Outcome
 from trcvtui.blocks.serial.serial_binding import SerialBinding
-from trcvtui.blocks.serial_notes import FrameEnded, NoiseDropped, PartDropped
+from trcvtui.blocks.serial_events import FrameEnded, NoiseDropped, PartDropped
 
 FRAMES: Final[Mapping[Ending, Condition]] = {
     Ending.SUFFIX: Condition.FRAME_RECEIVED,

@@ -9,12 +9,12 @@ from typing import Final
 from trcvtui.blocks.block import Job
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.course import Course
-from trcvtui.blocks.losses import loss_cause
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.answers import Fault
-from trcvtui.net.connection_loss import ConnectionLoss, LossKind
-from trcvtui.net.udp_port import UdpPort
+from trcvtui.blocks.status_sequence import Course
+from trcvtui.blocks.tcp.loss_status import loss_cause
+from trcvtui.net.connection.loss import ConnectionLoss, LossKind
+from trcvtui.net.connection.udp_port import UdpPort
+from trcvtui.net.results import Fault
 
 IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
 REQ_ROSE: Final = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)

@@ -10,11 +10,11 @@ from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import changed
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
-from trcvtui.net.connection import Connection, State
-from trcvtui.net.description import Description
+from trcvtui.blocks.tcp.job_checks import changed
+from trcvtui.net.connection.connection import Connection, State
+from trcvtui.net.connection.description import Description
 
 # InterfaceId, ID, ConnectionType, ActiveEstablished, State, Kind, SentBytes, ReceivedBytes.
 STATUS: Final = struct.Struct(">HHBBBBII")

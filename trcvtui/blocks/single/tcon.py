@@ -7,15 +7,15 @@ from typing import Final
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.connection_part import established, set_up_failed
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.job_checks import in_use, rival_of
-from trcvtui.blocks.losses import loss_cause
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
-from trcvtui.net.connection import State
-from trcvtui.net.connection_loss import LossKind
-from trcvtui.net.set_up import Stage, StepFault
+from trcvtui.blocks.tcp.connection_control import established, set_up_failed
+from trcvtui.blocks.tcp.job_checks import in_use, rival_of
+from trcvtui.blocks.tcp.loss_status import loss_cause
+from trcvtui.net.connection.connection import State
+from trcvtui.net.connection.loss import LossKind
+from trcvtui.net.connection.set_up import Stage, StepFault
 
 IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the connection is there", pin="REQ", value=1)
 STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")

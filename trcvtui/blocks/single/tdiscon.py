@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from trcvtui.blocks import closing
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
-from trcvtui.net.connection import State
+from trcvtui.blocks.tcp import disconnect_reset as closing
+from trcvtui.net.connection.connection import State
 
 STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
 

@@ -9,14 +9,14 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.link_view import LinkView
-from trcvtui.blocks.not_connected import not_connected
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.receive_job import ReceiveJob
 from trcvtui.blocks.single.steps import end_of_job, shown_as
-from trcvtui.blocks.told_once import ToldOnce
-from trcvtui.net.connection import State
-from trcvtui.net.connection_loss import ConnectionLoss
+from trcvtui.blocks.tcp.fault_repeat import ToldOnce
+from trcvtui.blocks.tcp.known_connection import LinkView
+from trcvtui.blocks.tcp.not_connected import not_connected
+from trcvtui.blocks.tcp.receive_job import ReceiveJob
+from trcvtui.net.connection.connection import State
+from trcvtui.net.connection.loss import ConnectionLoss
 
 
 class Trcv:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
-from trcvtui.blocks.link_view import LinkView
-from trcvtui.blocks.not_connected import not_connected
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.send_job import SendJob
 from trcvtui.blocks.single.steps import IDLE, end_of_job, shown_as
-from trcvtui.net.connection_loss import ConnectionLoss
+from trcvtui.blocks.tcp.known_connection import LinkView
+from trcvtui.blocks.tcp.not_connected import not_connected
+from trcvtui.blocks.tcp.send_job import SendJob
+from trcvtui.net.connection.loss import ConnectionLoss
 
 
 class Tsend:

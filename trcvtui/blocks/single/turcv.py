@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.addressed import wrong_structure
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import no_socket, shown_as
-from trcvtui.blocks.udp_binding import UdpBinding
-from trcvtui.blocks.urecv_c import DatagramIn
+from trcvtui.blocks.tcp.addressed import wrong_structure
+from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.blocks.udp.urecv_c import DatagramIn
 
 
 class Turcv:

@@ -5,14 +5,14 @@ The UDP_CONFIG stands for a connection that the CPU has established: its socket 
 
 from __future__ import annotations
 
-from trcvtui.blocks.addressed import no_target
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, no_socket, shown_as
-from trcvtui.blocks.udp_binding import UdpBinding
-from trcvtui.blocks.usend_c import DatagramOut
+from trcvtui.blocks.tcp.addressed import no_target
+from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.blocks.udp.usend_c import DatagramOut
 
 
 class Tusend:

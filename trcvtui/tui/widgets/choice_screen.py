@@ -11,8 +11,8 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 
 from trcvtui.tui.formatting import clip, pad, plain
-from trcvtui.tui.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.line_view import LineView, Row, row
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
 
 NAME: Final = 30
 

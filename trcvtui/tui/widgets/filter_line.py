@@ -11,7 +11,7 @@ from textual.containers import Horizontal
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.tui.keystrokes import TypedField
+from trcvtui.tui.widgets.keystrokes import TypedField
 
 
 class FilterInput(TypedField):

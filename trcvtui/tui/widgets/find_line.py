@@ -12,7 +12,7 @@ from textual.widgets import Input, Static
 
 from trcvtui.errors import UserError
 from trcvtui.tui.formatting import plain
-from trcvtui.tui.keystrokes import TypedField
+from trcvtui.tui.widgets.keystrokes import TypedField
 from trcvtui.udt.byte_search import Wanted, wanted
 
 HINT = '29 00 · "abc" · =1234 · =1.5'

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from trcvtui.tui.formatting import clip, count, plain, short_time
-from trcvtui.tui.scene import Scene
+from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
 

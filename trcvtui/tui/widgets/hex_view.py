@@ -8,10 +8,10 @@ from typing import ClassVar, Final
 
 from textual import events
 
-from trcvtui.rig.history_window import Before
-from trcvtui.tui.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
-from trcvtui.tui.frame_marks import OLD, Marked
+from trcvtui.rig.history.window import Before
 from trcvtui.tui.messages import ByteSelected
+from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
+from trcvtui.tui.widgets.frame_marks import OLD, Marked
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_search import all_in, first_in, last_in
 

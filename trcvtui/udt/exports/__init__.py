@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.udt.layout import Layout
+from trcvtui.udt.layout.layout import Layout
 
 PORTS: Final = range(1, 65_536)
 

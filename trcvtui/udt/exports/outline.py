@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from trcvtui.errors import mistake
-from trcvtui.udt.layout import Layout
-from trcvtui.udt.placed import Node, PlacedArray, PlacedLeaf, PlacedStruct
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.types import Array, Struct, Type, Union
 
 BASE_NAME = "base"  # of the part without a name: what the type EXTENDS

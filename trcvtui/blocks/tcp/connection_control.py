@@ -1,0 +1,318 @@
+"""What CONT and COM_RST do, scan by scan: the part of a _C block that it shares with every other.
+
+Rule 1: inputs are judged before the network is looked at (design 6, rows 14 and 24).
+Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import replace
+from enum import Enum, auto
+
+from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.status_sequence import Course
+from trcvtui.blocks.tcp import disconnect_reset as closing
+from trcvtui.blocks.tcp.connect_in_use import KeptOff
+from trcvtui.blocks.tcp.one_shot_cont import ContLevel
+from trcvtui.net.connection.connection import Connection, State
+from trcvtui.net.connection.loss import LossKind
+from trcvtui.net.connection.ownership import Claim
+from trcvtui.net.connection.set_up import Stage, StepFault
+
+
+class Phase(Enum):
+    """Which stretch of the connection's life the block is showing."""
+
+    IDLE = auto()
+    STARTING = auto()
+    CONNECTING = auto()
+    CONNECTED = auto()
+
+
+class ConnectionPart:
+    """Show a connection's life on STATUS; `call` answers None when the job may decide."""
+
+    def __init__(
+        self,
+        env: Environment,
+        connection: Connection,
+        claim: Claim,
+        has_addr: bool = True,
+        level: ContLevel | None = None,
+    ) -> None:
+        self.phase = Phase.IDLE
+        self.incarnation = 0
+        self.waits = 0  # how many scans of 7002 have been shown since connecting began
+        self._env = env
+        self._course = env.rules.course
+        self._connection = connection
+        self._claim = claim
+        self._has_addr = has_addr
+        self._asks = False
+        self._job_error: Condition | None = None
+        self._script: deque[Outcome] = deque()
+        self.cont = False
+        self._level = level or ContLevel(None)
+        self._com_rst = False
+        self._close_wanted = False
+        self._reset_wanted = False
+        self._queued = False
+        self._kept_off = KeptOff(env, connection, claim)
+        self._wait: tuple[tuple[str, str, str, bool], Outcome] | None = None
+
+    def stands(self) -> bool:
+        """Return whether the connection stands, and inputs that have not changed leave all to the job."""
+        return (
+            self.phase is Phase.CONNECTED
+            and self._connection.is_up
+            and self._connection.incarnation == self.incarnation
+            and self.cont
+            and not self._reset_wanted
+            and not self._script
+        )
+
+    @property
+    def is_closing(self) -> bool:
+        """Return whether something of a close is still to be shown."""
+        return not self.cont and (bool(self._script) or self._close_wanted)
+
+    def call(
+        self, cont: bool, com_rst: bool, asks: bool = False, job_error: Condition | None = None
+    ) -> Outcome | None:
+        """Answer for this scan, or None while connected and undisturbed.
+
+        `asks`: a job waits for the connection; `job_error`: what a reset shows first, for a job that runs.
+        """
+        self._asks, self._job_error = asks, job_error
+        rose, fell = cont and not self.cont, self.cont and not cont
+        self._reset_wanted |= com_rst and not self._com_rst and self.phase is Phase.CONNECTED
+        self.cont, self._com_rst = cont, com_rst
+        if fell or (self._close_wanted and not cont):
+            return self._close()
+        if rose and not self._script:  # else a close that has begun ends first (row 26)
+            return self._start()
+        if not cont:
+            return self._script.popleft() if self._script else self._level.idle
+        return self._hold()
+
+    def _hold(self) -> Outcome | None:
+        reset = self._reset() if self._reset_wanted else None
+        if reset is not None:
+            return reset
+        if self._script and not self._asks and self._script[0].condition is self._course.still_asked:
+            self._script.popleft()
+        if self._script:
+            return self._script.popleft()
+        if self.phase is Phase.IDLE:
+            return self._start()
+        if self._kept_off.rival:
+            return self._go_on_kept_off()
+        if self.phase is Phase.STARTING:
+            return self._go_on_starting()
+        if self.phase is Phase.CONNECTING:
+            return self._go_on_connecting()
+        return None
+
+    # -- CONT rises ---------------------------------------------------------------------------
+
+    def _start(self) -> Outcome:
+        self._script.clear()
+        self._close_wanted = self._reset_wanted = False
+        if self._kept_off.begin():
+            self.phase, self._queued = Phase.STARTING, False
+            return self._begun()
+        self._connection.keeping.hold(self._claim)
+        if self._connection.state is not State.CLOSED:
+            return self.wait("another block has opened the connection")
+        fault = self._connection.open(self._has_addr)
+        self.phase, self._queued = Phase.STARTING, fault is None
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        return self._begun()
+
+    def _begun(self) -> Outcome:
+        return Outcome(Condition.CREATING, self._level.begins)
+
+    def _go_on_kept_off(self) -> Outcome:
+        refused = self._kept_off.look()
+        if refused is not None:
+            self._script.extend(self._rebuilding(refused.cause))
+            return refused
+        if self._kept_off.rival:
+            return self._wait_for("before the next attempt", detail=f"{self._kept_off.rival} works on it")
+        begun = self._start()
+        return (
+            replace(begun, condition=Condition.ESTABLISHING)
+            if begun.condition is Condition.CREATING
+            else begun
+        )
+
+    def _go_on_starting(self) -> Outcome:
+        if not self._queued:
+            return self._start()
+        failed = self._connection.step(self._env.scan, self._env.now)
+        if failed is not None:
+            return self._set_up_failed(failed)
+        if self._connection.state is State.CREATED:
+            return _CREATED
+        return self.wait("the set-up has begun")
+
+    def _set_up_failed(self, failed: StepFault) -> Outcome:
+        if self.phase is Phase.STARTING:
+            self.phase, self.waits = Phase.CONNECTING, 0
+        shown = set_up_failed(self._connection, failed, self._course)
+        if self._course.silent_connect and failed.stage is Stage.CONNECT:
+            self.waits += 1
+            return replace(shown, condition=Condition.ESTABLISHING)
+        self._script.extend(self._rebuilding(shown.cause))
+        return shown
+
+    def _rebuilding(self, cause: Cause) -> list[Outcome]:
+        return [Outcome(condition, cause) for condition in self._course.rebuilding]
+
+    def _go_on_connecting(self) -> Outcome:
+        is_second = self._course.second_lags and self._connection.stands_for(self._claim)
+        failed = self._connection.step(self._env.scan, self._env.now)
+        lags = is_second and self._connection.since_scan == self._env.scan
+        if self.waits and not lags and self._connection.stands_for(self._claim):
+            return self._connected()
+        if failed is not None:
+            return self._set_up_failed(failed)
+        self.waits += 1
+        return self._waiting()
+
+    def _connected(self) -> Outcome:
+        self.phase = Phase.CONNECTED
+        self.incarnation = self._connection.incarnation
+        cause = established(self._connection)
+        begins = self._course.job_begins if self._asks else self._course.established
+        return Outcome(begins or Condition.CONNECTED, cause)
+
+    def first_scan(self, begun: Outcome, reserved: bool) -> Outcome:
+        """Return the first scan of a connection: that of a job, unless the job will be refused."""
+        if reserved:
+            return begun
+        return replace(begun, condition=self._course.established or Condition.CONNECTED)
+
+    def hold_back(self, outcome: Outcome) -> None:
+        """Show the first "connected" one scan later: another code takes this scan."""
+        if outcome.condition is Condition.CONNECTED:
+            self._script.append(outcome)
+
+    def wait(self, reason: str) -> Outcome:
+        """Show the first scan of "connecting"."""
+        self.phase, self.waits = Phase.CONNECTING, 1
+        return Outcome(Condition.ESTABLISHING, Cause(Why.SEQUENCE, reason))
+
+    def _waiting(self) -> Outcome:
+        set_up = self._connection.set_up
+        if not self._connection.config.active:
+            # From the second 7002 on only the poll, or another block, can end this.
+            lasts = self.waits > 1 and set_up.listener is not None
+            return self._wait_for(
+                "no partner yet", detail=f"listening on {self._connection.local}", lasts=lasts
+            )
+        remote = str(set_up.remote or "")
+        return self._wait_for(
+            "before the next attempt" if set_up.attempt is None else "no answer yet", remote
+        )
+
+    def _wait_for(self, what: str, peer: str = "", detail: str = "", lasts: bool = False) -> Outcome:
+        """Return the same outcome as long as the wait is the same."""
+        now = (what, peer, detail, lasts)
+        if self._wait is None or self._wait[0] != now:
+            cause = Cause(Why.WAITING, what, peer=peer, detail=detail)
+            self._wait = now, Outcome(Condition.ESTABLISHING, cause, lasts=lasts)
+        return self._wait[1]
+
+    # -- the connection is gone -----------------------------------------------------------------
+
+    def lost(self, shown: Iterable[Outcome], reason: str) -> Outcome:
+        """Show these, one a scan, then connecting; nothing to show is connecting at once."""
+        self._script = deque(shown)
+        if not self._script:
+            return self.wait(reason)
+        if self._script[-1].error and self._script[-1].condition is not self._course.still_asked:
+            self._script.extend(self._rebuilding(self._script[-1].cause))
+        self.phase, self.waits = Phase.CONNECTING, 0
+        return self._script.popleft()
+
+    # -- CONT falls, COM_RST rises ----------------------------------------------------------------
+
+    def leave(self) -> None:
+        """Be gone; the connection stays as it is."""
+        self._connection.keeping.give_back(self._claim)
+
+    def _close(self) -> Outcome:
+        self._script.clear()
+        self._reset_wanted = False
+        if not self._connection.keeping.holds(self._claim):  # it never came to build it
+            self.phase = Phase.IDLE
+            return self._level.idle
+        cause = self._level.ends_by
+        fault = self._connection.queue_job() if self._has_connection() else None
+        self._close_wanted = fault is not None
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        was_up = self._was_up()
+        self.phase = Phase.IDLE
+        self._connection.keeping.give_back(self._claim)
+        shown, *more = closing.disconnect(self._connection, cause)
+        self._script.extend(more if was_up else ())
+        return shown
+
+    def _was_up(self) -> bool:
+        if self.phase is not Phase.CONNECTED:
+            return False
+        loss = self._connection.lost(self.incarnation)
+        return loss is None or (self._course.closes_together and loss.kind is LossKind.OURS)
+
+    def _has_connection(self) -> bool:
+        return self._connection.state is not State.CLOSED
+
+    def _reset(self) -> Outcome | None:
+        self._reset_wanted = False
+        if self.phase is not Phase.CONNECTED or self._connection.lost(self.incarnation) is not None:
+            return None
+        fault = self._connection.queue_job()
+        if fault is not None:
+            self._reset_wanted = True
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        self.phase, self.waits = Phase.CONNECTING, 0
+        cause = Cause(Why.INPUT, "COM_RST rose", pin="COM_RST", value=1)
+        shown, *more = self._drop(cause)
+        self._script = deque(more)
+        return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
+
+    def _drop(self, cause: Cause) -> list[Outcome]:
+        """Reset or close the connection; return what that shows, behind the error of a job."""
+        first = (self._job_error,) if self._job_error else ()
+        if not self._course.reset_closes:
+            return closing.reset(self._connection, cause, (*first, *self._course.reset))
+        self.phase, self._queued = Phase.STARTING, False
+        closed = closing.disconnect(self._connection, cause)[0]
+        return [*(Outcome(condition, cause) for condition in first), closed]
+
+
+def established(connection: Connection) -> Cause:
+    """Return why a connection stands: somebody came, or with datagrams nobody has to."""
+    if connection.config.is_datagram:
+        return Cause(Why.SEQUENCE, "the UDP port stands", detail=f"at {connection.local}")
+    return Cause(Why.PARTNER, "the partner is connected", peer=str(connection.peer or ""))
+
+
+def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:
+    """Return what a failed step of the set-up shows."""
+    peer = connection.set_up.remote if failed.stage is Stage.CONNECT else None
+    cause = cause_of(failed.fault, failed.client or str(peer or ""))
+    if failed.detail:
+        cause = replace(cause, detail=failed.detail)
+    return Outcome(course.of_set_up(failed.stage, failed.fault.error), cause)
+
+
+_CREATED = Outcome(Condition.CREATED, Cause(Why.SEQUENCE, "the set-up has begun"))

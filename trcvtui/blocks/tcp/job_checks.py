@@ -1,0 +1,131 @@
+"""May a job start? The manual's questions to DATA, LEN and the CONNECT, in its order (design 6, row 16)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.data_area import DataArea, Elements
+from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.rules import AreaRules
+from trcvtui.net.connection.connection import Connection
+from trcvtui.net.connection.ownership import Claim, Direction
+
+
+class Wish(NamedTuple):
+    """What a job asks for. `most` bytes fit into one, None: as many as the rules say for a connection.
+
+    `least` is the smallest LEN but 0 of a text. `rival` keeps every job off this connection.
+    `needs_len`: LEN = 0 does not stand for all of DATA.
+    """
+
+    length: int
+    adhoc: bool = False
+    most: int | None = None
+    least: int = 0
+    rival: Claim | None = None
+    needs_len: bool = False
+
+
+def refuse(
+    env: Environment, data: DataArea | None, wish: Wish, direction: Direction, claim: Claim, connect: str
+) -> Outcome | None:
+    """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
+    unfit = _misfit(env, data, wish)
+    if unfit is not None:
+        return unfit
+    other = wish.rival or direction.take(claim)
+    if other is not None:
+        return Outcome(Condition.CONNECT_IN_USE, in_use(other, claim))
+    fault = env.resources.buffers.acquire(connect)
+    return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
+
+
+def fits(env: Environment, data: DataArea | None, wish: Wish) -> bool:
+    """Return whether DATA, LEN and the CONNECT's other users let such a job start, buffers aside."""
+    return wish.rival is None and _misfit(env, data, wish) is None
+
+
+def reserve(env: Environment, data: DataArea | None, wish: Wish, direction: Direction, claim: Claim) -> bool:
+    """Take the direction for a job that starts in the next call; False: that call would refuse it."""
+    if not fits(env, data, wish) or env.resources.buffers.is_full:
+        return False
+    return direction.take(claim) is None
+
+
+def _misfit(env: Environment, data: DataArea | None, wish: Wish) -> Outcome | None:
+    """Return what is wrong with DATA and LEN."""
+    area, length = env.rules.area, wish.length
+    limit = env.rules.max_len if wish.most is None else wish.most
+    if data is None:
+        return replace(_EMPTY, condition=area.missing)
+    if data.size == 0:
+        return _EMPTY
+    unfit = _unfit(area, data, length, wish.adhoc)
+    if unfit is not None:
+        return unfit
+    if wish.needs_len and not length and not data.symbolic:
+        return _refused(Condition.LENGTH_WRONG, "LEN is 0: it has to be told", "LEN", 0)
+    if area.texts_whole and 0 < length < wish.least:
+        name = f"LEN cuts {data.type_name}: 0, or from {wish.least} on"
+        return _refused(Condition.LEN_OF_TEXT, name, "LEN", length)
+    if length > data.size or (length or data.size) > limit:
+        return _wrong_length(env, limit, data, length)
+    return None
+
+
+def rival_of(env: Environment, connection: Connection, claim: Claim) -> Claim | None:
+    """Return who works on this connection with another priority, where a vendor does not take that."""
+    if not env.rules.one_class:
+        return None
+    directions = connection.keeping, connection.receiving, connection.sending
+    found = (direction.of_another_priority(claim) for direction in directions)
+    return next((rival for rival in found if rival is not None), None)
+
+
+def _unfit(area: AreaRules, data: DataArea, length: int, adhoc: bool) -> Outcome | None:
+    """Return what is wrong with the kind of DATA."""
+    if area.refuses_bits and data.elements is Elements.BITS:
+        return _refused(Condition.DATA_REFUSED, f"DATA is {data.type_name}: bits alone are refused")
+    if not data.symbolic:
+        return None
+    if area.symbolic_alone and length:
+        return _refused(Condition.DATA_SYMBOLIC, "DATA is symbolic, so LEN has to be 0", "LEN", length)
+    if area.symbolic_bytes and adhoc and data.elements is not Elements.BYTES:
+        return _refused(Condition.DATA_SYMBOLIC, "ad-hoc into a symbolic DATA takes elements of 8 bits")
+    return None
+
+
+def _refused(condition: Condition, name: str, pin: str = "DATA", value: int | None = None) -> Outcome:
+    return Outcome(condition, Cause(Why.PARAMETER, name, pin=pin, value=value))
+
+
+def changed(what: str) -> Outcome:
+    """Return the end of a job whose DATA or LEN did not stay."""
+    return _refused(Condition.AREA_CHANGED, f"{what} changed while the job ran", pin=what)
+
+
+def _wrong_length(env: Environment, most: int, data: DataArea, length: int) -> Outcome:
+    limit = min(data.size, most)
+    if (length or data.size) > most:
+        condition, name = Condition.LENGTH_WRONG, "longer than one job can be"
+    else:
+        condition, name = env.rules.area.longer, "LEN is larger than DATA"
+    cause = Cause(Why.PARAMETER, name, pin="LEN", value=length, have=length or data.size, need=limit)
+    return Outcome(condition, cause)
+
+
+def in_use(other: Claim, asking: Claim) -> Cause:
+    """Return who is in the way."""
+    if other.is_orphan:
+        name = "an instance that is gone still holds this CONNECT"
+        return Cause(Why.OWNER, name, detail=f"{other.instance}: disconnect or reset frees it")
+    if other.priority != asking.priority:
+        return Cause(Why.OWNER, "a block of another priority works on this CONNECT", detail=other.instance)
+    return Cause(Why.OWNER, "another instance works on this CONNECT", detail=other.instance)
+
+
+_EMPTY = Outcome(Condition.DATA_EMPTY, Cause(Why.PARAMETER, "DATA has no byte", pin="DATA", value=0))

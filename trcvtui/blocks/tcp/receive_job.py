@@ -1,0 +1,284 @@
+"""The receive job: what TRCV does between EN_R and DONE.
+
+Rule 1: LEN, ADHOC and the size of DATA are latched when a job starts; a job reads at most its own length.
+Rule 2: DATA changes only at DONE; until then the bytes are the job's.
+Rule 3: at least one scan of "receiving" stands before each DONE (design 6, row 5).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.tcp.addressed import unfit
+from trcvtui.blocks.tcp.job_checks import Wish, fits, refuse, reserve, rival_of
+from trcvtui.blocks.tcp.job_checks import changed as area_changed
+from trcvtui.blocks.tcp.loss_status import shown
+from trcvtui.net.connection.loss import ConnectionLoss, LossKind
+from trcvtui.net.results import Datagram, Endpoint, WouldBlock
+
+OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once
+
+# (some bytes are there, the job is complete) -> what the block is doing
+_RECEIVING: Final = {
+    (False, False): "nothing received yet",
+    (True, False): "bytes are missing",
+    (True, True): "the frame is complete and shows in the next scan",
+}
+
+
+class ReceiveJob:
+    """One instance's receive jobs, one after the other."""
+
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
+        self.number = 0
+        self.running = False
+        self.complete = False  # every byte is there (static), any byte is there (ad-hoc)
+        self.have = 0
+        self.need = 0
+        self.adhoc = False
+        self.whole = 0  # bytes of the message that has come, also of those that DATA has no room for
+        self.last_bytes: int | None = None
+        self.claim = bound.claim()
+        self._env = bound.env
+        self._area = bound.env.rules.area
+        self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
+        self._data = bound.data
+        self._buffers = bound.env.resources.buffers
+        self._connection = bound.connection
+        self._connect = bound.connection.config.name
+        self._is_message_oriented = bound.connection.config.is_message_oriented
+        self._unfit = unfit(bound, needs_datagrams, receives=True)
+        self._address = bound.address if bound.connection.config.is_datagram else None
+        self._limit = bound.env.rules.max_datagram if self._address is not None else None
+        self._source: Endpoint | None = None  # of the message that has come
+        self._instance = bound.instance
+        self._buffer = bytearray()
+        self._view = memoryview(self._buffer)
+        self._incarnation = 0  # of the connection that the running job receives on
+        self._first_offset = self._span_offset = self._next_offset = 0  # in the received stream
+        self._spans: list[tuple[int, int]] = []  # before the present span: offset and size
+
+    # -- one scan with EN_R = 1, connected ----------------------------------------------------------
+
+    def call(self, inputs: Inputs) -> Outcome | ConnectionLoss:
+        """Start, go on or end: one frame a scan at most."""
+        if not self.running:
+            return self._begin(inputs.len, inputs.adhoc)
+        if self._area.must_stay and (changed := self._changed(inputs.len)) is not None:
+            return changed
+        if not self.complete:
+            loss = self._collect()
+            if loss is not None:
+                return loss
+            if not self.complete:
+                return self.receiving()
+        return self._deliver()
+
+    def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
+        wish, receiving = self._wish(length, adhoc), self._connection.receiving
+        refused = self._unfit or refuse(self._env, self._data, wish, receiving, self.claim, self._connect)
+        self.claim.is_refused = refused is not None
+        if refused is not None:
+            # A whole frame stays until there is a buffer for it, also when the partner has gone.
+            has_to_wait = refused.condition is Condition.NO_BUFFER and self._is_whole(wish)
+            return refused if has_to_wait else self.check_loss() or refused
+        assert self._data is not None
+        self._asked = length, self._data.shape
+        self._start(wish.length or self._data.size, wish.adhoc)
+        return self._collect() or self.receiving()
+
+    def _is_whole(self, wish: Wish) -> bool:
+        """Return whether the stack holds what would end such a job at once."""
+        size = self._data.size if self._data is not None else 0
+        least = 1 if wish.adhoc or self._is_message_oriented else wish.length or size
+        return self._connection.unread() >= least
+
+    def _wish(self, length: int, adhoc: bool) -> Wish:
+        if length in self._area.adhoc_lens:
+            length, adhoc = 0, True
+        least = self._data.text_lens.received if self._data is not None else 0
+        rival = rival_of(self._env, self._connection, self.claim)
+        return Wish(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
+
+    def would_read(self, inputs: Inputs, waits: bool) -> bool:
+        """Return whether EN_R asks for a job that can start, now or when another reader lets go.
+
+        `waits` False: who is kept out by a reader that can start none does not wait for that one.
+        """
+        if not inputs.en_r or self._unfit is not None:
+            return False
+        wish = self._wish(inputs.len, inputs.adhoc)
+        return fits(self._env, self._data, wish) and not self._connection.receiving.is_barred(
+            self.claim, waits
+        )
+
+    def reserve(self, inputs: Inputs) -> bool:
+        """Keep the receive side for the job that begins in the next call; False: it would be refused."""
+        wish, receiving = self._wish(inputs.len, inputs.adhoc), self._connection.receiving
+        taken = self._unfit is None and reserve(self._env, self._data, wish, receiving, self.claim)
+        self.claim.is_refused = not taken
+        return taken
+
+    def outlives_en_r(self, reserved: bool = False) -> bool:
+        """Return whether a job goes on although EN_R is 0; `reserved`: it begins in this call."""
+        has_data = self.have > 0 or self.complete
+        return (self.running or reserved) and self._env.rules.course.outlives_en_r(has_data)
+
+    def _changed(self, length: int) -> Outcome | None:
+        """End the job when LEN or DATA is another than at its start."""
+        assert self._asked is not None and self._data is not None
+        if self._asked == (length, self._data.shape):
+            return None
+        outcome = area_changed("DATA" if self._asked[0] == length else "LEN")
+        self.abandon(outcome.cause.name)
+        return outcome
+
+    def _start(self, need: int, adhoc: bool) -> None:
+        self.number += 1
+        self.running, self.complete, self.adhoc, self.need = True, False, adhoc, need
+        if len(self._buffer) != need:
+            self._buffer = bytearray(need)
+        self._view = memoryview(self._buffer)
+        incarnation = self._incarnation = self._connection.incarnation
+        offset = self._first_offset = self._span_offset = self._next_offset = self._connection.bytes_received
+        self._spans.clear()
+        self._env.write(
+            JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
+        )
+
+    def _collect(self) -> ConnectionLoss | None:
+        """Read what is there into the job's own buffer; return the loss that stands behind the last byte."""
+        if self._is_message_oriented:
+            return self._collect_message()
+        have = self.have
+        got = self._connection.receive(self._view[have:] if have else self._view, self._instance)
+        if isinstance(got, int):
+            offset = self._connection.bytes_received - got
+            if offset != self._next_offset:
+                self._begin_span(offset)
+            self._next_offset = offset + got
+            have = self.have = have + got
+            self.complete = self.claim.has_frame = self.adhoc or have == self.need
+            self.last_bytes = self._env.now
+            return None
+        return None if isinstance(got, WouldBlock) else got
+
+    def _collect_message(self) -> ConnectionLoss | None:
+        """Take one message, whole (siemens.md 4.2): it ends the job, whatever its length."""
+        got = self._connection.receive_message(self._view, self._instance)
+        if not isinstance(got, Datagram):
+            return None if isinstance(got, WouldBlock) else got
+        self._first_offset = self._span_offset = self._connection.bytes_received - got.size
+        self._next_offset = self._connection.bytes_received
+        self.have, self.whole, self._source = got.size, got.whole, got.source
+        self.complete = self.claim.has_frame = True
+        self.last_bytes = self._env.now
+        return None
+
+    def _begin_span(self, offset: int) -> None:
+        """Go on behind bytes that a job of another priority has read in between."""
+        if self.have:
+            self._spans.append((self._span_offset, self._next_offset - self._span_offset))
+        else:
+            self._first_offset = offset
+        self._span_offset = offset
+
+    def check_loss(self) -> ConnectionLoss | None:
+        """Look for a loss while no job runs."""
+        return self._connection.check_loss(self.claim)
+
+    def shown(self, loss: ConnectionLoss) -> list[Outcome]:
+        """Return what a loss shows, one scan each, and end the job."""
+        failed = Condition.RECEIVE_FAILED if self.running else None
+        outcomes = shown(loss, self._env.rules, self, failed, short_frame=bool(self.have and not self.adhoc))
+        still_asked = self._env.rules.course.still_asked
+        if self.running and still_asked and loss.kind not in (LossKind.OURS, LossKind.REFUSED):
+            outcomes.append(Outcome(still_asked, outcomes[-1].cause))
+        self.abandon("connection lost")
+        return outcomes
+
+    def receiving(self) -> Outcome:
+        """Return the outcome of a job that waits; the same object while nothing changes."""
+        part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
+        return _receiving(self.have, self.need, self.complete, part)
+
+    def _deliver(self) -> Outcome:
+        """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
+        size, data = self.have, self._data
+        assert data is not None
+        if self.whole > size:
+            return self._too_long()
+        self._view.release()
+        if size == data.size == len(self._buffer):
+            self._buffer = data.swap(self._buffer)
+        else:
+            data.write(0, memoryview(self._buffer)[:size].toreadonly())
+        if self._address is not None and self._source is not None:
+            self._address.take(self._source)
+        kept = min(size, data.size)
+        if kept < size:
+            self._drop(kept, "DATA resized")
+        self._end(done=True, reason="complete", size=kept)
+        return _received(size, self.need)
+
+    def _too_long(self) -> Outcome:
+        """End the job without DONE: the message is gone, the next one is clean (siemens.md A11)."""
+        cause = Cause(Why.BYTES, "the message is longer than LEN or DATA", have=self.whole, need=self.need)
+        self.abandon("the message is too long")
+        return Outcome(Condition.MESSAGE_TOO_LONG, cause)
+
+    def abandon(self, reason: str) -> None:
+        """End a running job without DONE; what it had collected is dropped and noted."""
+        if self.running:
+            self._drop(0, reason)
+            self._end(done=False, reason=reason, size=self.have)
+
+    def _drop(self, kept: int, reason: str) -> None:
+        """Note all collected bytes but the first `kept` as dropped."""
+        for offset, size in (*self._spans, (self._span_offset, self._next_offset - self._span_offset)):
+            skipped = min(kept, size)
+            kept -= skipped
+            self._connection.drop(offset + skipped, size - skipped, reason, self._incarnation)
+
+    def let_go(self) -> None:
+        """Give the CONNECT's receive side back (EN_R fell)."""
+        self._connection.receiving.give_back(self.claim)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the lock of a job may stay behind (rules) until disconnect or reset (row 15)."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
+        if not self.claim.is_orphan:
+            self.let_go()
+        self.abandon(reason)
+
+    def partial(self) -> bytes:
+        """Return a copy of the bytes collected so far."""
+        return bytes(self._buffer[: self.have]) if self.running else b""
+
+    def _end(self, done: bool, reason: str, size: int) -> None:
+        self._buffers.release()
+        self.running = self.complete = self.claim.has_frame = False
+        self.have = self.whole = 0
+        incarnation, offset = self._incarnation, self._first_offset
+        self._env.write(
+            JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)
+        )
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _receiving(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
+    cause = Cause(Why.BYTES, _RECEIVING[have > 0, complete], have=have, need=need)
+    return Outcome(condition, cause, lasts=not complete)
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _received(size: int, need: int) -> Outcome:
+    cause = Cause(Why.BYTES, "the frame is complete", have=size, need=need)
+    return Outcome(Condition.RECEIVED, cause, rcvd_len=size)

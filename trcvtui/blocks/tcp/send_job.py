@@ -1,0 +1,212 @@
+"""The send job: what TSEND does between a rising edge of REQ and DONE.
+
+Rule 1: DATA is copied at the edge, at most LEN bytes; no edge is seen until the job has ended (7.15.2).
+Rule 2: a loss is looked for before each send and before DONE: never DONE behind a FIN (design 6, row 9).
+Rule 3: the REQ scan shows "sending" even when the stack took everything (row 6); DONE means that the local
+stack has every byte, not that the partner has.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final
+
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.cause import FULL, Cause, Why, cause_of, full_cause
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import SendEnded, SendStarted
+from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.tcp.addressed import no_target, unfit
+from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse, reserve, rival_of
+from trcvtui.blocks.tcp.loss_status import shown
+from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
+from trcvtui.net.connection.loss import ConnectionLoss
+from trcvtui.net.connection.udp_connection import DatagramConnection
+from trcvtui.net.results import Fault, WouldBlock
+
+# What a datagram that no route takes shows; every other call that fails is "send failed".
+UNREACHED: Final = dict.fromkeys(("ENETUNREACH", "EHOSTUNREACH"), Condition.UNREACHABLE)
+
+
+class SendJob:
+    """One instance's send jobs, one after the other."""
+
+    adhoc = False
+
+    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
+        self.number = 0
+        self.running = False
+        self.have = 0  # bytes of this job that the stack has taken
+        self.need = 0
+        self.last_bytes: int | None = None
+        self.claim = bound.claim()
+        self._env = bound.env
+        self._must_stay = bound.env.rules.area.must_stay
+        self._shape: tuple[str, int] | None = None  # of DATA when the job began
+        self._data = bound.data
+        self._buffers = bound.env.resources.buffers
+        self._connection = bound.connection
+        self._connect = bound.connection.config.name
+        self._needs_len = needs_datagrams and bound.env.rules.area.datagram_needs_len
+        self._unfit = unfit(bound, needs_datagrams)
+        self._address = bound.address
+        self._limit = bound.env.rules.max_datagram if bound.connection.config.is_datagram else None
+        self._instance = bound.instance
+        self._unsent = memoryview(b"")
+        self._refusal = FULL  # what the stack said when it took nothing
+        self._incarnation = 0
+        self._first_offset = 0
+
+    # -- one scan, connected ------------------------------------------------------------------------
+
+    def begin(self, inputs: Inputs) -> Outcome | ConnectionLoss:
+        """Start a job in the scan of the edge and send at once."""
+        loss = self._connection.look_before_sending()
+        if loss is not None:
+            return loss
+        if (wrong := self._wrong_way()) is not None:
+            return wrong
+        sending = self._connection.sending
+        refused = refuse(self._env, self._data, self._wish(inputs.len), sending, self.claim, self._connect)
+        if refused is not None:
+            sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR, and this is one
+            return refused
+        assert self._data is not None
+        self._shape = self._data.shape
+        self._start(bytes(self._data.content[: inputs.len or self._data.size]))
+        ended = self._push()
+        if ended is not None:
+            return ended
+        if not self.have:
+            # Row 18: nothing of this job is on its way, so it can end; later it would cut the stream.
+            self._end(done=False, reason="the send buffer is full")
+            return self._full()
+        return _sending(self.have, self.need)
+
+    def _wish(self, length: int) -> Wish:
+        least = self._data.text_lens.sent if self._data is not None else 0
+        rival = rival_of(self._env, self._connection, self.claim)
+        return Wish(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
+
+    def reserve(self, inputs: Inputs) -> bool:
+        """Keep the send side for the job that begins in the next call; False: it would be refused."""
+        wish = self._wish(inputs.len)
+        return self._wrong_way() is None and reserve(
+            self._env, self._data, wish, self._connection.sending, self.claim
+        )
+
+    def go_on(self) -> Outcome | ConnectionLoss:
+        """Send what is left; end the job when the stack has it all."""
+        if self._must_stay and self._data is not None and self._data.shape != self._shape:
+            outcome = changed("DATA")
+            self.abandon(outcome.cause.name)
+            return outcome
+        ended: Outcome | ConnectionLoss | None = self._connection.look_before_sending()
+        if ended is None and self._unsent:
+            ended = self._push()
+        if ended is not None:
+            return ended
+        if self._unsent:
+            return _sending(self.have, self.need)
+        self._end(done=True, reason="complete")
+        return _sent(self.need)
+
+    def _start(self, payload: bytes) -> None:
+        self.number += 1
+        self.running, self.have, self.need = True, 0, len(payload)
+        self._unsent = memoryview(payload)
+        incarnation = self._incarnation = self._connection.incarnation
+        offset = self._first_offset = self._connection.bytes_sent
+        self._env.write(
+            SendStarted(self._instance, self.number, self._connect, incarnation, offset, self.need)
+        )
+
+    def _wrong_way(self) -> Outcome | None:
+        """Return why nothing can be sent to ADDR, or without one."""
+        is_datagram = self._connection.config.is_datagram
+        return self._unfit or (no_target(self._address) if is_datagram and self._address else None)
+
+    def _push(self) -> Outcome | ConnectionLoss | None:
+        got = self._send()
+        if isinstance(got, WouldBlock) or (isinstance(got, Fault) and got.error == "EAGAIN"):
+            self._refusal = got if isinstance(got, Fault) else FULL
+            return None
+        if isinstance(got, Fault):
+            self._end(done=False, reason="the datagram was not taken")
+            failed = UNREACHED.get(got.error, Condition.SEND_FAILED)
+            return Outcome(failed, cause_of(got, self._peer()))
+        if isinstance(got, int):
+            self.have += got
+            self._unsent = self._unsent[got:]
+            self.last_bytes = self._env.now
+            return None
+        return got
+
+    def _full(self) -> Outcome:
+        blames = not self._refusal.injected and not self._connection.config.is_datagram
+        name = "the stack takes no byte: the partner does not read" if blames else "the stack takes no byte"
+        cause = full_cause(self._refusal, name, self.need, self._peer())
+        return Outcome(Condition.SEND_BUFFER_FULL, cause)
+
+    def _peer(self) -> str:
+        if self._address is not None and isinstance(self._connection, DatagramConnection):
+            return self._connection.where(self._address)
+        return str(self._connection.peer or "")
+
+    def _send(self) -> int | WouldBlock | Fault | ConnectionLoss:
+        if self._address is not None and isinstance(self._connection, DatagramConnection):
+            return self._connection.send_to(self._unsent, self._address, self._instance)
+        return self._connection.send(self._unsent, self._instance)
+
+    def check_loss(self) -> ConnectionLoss | None:
+        """Look for a loss while no job runs."""
+        return self._connection.check_loss()
+
+    def shown(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
+        """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""
+        failed = Condition.SEND_FAILED if self.running or asked else None
+        outcomes = shown(loss, self._env.rules, self, failed)
+        self.abandon("connection lost")
+        return outcomes
+
+    def abandon(self, reason: str) -> None:
+        """End a running job without DONE; what the stack has not taken is dropped, never sent later."""
+        if self.running:
+            self._end(done=False, reason=reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the lock of a job may stay behind (rules) until disconnect or reset (row 15)."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
+        self.abandon(reason)
+        if not self.claim.is_orphan:
+            self._connection.sending.give_back(self.claim)  # also of a job that was to begin next
+
+    def partial(self) -> bytes:
+        """Return nothing: a send job collects no bytes."""
+        return b""
+
+    def _end(self, done: bool, reason: str) -> None:
+        self.running = False
+        self._unsent = memoryview(b"")
+        self._buffers.release()
+        if not self.claim.is_orphan:
+            self._connection.sending.give_back(self.claim)
+        incarnation, offset = self._incarnation, self._first_offset
+        self._env.write(
+            SendEnded(
+                self._instance, self.number, self._connect, incarnation, offset, self.have, done, reason
+            )
+        )
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _sending(have: int, need: int) -> Outcome:
+    name = "the stack has taken all, which shows in the next scan" if have == need else "bytes are left"
+    return Outcome(Condition.SENDING, Cause(Why.BYTES, name, have=have, need=need))
+
+
+@lru_cache(OUTCOMES_KEPT)
+def _sent(size: int) -> Outcome:
+    cause = Cause(Why.BYTES, "the local stack has every byte", have=size, need=size)
+    return Outcome(Condition.SENT, cause)

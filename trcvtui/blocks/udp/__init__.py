@@ -1,0 +1,1 @@
+"""The blocks on UDP sockets."""

@@ -1,0 +1,1 @@
+"""Baosky (Tianxing) PLC: its rules and its STATUS tables."""

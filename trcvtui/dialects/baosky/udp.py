@@ -1,0 +1,244 @@
+"""The STATUS table of the Baosky UDP blocks: the normal course, and behind it the words with ERROR=1.
+
+Their own code tables could not be read: each code means what it means to the TCP blocks, where UDP has it.
+The manual's own words: 80A5 above 2048 bytes.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.dialects.baosky.udp_states import IN, MANUAL, OUT, UDP, UDP_STATES
+
+UDP_ERRORS: Final = (
+    StatusRow(
+        0x8080,
+        Condition.NO_SOCKET,
+        UDP,
+        True,
+        "No socket left",
+        (
+            "the system has no free descriptor or no memory for a UDP socket",
+            "too many blocks and peers hold sockets at the same time",
+        ),
+        (
+            "the ledger: EMFILE is this process's limit (`ulimit -n`), ENFILE the system's",
+            "the next attempt follows by itself (switch retry)",
+        ),
+        Reach.INJECTED,
+        MANUAL,
+    ),
+    StatusRow(
+        0x8081,
+        Condition.WRONG_LOCAL_ADDRESS,
+        UDP,
+        True,
+        "LocalAddress is no port of this PLC",
+        (
+            "LocalAddress of the UDP_CONFIG is 0.0.0.0 or was left out",
+            "LocalAddress belongs to another machine, or to a port that is no Ethernet",
+            "it is a multicast or broadcast address",
+        ),
+        (
+            "`ip -br address`: is LocalAddress in the list, and is its link up?",
+            "a UDP_CONFIG that was copied from another PLC still holds that one's address",
+        ),
+        Reach.REAL,
+        MANUAL,
+    ),
+    StatusRow(
+        0x8083,
+        Condition.BIND_FAILED,
+        UDP,
+        True,
+        "LocalPort cannot be bound",
+        (
+            "another UDP_CONFIG, or another program, has this UDP port",
+            "a port below 1024 needs rights that this process does not have (EACCES)",
+        ),
+        (
+            "`ss -ulnp`: who has the port?",
+            "TCP ports do not count: UDP has port numbers of its own",
+            "LocalPort 0 takes a free one",
+        ),
+        Reach.REAL,
+        MANUAL,
+    ),
+    StatusRow(
+        0x8084,
+        Condition.POLL_ADD_FAILED,
+        UDP,
+        True,
+        "Socket not taken into the poll set",
+        ("the system refused one more descriptor in the poll set", "a planned fault on poll_add"),
+        (
+            "the ledger names the errno: ENOSPC is a limit of the system",
+            "the socket is closed again and the next attempt follows by itself (switch retry)",
+        ),
+        Reach.INJECTED,
+        MANUAL,
+    ),
+    StatusRow(
+        0x8087,
+        Condition.POLL_DEL_FAILED,
+        UDP,
+        True,
+        "Socket not taken out of the poll set",
+        ("the descriptor was closed underneath, which no bench command does", "a planned fault on poll_del"),
+        ("the ledger names the errno", "the socket is closed all the same; 7000 follows"),
+        Reach.INJECTED,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80A1,
+        Condition.NOT_CONNECTED,
+        UDP,
+        True,
+        "Asked for data before the socket was there",
+        (
+            "USEND_C: REQ rose before 7001; this edge is lost",
+            "URECV_C: EN_R is 1 and the socket could not be created yet",
+        ),
+        (
+            "raise REQ only while STATUS is 7001",
+            "the code before it: 8080, 8081 or 8083 say why there is no socket",
+            "switch not_connected: URECV_C shows it once, as long as it lasts, or never",
+        ),
+        Reach.LOGIC,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80A2,
+        Condition.DISCONNECT_FAILED,
+        UDP,
+        True,
+        "Releasing the socket failed",
+        ("the call that closes the socket answered an error", "a planned fault on close"),
+        ("the ledger names the errno", "the socket is gone all the same; 7000 follows"),
+        Reach.INJECTED,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80A4,
+        Condition.DATA_EMPTY,
+        UDP,
+        True,
+        "DATA has no byte",
+        ("no variable is bound to DATA", "the bound variable has size 0, or was shrunk to nothing"),
+        (
+            "pin DATA of the call, in a project file the key `data` of the instance",
+            "the size of the variable: `trcvtui udt show FILE`; on the bench `resize`",
+        ),
+        Reach.LOGIC,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80A5,
+        Condition.LENGTH_WRONG,
+        UDP,
+        True,
+        "LEN does not fit into a datagram",
+        (
+            "LEN is above 2048, the longest datagram of these blocks",
+            "LEN is larger than DATA",
+            "LEN is 0 and DATA itself is larger than 2048 bytes",
+        ),
+        (
+            "pin LEN against the size of DATA: `trcvtui udt show FILE` counts the padding too",
+            "a larger telegram has to be cut by the program, or needs the TCP blocks",
+            "the socket stays; as soon as LEN fits the job starts",
+        ),
+        Reach.LOGIC,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80A7,
+        Condition.NO_BUFFER,
+        UDP,
+        True,
+        "No buffer for the job",
+        (
+            "more jobs run at the same time than there are buffers (switch buffers)",
+            "a planned fault on buffer",
+        ),
+        (
+            "how many blocks are at 7005 or 7006 at the same time?",
+            "URECV_C tries again in each scan, USEND_C with the next REQ edge",
+        ),
+        Reach.LOGIC,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80A8,
+        Condition.SEND_BUFFER_FULL,
+        OUT,
+        True,
+        "Send buffer full",
+        (
+            "the stack has no room for the datagram now; it was not sent",
+            "many datagrams at once on a slow or blocked interface",
+        ),
+        ("send it again with a new REQ edge", "`ss -un` Send-Q, and the speed of the interface"),
+        Reach.INJECTED,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80A9,
+        Condition.SEND_FAILED,
+        OUT,
+        True,
+        "The datagram could not be sent",
+        (
+            "ADDR holds no target: RemoteAddress 0.0.0.0 or RemotePort 0",
+            "there is no way to RemoteAddress (ENETUNREACH), or it is a broadcast address (EACCES)",
+            "RemotePort is `@NAME`, and nobody of that name has listened yet",
+        ),
+        (
+            "ADDR: which address and port stand in it? URECV_C on the same ADDR overwrites it",
+            "`ip route get ADDRESS` on the machine that runs the bench",
+            "a partner that is merely off or does not listen shows 7009, never this",
+        ),
+        Reach.REAL,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80AA,
+        Condition.RECEIVE_FAILED,
+        IN,
+        True,
+        "The datagram could not be taken",
+        (
+            "it is larger than LEN (LEN=0: than DATA); it is lost, DATA and ADDR stay as they were",
+            "the receive call answered an error",
+        ),
+        (
+            "have and need beside STATUS: the size that came against the room for it",
+            "give DATA and LEN the size of the partner's longest datagram, 2048 at most",
+            "switch large_datagram = cut takes the first bytes instead",
+        ),
+        Reach.REAL,
+        MANUAL,
+    ),
+    StatusRow(
+        0x80C3,
+        Condition.CONNECT_IN_USE,
+        UDP,
+        True,
+        "UDP_CONFIG already in use",
+        (
+            "another block of the same kind works on this UDP_CONFIG: one URECV_C with EN_R=1 at a time",
+            "an instance that was deleted or downloaded in mid job still holds it",
+        ),
+        (
+            "the owner is named beside STATUS and in Instances",
+            "one UDP_CONFIG for each receiver, or EN_R of the other one to 0",
+            "CONT to 0 on any block of this UDP_CONFIG frees it",
+        ),
+        Reach.LOGIC,
+        MANUAL,
+    ),
+)
+
+UDP_STATUS: Final = UDP_STATES + UDP_ERRORS

@@ -1,0 +1,270 @@
+"""Siemens S7-1500 and S7-1200: the answered questionnaire of siemens.md sections 1, 2, 4 and 7.
+
+One course for all of them; a dialect below it is its limits and its few differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Final, NamedTuple
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.rules import AreaRules, NotConnected, Rules
+from trcvtui.blocks.status_sequence import Course
+from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue, codes_of
+from trcvtui.dialects.siemens.blocks import ALL
+from trcvtui.dialects.siemens.secure import SECURE_SET_UP
+from trcvtui.dialects.siemens.status import STATUS
+from trcvtui.dialects.siemens.types import TDIAG_STATUS
+from trcvtui.net.connection.connection_ids import Taken
+from trcvtui.net.connection.description_check import Flaw
+from trcvtui.net.connection.loss import LossKind
+from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.set_up import Stage
+
+SECOND: Final = 1_000_000_000  # ns
+# A22: the help has DONE at TRCV_C, the FAQ NDR at both.
+LABELS: Final = {"TRCV_C": {"DONE": "DONE (NDR)"}, "TRCV": {"DONE": "NDR"}, "TURCV": {"DONE": "NDR"}}
+
+SWITCHES: Final = (
+    Switch(
+        "retry",
+        "duration",
+        SECOND,
+        "pause behind a failed attempt to connect, or an active connection that fell before a byte moved",
+    ),
+    Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
+    Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
+    Switch(
+        "status_0001_always", "bool", False, "0001 shows for each connection, also when no job waits (A2)"
+    ),
+    Switch(
+        "teardown_before_error", "bool", False, "7003 shows before the code of a loss that ends a job (A7)"
+    ),
+    Switch(
+        "cont_mode",
+        "choice",
+        "level",
+        "level: CONT builds and closes the connection; manual: REQ and EN_R build it too, and with CONT = 0 "
+        "it ends behind the job; oneshot is the older word for manual (A9)",
+        ("level", "manual", "oneshot"),
+    ),
+    Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
+    Switch(
+        "rcv_lag",
+        "bool",
+        True,
+        "of two _C blocks, the one called second in a scan sees the connection one scan later (A6)",
+    ),
+    Switch("silent_connect", "bool", False, "a failed attempt to connect shows no ERROR scan (A15)"),
+    Switch(
+        "en_r_falls",
+        "choice",
+        "by_cont_mode",
+        "EN_R = 0 while a receive job runs: it goes on until data is there, or is dropped; by cont_mode: "
+        "level keeps it, manual drops one that has no data yet (A5)",
+        ("by_cont_mode", "keeps", "drops"),
+    ),
+    Switch(
+        "receive_faults",
+        "choice",
+        "each_call",
+        "EN_R = 1 and a receive job that is refused: ERROR with each call, or once until EN_R or LEN changes",
+        ("each_call", "once"),
+    ),
+    Switch("buffers", "count", 64, "jobs that can run at the same time; one more shows 80C3"),
+    Switch("queue", "count", 64, "connects, closes and resets that one scan takes; one more shows 80C3"),
+    Switch(
+        "iso_tpdu_default",
+        "count",
+        1024,
+        "bytes of a DT to a partner of ISO-on-TCP who tells no TPDU size, at most our own 1024 (A19)",
+        least=128,
+        most=65531,
+    ),
+    BACKLOG,
+    Switch("small_buffers", "bool", False, "smallest socket buffers, so that 7005 lasts for seconds"),
+)
+
+# siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1;
+# 4.4: a taken ID.
+SET_UP: Final = {
+    (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
+    (Stage.DESCRIPTION, Flaw.STRUCTURE): Condition.DESCRIPTION_LENGTH,
+    (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
+    (Stage.DESCRIPTION, Flaw.ID): Condition.ID_WRONG,
+    (Stage.DESCRIPTION, Flaw.INTERFACE): Condition.INTERFACE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NO_LOCAL_ADDRESS): Condition.INTERFACE_BARE,
+    (Stage.DESCRIPTION, Flaw.TYPE): Condition.TYPE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NEEDS_ADDR): Condition.NEEDS_ADDR,
+    (Stage.DESCRIPTION, Flaw.UDP_ACTIVE): Condition.UDP_ACTIVE,
+    (Stage.DESCRIPTION, Flaw.TSAP): Condition.TSAP_WRONG,
+    (Stage.DESCRIPTION, Flaw.PARAMETER): Condition.PARAMETER_WRONG,
+    (Stage.DESCRIPTION, Flaw.PORT_RESERVED): Condition.PORT_RESERVED,
+    (Stage.DESCRIPTION, Flaw.REMOTE): Condition.REMOTE_WRONG,
+    (Stage.DESCRIPTION, Flaw.NAME_EMPTY): Condition.NAME_EMPTY,
+    (Stage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
+    (Stage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
+    (Stage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
+    (Stage.IDENTITY, Taken.SAME): Condition.ENDPOINT_THERE,
+    (Stage.IDENTITY, Taken.BUILDING): Condition.ID_BUILDING,
+    (Stage.IDENTITY, Taken.OTHER): Condition.ID_OTHER,
+    (Stage.SOCKET, ""): Condition.NO_SOCKET,
+    (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
+    (Stage.REUSE, ""): Condition.NOT_NOW,
+    (Stage.BIND, ""): Condition.NOT_NOW,
+    (Stage.BIND, "EADDRINUSE"): Condition.PORT_IN_USE,
+    (Stage.BIND, "EACCES"): Condition.PORT_RESERVED,
+    (Stage.POLL_ADD, ""): Condition.NOT_NOW,
+    (Stage.ACCEPT, ""): Condition.NOT_NOW,
+    (Stage.CONNECT, ""): Condition.NOT_NOW,
+    (Stage.CONNECT, "ECONNREFUSED"): Condition.REFUSED,
+    (Stage.CONNECT, "ECONNRESET"): Condition.REFUSED,
+    (Stage.CONNECT, "ETIMEDOUT"): Condition.UNREACHABLE,
+    (Stage.CONNECT, "ENETUNREACH"): Condition.UNREACHABLE,
+    (Stage.CONNECT, "EHOSTUNREACH"): Condition.UNREACHABLE,
+    **SECURE_SET_UP,
+}
+JOB_LOSS: Final = {
+    LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.RESET_BY_PARTNER: Condition.PARTNER_CLOSED,
+    LossKind.REFUSED: Condition.PARTNER_CLOSED,  # TSEND, TRCV: their tables have no 80E1
+    LossKind.LINK_DEAD: Condition.LINK_DEAD,
+}
+
+
+class Cpu(NamedTuple):
+    """One CPU: limits in bytes, connections for programs, and which symbolic DATA takes ad-hoc data."""
+
+    max_len: int
+    max_datagram: int
+    connections: int
+    symbolic_bytes: bool = False  # only elements of 8 bits (siemens.md 4.2)
+    narrow_tsaps: bool = False  # siemens.md 3.2
+
+
+BUILDING: Final = frozenset(
+    {Condition.CREATING, Condition.CREATED, Condition.ESTABLISHING, Condition.CLOSING}
+)
+
+
+def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
+    """Return the rules for these switch values on a CPU."""
+    return Rules(
+        status={},
+        status_of=codes_of(STATUS),
+        course=course(chosen),
+        single_instructions=True,
+        not_connected=NotConnected.NEVER,
+        short_frame_shown=False,
+        area=AreaRules(
+            missing=Condition.DATA_MISSING,
+            longer=Condition.LEN_OVER_DATA,
+            refuses_bits=True,
+            symbolic_alone=True,
+            symbolic_bytes=cpu.symbolic_bytes,
+            must_stay=True,
+            texts_whole=True,
+            datagram_needs_len=True,  # 2.7
+        ),
+        labels=LABELS,
+        also_busy=BUILDING if chosen["busy_while_connecting"] else frozenset(),
+        com_rst_autoclear=bool(chosen["com_rst_autoclear"]),
+        lock_outlives=False,  # no list knows of such a lock
+        one_class=True,  # 2.1, 4.4
+        max_len=cpu.max_len,
+        max_datagram=cpu.max_datagram,
+        datagram_too_long=Condition.MESSAGE_TOO_LONG,
+        policy=Policy(
+            retry_ns=int(chosen["retry"]),
+            pauses_behind_idle=True,
+            attempt_limit_ns=int(chosen["attempt_limit"]),
+            backlog=int(chosen["backlog"]),
+            small_buffers=bool(chosen["small_buffers"]),
+            tpdu_default=int(chosen["iso_tpdu_default"]),
+            narrow_tsaps=cpu.narrow_tsaps,
+        ),
+        buffers=int(chosen["buffers"]),
+        queue=int(chosen["queue"]),
+    )
+
+
+def course(chosen: Mapping[str, SwitchValue]) -> Course:
+    """Return what shows when (siemens.md 1), with these switch values."""
+    by_manual, en_r_falls = chosen["cont_mode"] != "level", chosen["en_r_falls"]
+    if en_r_falls == "by_cont_mode":
+        en_r_falls = "drops until data" if by_manual else "keeps"
+    return Course(
+        job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
+        established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
+        waiting_req_sends=True,  # 1.3, A4
+        en_r_keeps_job=en_r_falls == "keeps",  # 1.7
+        first_data_keeps_job=en_r_falls == "drops until data",  # A5
+        second_lags=bool(chosen["rcv_lag"]),  # 1.8
+        reset=(Condition.CLOSING,),  # 1.9, A16
+        reset_ends_send=Condition.RESET_IN_JOB,
+        rebuilding=(Condition.CREATING,),  # 1.8, 1.9
+        let_go=(Condition.CONNECTED, Condition.LET_GO),  # 1.8
+        closes_together=True,  # 1.4
+        idle_loss=Condition.FOUND_CLOSED,  # 1.9
+        job_loss=JOB_LOSS,
+        still_asked=Condition.STILL_ASKED,  # 1.9
+        teardown=bool(chosen["teardown_before_error"]),  # A7
+        silent_connect=bool(chosen["silent_connect"]),  # A15
+        request_connects=by_manual,  # A9
+        faults_once=chosen["receive_faults"] == "once",
+        set_up=SET_UP,
+    )
+
+
+# There is no word for a socket in this manual: 7001 begins to connect, 7002 goes on (2.1).
+WORDS: Final[Mapping[str, str]] = {
+    Condition.CREATING: "connecting begins",
+    Condition.CREATED: "connecting",
+    Condition.NO_SOCKET: "no resources",
+}
+
+
+def with_default(name: str, value: SwitchValue) -> tuple[Switch, ...]:
+    """Return the switches with another default of one of them."""
+    return tuple(replace(one, default=value) if one.name == name else one for one in SWITCHES)
+
+
+def _answer_of(cpu: Cpu, switches: tuple[Switch, ...], chosen: Mapping[str, SwitchValue]) -> Rules:
+    return answer({switch.name: switch.default for switch in switches} | dict(chosen), cpu)
+
+
+def _dialect(
+    name: str, title: str, cpu: Cpu, follows: str, switches: tuple[Switch, ...] = SWITCHES
+) -> Dialect:
+    return Dialect(
+        name=name,
+        title=title,
+        blocks=ALL,
+        status=STATUS,
+        switches=switches,
+        models={"CPU": cpu.connections},
+        default_model="CPU",
+        layout="s7-standard",
+        describes_connects=True,
+        folder="siemens",
+        words=WORDS,
+        types=TDIAG_STATUS,
+        follows=follows,
+        answer=partial(_answer_of, cpu, switches),
+    )
+
+
+SEQUENCES: Final = "the document of the status sequences (cont_mode level)"
+S7_1500: Final = _dialect(
+    "s7-1500", "Siemens S7-1500, Open User Communication", Cpu(65536, 2048, 128), SEQUENCES
+)
+S7_1200: Final = _dialect(
+    "s7-1200",
+    "Siemens S7-1200, Open User Communication",
+    Cpu(8192, 1472, 8, True, True),
+    "the S7-1200 page on TSEND_C and TRCV_C (cont_mode manual)",
+    with_default("cont_mode", "manual"),
+)

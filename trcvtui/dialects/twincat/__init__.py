@@ -1,0 +1,1 @@
+"""Beckhoff TwinCAT, Tc2_SerialCom: its rules and its error table."""

@@ -1,0 +1,443 @@
+"""One connection: what TCON, TRCV, TDISCON and T_RESET do, at most one set-up step a scan.
+
+Rule 1: `step` does at most one thing a scan, whoever asks first; the others read the same answer.
+Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
+Rule 3: a FIN never overtakes bytes: while somebody receives, or is about to (`readers`), the incarnation
+ends after the last of them. A sender that meets the loss first knows it at once; the connection is doomed
+until the receiver has read on.
+Rule 4: who comes after the partner's FIN or RST is his successor, and waits; nobody resets him.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.dead_link import DeadLinkWatch, Sent
+from trcvtui.net.connection.loss import ConnectionLoss, Losses, LossKind, loss_of
+from trcvtui.net.connection.ownership import Claim, Direction
+from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.resources import Resources
+from trcvtui.net.connection.set_up import SetUp, Stage, StepFault
+from trcvtui.net.connection.state import State as State
+from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
+from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, Loss
+from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+
+
+class Connection:
+    """One CONNECT at work. Blocks talk to this, never to the kernel."""
+
+    def __init__(
+        self,
+        config: ConnectConfig,
+        kernel: Kernel,
+        resources: Resources,
+        policy: Policy,
+        resolve: Callable[[str], int | None],
+        write: Callable[[Note], None],
+    ) -> None:
+        self.config = config
+        self.state = State.CLOSED
+        self.incarnation = self.attempts = 0
+        self.peer: Endpoint | None = None
+        self.receiving = Direction()
+        self.sending = Direction()
+        self.keeping = Direction()  # blocks that build it, and hold it
+        self.readers: dict[str, Callable[[bool], bool]] = {}  # instance -> would it read? True: in its turn
+        self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
+        self.doom: ConnectionLoss | None = None  # known, but somebody still reads what came before it
+        self.since_scan = 0  # the scan in which the state last changed to connected
+        self.retry_at: int | None = None
+        self.handle: Handle | None = None
+        self.set_up = SetUp(
+            config, kernel, policy, resolve, resources.identities, self._note_set_up, resources.work
+        )
+        self._kernel = kernel
+        self._resources = resources
+        self._policy = policy
+        self._write = write
+        self._name = config.name
+        self._local: Endpoint | None = None
+        self._stepped_in = -1
+        self._step_fault: StepFault | None = None
+        self._losses = Losses()
+        self._pauses = False  # the next step begins a pause
+        self._dead_link = DeadLinkWatch(config, kernel, policy.user_timeout)
+
+    @property
+    def is_up(self) -> bool:
+        """Return whether the connection stands, as far as anybody knows."""
+        return self.state is State.CONNECTED and self.doom is None
+
+    def stands_for(self, claim: Claim) -> bool:
+        """Return whether the connection stands for this instance: a reader has it to the last byte."""
+        return self.is_up or (self.state is State.CONNECTED and self._reads(claim))
+
+    def _reads(self, claim: Claim | None) -> bool:
+        """Return whether this instance receives, or would as soon as it is called."""
+        if claim is None:
+            return False
+        would = self.readers.get(claim.instance)
+        return self.receiving.holds(claim) or (would is not None and would(True))
+
+    def _others_read(self, asking: Claim | None) -> bool:
+        """Return whether anybody else receives, or would as soon as he is called, whatever the call order."""
+        if self.receiving.is_anybodys_but(asking):
+            return True
+        own = "" if asking is None else asking.instance
+        waits = not self.receiving.holds_refused(asking)  # else nobody's turn comes before that of `asking`
+        return any(name != own and would(waits) for name, would in self.readers.items())
+
+    @property
+    def local(self) -> Endpoint | None:
+        """Return the local end of the connection, or of the listener."""
+        return self._local or self.set_up.local
+
+    # -- set-up: TCON ------------------------------------------------------------------------
+
+    def open(self, has_addr: bool = True) -> Fault | None:
+        """Queue the set-up job; the steps follow one a scan. `has_addr`: for UDP, its opener can send."""
+        fault = self._resources.queue.put(self.config.name)
+        if fault is None:
+            self.state = State.QUEUED
+        return fault
+
+    def step(self, scan: int, now: int) -> StepFault | None:
+        """Take one step of the set-up, once a scan; return what failed in this scan's step."""
+        if self._stepped_in != scan:
+            self._stepped_in = scan
+            self._step_fault = failed = self._take_step(now)
+            if failed is not None:
+                what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED
+                self._note(what, self.set_up.remote, failed.fault, failed.detail)
+        return self._step_fault
+
+    def _take_step(self, now: int) -> StepFault | None:
+        match self.state:
+            case State.QUEUED:
+                return self._create(now)
+            case State.CREATED:
+                return self._prepare(now)
+            case State.CONNECTED:
+                self.end_if_doomed()
+                return None
+            case _ if self.set_up.listener is not None:
+                return self._adopt(self.set_up.accept(), now)
+            case _ if self.set_up.attempt is not None:
+                return self._adopt(self.set_up.look(now), now)
+            case _ if self._pauses:
+                self._pauses, self.retry_at = False, now + self._policy.retry_ns
+            case _ if self.retry_at is None or now >= self.retry_at:
+                return self._create(now) or self._prepare(now)
+        return None
+
+    def _create(self, now: int) -> StepFault | None:
+        self.retry_at = None
+        self.attempts += 1
+        self.state = State.CREATED
+        short = self._resources.budget.acquire(self.config.name)
+        full = StepFault(Stage.SOCKET, short) if short else None
+        failed = self.set_up.judge() or full or self.set_up.create()
+        return self._failed(failed, now) if failed else None
+
+    def _prepare(self, now: int) -> StepFault | None:
+        self.state = State.ESTABLISHING
+        failed = self.set_up.prepare(now)
+        return self._failed(failed, now) if failed else None
+
+    def _adopt(self, got: Accepted | StepFault | None, now: int) -> StepFault | None:
+        if got is None:
+            return None
+        if isinstance(got, StepFault):
+            # A failed accept leaves the listener and the waiting client where they are.
+            return got if got.stage is Stage.ACCEPT else self._failed(got, now)
+        if not self.config.active:
+            refused = self.set_up.take_over(got)
+            if refused is not None:
+                return refused
+        self._become_connected(got)
+        self.since_scan = self._stepped_in
+        return None
+
+    def _become_connected(self, got: Accepted) -> None:
+        self.handle, self.peer = got.handle, got.peer
+        self.state = State.CONNECTED
+        self.incarnation += 1
+        self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
+        self._local = self._kernel.local_end(got.handle)
+        self._dead_link.begin(got.handle)
+        self._note(What.CONNECTED)
+
+    def _failed(self, failed: StepFault, now: int) -> StepFault:
+        self.set_up.free_attempt()
+        self._resources.budget.release(self.config.name)
+        self.state = State.ESTABLISHING
+        self.retry_at = now + self._policy.retry_ns
+        return failed
+
+    # -- a second client (decision 21) ------------------------------------------------------------
+
+    def service(self) -> bool:
+        """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""
+        if self.end_if_doomed():
+            return True
+        listener = self.set_up.listener
+        if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
+            return False
+        if self._policy.second_client == "queue":
+            return False
+        before = self.incarnation
+        while not self._is_over():  # accept ends when the scan has done its part (net/work.py)
+            got = self.set_up.accept()
+            # When a newcomer could not be taken over, nobody is left: the next step adopts whoever waits.
+            if not isinstance(got, Accepted):
+                break
+            if self._is_over():  # between the look and the accept
+                self.set_up.keep(got)
+                return True
+            if not self._second_client(got):
+                break
+        else:
+            return True
+        return self.state is not State.CONNECTED or self.incarnation != before
+
+    def _is_over(self) -> bool:
+        """Return whether the partner has ended the connection by now, also after the last poll."""
+        return self.doom is not None or (self.handle is not None and self._kernel.renew(self.handle))
+
+    def _second_client(self, client: Accepted) -> bool:
+        if self._policy.second_client == "reject":
+            self.set_up.turn_away(client, What.SECOND_CLIENT)
+            return True
+        self._note(What.REPLACED, client.peer)
+        self._lose(ConnectionLoss(LossKind.OURS, str(self.peer)))
+        if self.set_up.take_over(client) is None:
+            self._become_connected(client)
+        return self.state is State.CONNECTED
+
+    # -- data: TRCV -----------------------------------------------------------------------------
+
+    def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
+        """Read at most len(into) bytes; a loss is answered behind the last queued byte, and releases."""
+        assert self.handle is not None
+        got = self._kernel.recv(self.handle, into)
+        if got is WOULD_BLOCK and self.doom is not None:
+            self._kernel.renew(self.handle)  # what doomed it came after the poll, bytes perhaps before that
+            got = self._kernel.recv(self.handle, into)
+        if got is WOULD_BLOCK:
+            return WOULD_BLOCK if self.doom is None else self._read_out(self.doom)
+        if isinstance(got, int):
+            if got == 0:
+                return self._read_out(self.doom or self._loss_of(None))
+            self._took(got, instance)
+            return got
+        if isinstance(got, Fault) and got.error != "EAGAIN":
+            return self._read_out(self.doom or self._loss_of(got))
+        return WOULD_BLOCK
+
+    def _read_out(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
+        """Release the connection behind the last byte; a whole frame that others have read shows before."""
+        if not self.receiving.has_frame():
+            return self._lose(loss)
+        self.doom = loss
+        return WOULD_BLOCK
+
+    def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
+        """Take one message; what there is no room for is gone. A loss is answered behind the last message."""
+        assert self.handle is not None
+        got = self._kernel.recv_from(self.handle, into)
+        if got is WOULD_BLOCK and self.doom is not None:
+            self._kernel.renew(self.handle)
+            got = self._kernel.recv_from(self.handle, into)
+        if isinstance(got, Datagram):
+            self._took(got.size, instance)
+            return got
+        if got is HELD_BACK:
+            return WOULD_BLOCK
+        seen = Loss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
+        loss = self.doom or (self._loss_of(seen.fault) if seen else None)
+        return WOULD_BLOCK if loss is None else self._read_out(loss)
+
+    def _took(self, size: int, instance: str) -> None:
+        self.recvs += 1
+        offset = self.bytes_received
+        self.bytes_received = offset + size
+        self._write(BytesReceived(self._name, self.incarnation, self.recvs, offset, size, instance))
+
+    def check_loss(self, asking: Claim | None = None) -> ConnectionLoss | None:
+        """Look for a loss without consuming data; release the connection when there is one.
+
+        While somebody else than `asking` receives, or is about to, the loss is left to him (rule 3).
+        """
+        if self.handle is None or self._others_read(asking):
+            return None
+        return self._look_for_loss(self.handle, asking)
+
+    def _look_for_loss(self, handle: Handle, asking: Claim | None = None) -> ConnectionLoss | None:
+        if self.doom is not None:
+            return self._found(self.doom, asking)
+        seen = self._kernel.loss(handle)
+        return None if seen is None else self._found(self._loss_of(seen.fault), asking)
+
+    def _found(self, loss: ConnectionLoss, asking: Claim | None = None) -> ConnectionLoss:
+        """Release the connection, or leave that to whoever else still reads."""
+        if not self._others_read(asking):
+            return self._lose(loss)
+        self.doom = loss
+        return loss
+
+    def end_if_doomed(self) -> bool:
+        """Release a doomed connection that nobody reads any more; return whether it was one."""
+        if self.doom is None or self._others_read(None):
+            return False
+        self._lose(self.doom)
+        return True
+
+    def lost(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
+        """Return how that incarnation ended, None while it stands; to its receiver it stands to the last."""
+        if self.state is State.CONNECTED and self.incarnation == incarnation:
+            if self.doom is None or self._reads(asking):
+                return None
+            return self._found(self.doom)
+        return self._losses.of(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
+
+    @property
+    def last_loss(self) -> ConnectionLoss | None:
+        """Return how the newest lost incarnation ended."""
+        return self._losses.newest
+
+    def unread(self) -> int:
+        """Return how many received bytes wait in the stack."""
+        return 0 if self.handle is None else self._kernel.unread(self.handle)
+
+    def drop(self, offset: int, size: int, reason: str, incarnation: int | None = None) -> None:
+        """Note bytes of an incarnation (default: this) that never reach DATA; offset -1: still queued."""
+        if size:
+            of = self.incarnation if incarnation is None else incarnation
+            self._write(BytesDropped(self.config.name, of, offset, size, reason))
+
+    def _loss_of(self, fault: Fault | None) -> ConnectionLoss:
+        return loss_of(fault, str(self.peer), self.config.active and not self.bytes_received)
+
+    def _lose(self, loss: ConnectionLoss) -> ConnectionLoss:
+        assert self.handle is not None
+        left = self.unread()
+        self.drop(-1, left, "connection lost")
+        idle = loss.kind is LossKind.REFUSED or not (left or self.bytes_received or self.bytes_sent)
+        self._pauses = idle and self.config.active and self._policy.pauses_behind_idle
+        loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))
+        self._kernel.close(self.handle)
+        fin = loss.kind is LossKind.CLOSED_BY_PARTNER
+        self._note(What.PARTNER_CLOSED if fin else What.LOST, fault=loss.fault)
+        if loss.release_fault is not None:
+            self._note(What.CALL_FAILED, fault=loss.release_fault)
+        self._end_incarnation(loss, State.ESTABLISHING)
+        return loss
+
+    # -- data: TSEND ----------------------------------------------------------------------------
+
+    def look_before_sending(self) -> ConnectionLoss | None:
+        """Look for a loss on behalf of a send job: the stack would still take bytes behind a FIN (3.4)."""
+        assert self.handle is not None
+        return self._look_for_loss(self.handle)
+
+    def send(self, data: memoryview, instance: str = "") -> int | WouldBlock | Fault | ConnectionLoss:
+        """Give bytes to the local stack and return how many it took; a Fault is EAGAIN that a plan said."""
+        assert self.handle is not None
+        got = self._kernel.send(self.handle, data)
+        if isinstance(got, int):
+            self.sends += 1
+            offset = self.bytes_sent
+            self.bytes_sent = offset + got
+            self._resources.unsettled[self._name] = None
+            self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got, instance))
+            return got
+        if isinstance(got, Fault):
+            return got if got.error == "EAGAIN" else self._found(self._loss_of(got))
+        return WOULD_BLOCK
+
+    def unacknowledged(self) -> int | None:
+        """Return how many bytes of ours the partner's stack has not acknowledged; None: nobody knows."""
+        path = None if self.handle is None else self._kernel.path(self.handle)
+        return None if path is None else path.unacked + path.unsent
+
+    def watch(self) -> bool:
+        """Look after bytes that are under way; return whether the link has turned out to be dead."""
+        sent = Sent.SETTLED if self.handle is None else self._dead_link.look(self.handle)
+        if sent is Sent.SETTLED:
+            self._resources.unsettled.pop(self._name, None)
+        if sent is not Sent.DEAD or self.doom is not None:
+            return False
+        self._found(self._loss_of(Fault("path", "ETIMEDOUT")))
+        return True
+
+    # -- close and reset: TDISCON, T_RESET ----------------------------------------------------------
+
+    def queue_job(self) -> Fault | None:
+        """Queue a disconnect or reset job; it runs in the same scan when there is room."""
+        return self._resources.queue.put(self.config.name)
+
+    def disconnect(self) -> Fault | None:
+        """Close the connection and the listener (TDISCON); return the first call that failed.
+
+        ENOTCONN of shutdown means that the partner's RST was quicker (80A2). All is freed either way.
+        """
+        fault = None
+        if self.handle is not None:
+            fault = self._close_orderly(self.handle)
+            self._note(What.DISCONNECTED, fault=fault)
+            self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.CLOSED)
+        fault = self.set_up.free() or fault
+        self._resources.budget.release(self.config.name)
+        self.state, self.retry_at, self._pauses = State.CLOSED, None, False
+        return fault
+
+    def reset(self) -> Fault | None:
+        """Abort the connection with RST (T_RESET); the listener stays; the next attempt starts at once."""
+        assert self.handle is not None
+        removed = self._kernel.poll_del(self.handle)
+        # On Linux SO_LINGER and close succeed on a dead socket: only this probe can fail (2.3, 80A3).
+        probed = self._kernel.probe(self.handle)
+        self.drop(-1, self.unread(), "COM_RST")
+        freed = self._kernel.abort(self.handle)
+        fault = removed or probed or freed
+        self._note(What.RESET, fault=fault)
+        self._end_incarnation(ConnectionLoss(LossKind.OURS, str(self.peer)), State.ESTABLISHING)
+        return fault
+
+    def stop(self) -> None:
+        """Free everything without a word to any block (PLC STOP)."""
+        if self.state is not State.CLOSED:
+            self.disconnect()
+            self._note(What.STOPPED)
+        self.keeping.end()
+        self.set_up.forget()
+
+    def _close_orderly(self, handle: Handle) -> Fault | None:
+        removed = self._kernel.poll_del(handle)
+        closed = self._kernel.shutdown(handle)
+        read_away = self._kernel.discard(handle, DRAIN_BYTES)
+        self.drop(-1, read_away + self._kernel.unread(handle), "disconnected")
+        freed = self._kernel.close(handle)
+        return removed or closed or freed
+
+    def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
+        self._losses.add(self.incarnation, loss)
+        self.handle, self.doom, self.retry_at = None, None, None
+        self.peer, self._local = None, None
+        self.receiving.end()
+        self.sending.end()
+        self.state = state
+
+    # -- notes ------------------------------------------------------------------------------------
+
+    def _note_set_up(self, what: What, peer: Endpoint | None, detail: str) -> None:
+        self._note(what, peer, detail=detail)
+
+    def _note(
+        self, what: What, peer: Endpoint | None = None, fault: Fault | None = None, detail: str = ""
+    ) -> None:
+        local, other = str(self.local or ""), str(peer or self.peer or "")
+        self._write(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault, detail))

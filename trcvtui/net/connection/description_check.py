@@ -1,0 +1,409 @@
+"""What a connection description says, and what a CPU would have against it (siemens.md 2.3 and 3).
+
+Rule: each question is a row of a table, asked in this order; the first that finds something is the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from trcvtui.net.connection.description import CONFIGURED, LONGEST_SELECTOR, Description
+from trcvtui.net.connection.ipv4 import is_group, is_loopback
+
+ANY_ADDRESS: Final = "0.0.0.0"
+MOST_ID: Final = 4095
+UDP_TYPE: Final = 19
+CHECKS_NAME: Final = 1  # bit 0 of ExtTLSCapabilities
+RESERVED_PORTS: Final = frozenset({20, 21, 80, 102, 135, 161, 162, 443, 34962, 34963, 34964})
+FIRST_DYNAMIC_PORT: Final = 49152
+TCON_PARAM_SIZE: Final = 64
+T_CONNECTIONS: Final = b"\xe0\xe1"  # the first byte of a T-selector for programs; E1 on an S7-1200 alone
+TSAP_SIZES: Final = range(2, 17)  # of TCON_Param
+
+
+class Protocol(StrEnum):
+    """What is spoken on a connection."""
+
+    TCP = "TCP"
+    ISO = "ISO-on-TCP"
+    UDP = "UDP"
+    CONFIGURED = "configured"
+    UNKNOWN = "unknown"
+
+
+class Flaw(StrEnum):
+    """What can be wrong with a description."""
+
+    NO_DESCRIPTION = "no description"
+    STRUCTURE = "structure not taken"
+    LENGTH = "wrong length"
+    ID = "wrong ID"
+    INTERFACE = "wrong interface"
+    NO_LOCAL_ADDRESS = "interface without address"
+    TYPE = "wrong type"
+    NEEDS_ADDR = "UDP without ADDR"
+    UDP_ACTIVE = "active UDP"
+    TSAP = "wrong TSAP"
+    PARAMETER = "wrong parameter"
+    PORT_RESERVED = "reserved port"
+    REMOTE = "wrong remote"
+    NAME_EMPTY = "name empty"
+    NAME_NOT_FULL = "name not fully qualified"
+    NO_RESOLVER = "no resolver"
+    NAME_UNKNOWN = "name unknown"
+    SERVER_BARE = "server without certificate"
+    SECURE_DATAGRAMS = "secure datagrams"
+    CLIENT_ASKS = "client asks for a client certificate"
+    SERVER_CHECKS = "server checks a name"
+    CERTIFICATE = "certificate unknown"
+
+
+class Finding(NamedTuple):
+    """One flaw: what it is, in which field (""  the whole), and in words what was found and expected."""
+
+    flaw: Flaw
+    field: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a description says, whatever its structure."""
+
+    protocol: Protocol
+    identity: int
+    is_active: bool = False
+    remote_address: str = ANY_ADDRESS
+    remote_name: str = ""
+    remote_port: int = 0
+    local_port: int = 0
+    remote_tsap: bytes = b""
+    local_tsap: bytes = b""
+
+
+# Structure -> the numbers of ConnectionType that it takes (siemens.md 3.7, 80B6).
+_TYPES: Final = {
+    "TCON_IP_v4": {11: Protocol.TCP, 17: Protocol.TCP, 19: Protocol.UDP},
+    "TCON_IP_V4_SEC": {11: Protocol.TCP, 17: Protocol.TCP},
+    "TCON_IP_RFC": {12: Protocol.ISO, 18: Protocol.ISO},
+    "TCON_QDN": {13: Protocol.TCP},
+    "TCON_QDN_SEC": {13: Protocol.TCP},
+    "TCON_Param": {17: Protocol.TCP, 18: Protocol.ISO, 19: Protocol.UDP},
+    "TCON_Configured": {CONFIGURED: Protocol.CONFIGURED},
+}
+
+
+# What the newer structures call a field -> TCON_Param's name.
+_PARAM_NAMES: Final = {
+    "ActiveEstablished": "active_est",
+    "RemoteAddress": "rem_staddr",
+    "RemotePort": "rem_tsap_id",
+    "LocalPort": "local_tsap_id",
+}
+
+
+def field_name(description: Description, name: str) -> str:
+    """Return what this structure calls a field of TCON_IP_v4."""
+    return _PARAM_NAMES.get(name, name) if description.structure.name == "TCON_Param" else name
+
+
+def types_of(structure: str) -> tuple[int, ...]:
+    """Return the numbers that ConnectionType may have, the usual one first."""
+    return tuple(_TYPES[structure])
+
+
+def speaks_iso(structure: str) -> bool:
+    """Return whether the structure can describe a connection of ISO-on-TCP."""
+    return Protocol.ISO in _TYPES[structure].values()
+
+
+def meaning(description: Description) -> Meaning:
+    """Return what a description says; what is wrong in it is nobody's matter here."""
+    if description.structure.name == "TCON_Param":
+        return _meaning_of_param(description)
+    types = _TYPES[description.structure.name]
+    return Meaning(
+        protocol=types.get(description.number("ConnectionType"), Protocol.UNKNOWN),
+        identity=description.number("ID"),
+        is_active=bool(description.number("ActiveEstablished")),
+        remote_address=description.text("RemoteAddress") or ANY_ADDRESS,
+        remote_name=description.text("RemoteQDN"),
+        remote_port=description.number("RemotePort"),
+        local_port=description.number("LocalPort"),
+        remote_tsap=description.part("RemoteTSelector"),
+        local_tsap=description.part("LocalTSelector"),
+    )
+
+
+def _meaning_of_param(description: Description) -> Meaning:
+    protocol = _TYPES["TCON_Param"].get(description.number("connection_type"), Protocol.UNKNOWN)
+    local = description.part("local_tsap_id")[: description.number("local_tsap_id_len")]
+    remote = description.part("rem_tsap_id")[: description.number("rem_tsap_id_len")]
+    known = description.number("rem_staddr_len") > 0
+    is_iso = protocol is Protocol.ISO
+    return Meaning(
+        protocol=protocol,
+        identity=description.number("id"),
+        is_active=bool(description.number("active_est")),
+        remote_address=".".join(map(str, description.part("rem_staddr")[:4])) if known else ANY_ADDRESS,
+        remote_port=0 if is_iso else int.from_bytes(remote[:2], "big"),
+        local_port=0 if is_iso else int.from_bytes(local[:2], "big"),
+        remote_tsap=remote if is_iso else b"",
+        local_tsap=local if is_iso else b"",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A description and what the bench has written beside it.
+
+    `own_address` stands for InterfaceId. `takes_free_port`: the bench has named the port that is listened
+    on; `remote_is_known`: it says where the partner listens (`@NAME`). `structures`: what the instructions
+    take, () all. `narrow_tsaps`: the CPU is an S7-1200.
+    """
+
+    description: Description
+    meaning: Meaning
+    own_address: str
+    takes_free_port: bool = False
+    remote_is_known: bool = False
+    structures: tuple[str, ...] = ()
+    narrow_tsaps: bool = False
+
+
+def judge(asked: Asked) -> Finding | None:
+    """Return the first flaw, None where a CPU would try to connect."""
+    found = next((found for question in _QUESTIONS if (found := question(asked)) is not None), None)
+    return found._replace(field=field_name(asked.description, found.field)) if found else None
+
+
+# -- the questions -----------------------------------------------------------------------------------------
+
+
+def _structure(asked: Asked) -> Finding | None:
+    name = asked.description.structure.name
+    if not asked.structures or name in asked.structures:
+        return None
+    return Finding(Flaw.STRUCTURE, "", f"{name}: these instructions take {', '.join(asked.structures)} only")
+
+
+def _length(asked: Asked) -> Finding | None:
+    structure, size = asked.description.structure, len(asked.description.data)
+    if structure.size - structure.spare <= size <= structure.size:
+        return None
+    return Finding(Flaw.LENGTH, "", f"{size} bytes, {structure.name} has {structure.size}")
+
+
+def _identity(asked: Asked) -> Finding | None:
+    if 1 <= asked.meaning.identity <= MOST_ID:
+        return None
+    name = "id" if asked.description.structure.field("id") else "ID"
+    return Finding(Flaw.ID, name, f"{name} is {asked.meaning.identity}, 1 to {MOST_ID}")
+
+
+def _configured(asked: Asked) -> Finding | None:
+    if asked.meaning.protocol is not Protocol.CONFIGURED:
+        return None
+    return Finding(Flaw.ID, "ID", f"no configured connection has the ID {asked.meaning.identity}")
+
+
+def _interface(asked: Asked) -> Finding | None:
+    names_own = asked.meaning.remote_name or asked.description.structure.name.startswith("TCON_QDN")
+    field = "local_device_id" if asked.description.structure.field("local_device_id") else "InterfaceId"
+    if asked.description.number(field) == 0 and not names_own:
+        return Finding(Flaw.INTERFACE, field, f"{field} is 0, the hardware identifier of a port such as 64")
+    if asked.own_address == ANY_ADDRESS:
+        return Finding(Flaw.NO_LOCAL_ADDRESS, field, "LocalAddress is 0.0.0.0: the interface has no address")
+    return None
+
+
+def _type(asked: Asked) -> Finding | None:
+    if asked.meaning.protocol is not Protocol.UNKNOWN:
+        return None
+    structure = asked.description.structure
+    field = "connection_type" if structure.field("connection_type") else "ConnectionType"
+    taken = ", ".join(f"16#{one:02X}" for one in types_of(structure.name))
+    number = asked.description.number(field)
+    return Finding(Flaw.TYPE, field, f"{field} is 16#{number:02X}, {structure.name} takes {taken}")
+
+
+def _udp_active(asked: Asked) -> Finding | None:
+    if asked.meaning.protocol is not Protocol.UDP or not asked.meaning.is_active:
+        return None
+    return Finding(Flaw.UDP_ACTIVE, "ActiveEstablished", "UDP is never established actively")
+
+
+def _udp(asked: Asked) -> Finding | None:
+    if asked.meaning.protocol is not Protocol.UDP:
+        return None
+    if not asked.meaning.local_port and not asked.takes_free_port:
+        return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, UDP needs a port")
+    return None
+
+
+def _tsap(asked: Asked) -> Finding | None:
+    if asked.meaning.protocol is not Protocol.ISO:
+        return None
+    return _tsap_of_any(asked) or (narrow_tsap(asked.meaning.local_tsap) if asked.narrow_tsaps else None)
+
+
+def _tsap_of_any(asked: Asked) -> Finding | None:
+    local = asked.meaning.local_tsap
+    if asked.description.structure.name == "TCON_Param":
+        return _tsap_of_param(asked)
+    for field in ("LocalTSelector", "RemoteTSelector"):
+        size = _selector_length(asked.description, field)
+        if size > LONGEST_SELECTOR:
+            return Finding(Flaw.PARAMETER, field, f"TSelLength is {size}, at most {LONGEST_SELECTOR}")
+    if not local:
+        return Finding(Flaw.TSAP, "LocalTSelector", "the local T-selector is empty")
+    if len(local) < TSAP_SIZES.start and not asked.meaning.is_active:
+        return Finding(
+            Flaw.TSAP, "LocalTSelector", "the local T-selector of a passive end has one byte, two or more"
+        )
+    if len(local) == 2 and local[0] not in _firsts(asked):
+        return Finding(Flaw.TSAP, "LocalTSelector", f"two bytes begin with E0, not with {local[0]:02X}")
+    if local.startswith(b"SIMATIC-"):
+        return Finding(Flaw.TSAP, "LocalTSelector", "SIMATIC- is the system's own")
+    return None
+
+
+def _firsts(asked: Asked) -> bytes:
+    return T_CONNECTIONS if asked.narrow_tsaps else T_CONNECTIONS[:1]
+
+
+def narrow_tsap(local: bytes) -> Finding | None:
+    """Return what an S7-1200 alone has against a local T-selector (siemens.md 3.2)."""
+    if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
+        return Finding(Flaw.TSAP, "LocalTSelector", f"behind {local[0]:02X} 00 or 01, not {local[1]:02X}")
+    if any(not 0x20 <= byte < 0x7F for byte in local[2:]):
+        text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
+        return Finding(Flaw.TSAP, "LocalTSelector", text)
+    return None
+
+
+def _selector_length(description: Description, name: str) -> int:
+    field = description.structure.field(name)
+    assert field is not None
+    return int.from_bytes(description.data[field.offset : field.offset + 2], "big")
+
+
+def _tsap_of_param(asked: Asked) -> Finding | None:
+    local = asked.meaning.local_tsap
+    if not asked.meaning.is_active and (len(local) < TSAP_SIZES.start or local[0] not in _firsts(asked)):
+        return Finding(Flaw.TSAP, "local_tsap_id", f"{local.hex(' ')}: two bytes or more that begin with E0")
+    return None
+
+
+def _param(asked: Asked) -> Finding | None:
+    """Judge the lengths in a TCON_Param (siemens.md 3.3)."""
+    if asked.description.structure.name != "TCON_Param":
+        return None
+    number, says = asked.description.number, asked.meaning
+    for field, taken in _param_lengths(says):
+        if number(field) not in taken:
+            wanted = " or ".join(map(str, taken)) if len(taken) < 4 else f"{taken[0]} to {taken[-1]}"
+            return Finding(Flaw.PARAMETER, field, f"{field} is {number(field)}, {wanted}")
+    return None
+
+
+def _param_lengths(says: Meaning) -> list[tuple[str, tuple[int, ...]]]:
+    lengths: list[tuple[str, tuple[int, ...]]] = [
+        ("block_length", (TCON_PARAM_SIZE,)),
+        ("rem_subnet_id_len", (0,)),
+        ("next_staddr_len", (0,)),
+        ("rem_staddr_len", (4,) if says.is_active else (0, 4)),
+    ]
+    if says.protocol is Protocol.ISO:
+        sizes = tuple(TSAP_SIZES)
+        lengths += [
+            ("local_tsap_id_len", sizes),
+            ("rem_tsap_id_len", sizes if says.is_active else (0, *sizes)),
+        ]
+    elif says.protocol is Protocol.UDP:
+        lengths += [("local_tsap_id_len", (2,)), ("rem_tsap_id_len", (0,))]
+    else:
+        lengths += [
+            ("local_tsap_id_len", (0, 2) if says.is_active else (2,)),
+            ("rem_tsap_id_len", (2,) if says.is_active else (0, 2)),
+        ]
+    return lengths
+
+
+def _ports(asked: Asked) -> Finding | None:
+    says = asked.meaning
+    if says.protocol is not Protocol.TCP:
+        return None
+    if says.is_active and not says.remote_port and not asked.remote_is_known:
+        return Finding(Flaw.PARAMETER, "RemotePort", "RemotePort is 0, an active end needs one")
+    if not says.is_active and not says.local_port and not asked.takes_free_port:
+        return Finding(Flaw.PARAMETER, "LocalPort", "LocalPort is 0, a passive end needs one")
+    return None
+
+
+def _remote(asked: Asked) -> Finding | None:
+    says = asked.meaning
+    if asked.description.structure.field("RemoteQDN"):
+        return None
+    # A10: 0.0.0.0 is "any partner" on a passive end.
+    if says.is_active and says.remote_address == ANY_ADDRESS:
+        return Finding(Flaw.PARAMETER, "RemoteAddress", "RemoteAddress is 0.0.0.0, the partner's address")
+    if is_group(says.remote_address):
+        return Finding(Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is no address of one partner")
+    # On loopback the bench and its peers share one address.
+    if says.remote_address == asked.own_address and not is_loopback(says.remote_address):
+        return Finding(Flaw.REMOTE, "RemoteAddress", f"{says.remote_address} is this PLC's own address")
+    return None
+
+
+def _local_port(asked: Asked) -> Finding | None:
+    port = asked.meaning.local_port
+    if port in RESERVED_PORTS or port >= FIRST_DYNAMIC_PORT:
+        return Finding(Flaw.PORT_RESERVED, "LocalPort", f"port {port} is the system's own; take 2000 to 5000")
+    return None
+
+
+def _name(asked: Asked) -> Finding | None:
+    if asked.description.structure.field("RemoteQDN") is None:
+        return None
+    name = asked.meaning.remote_name
+    if not name and not asked.meaning.is_active:
+        return None
+    if not name:
+        return Finding(Flaw.NAME_EMPTY, "RemoteQDN", "RemoteQDN is empty")
+    if not name.endswith("."):
+        return Finding(Flaw.NAME_NOT_FULL, "RemoteQDN", "RemoteQDN does not end with a dot")
+    return None
+
+
+def _secure_type(asked: Asked) -> Finding | None:
+    is_udp = asked.description.number("ConnectionType") == UDP_TYPE
+    if not is_udp or not asked.description.number("ActivateSecureConn"):
+        return None
+    return Finding(Flaw.SECURE_DATAGRAMS, "ConnectionType", "UDP cannot be secured: there is no DTLS")
+
+
+def _secure(asked: Asked) -> Finding | None:
+    number = asked.description.number
+    if not number("ActivateSecureConn"):
+        return None
+    if asked.meaning.is_active:
+        if number("TLSServerReqClientCert"):
+            text = "TLSServerReqClientCert is TRUE: only a server asks for a client's certificate"
+            return Finding(Flaw.CLIENT_ASKS, "TLSServerReqClientCert", text)
+        return None
+    if number("ExtTLSCapabilities") & CHECKS_NAME:
+        text = "ExtTLSCapabilities has bit 0: only a client checks the subjectAlternateName"
+        return Finding(Flaw.SERVER_CHECKS, "ExtTLSCapabilities", text)
+    if not number("TLSServerCertRef"):
+        return Finding(Flaw.SERVER_BARE, "TLSServerCertRef", "TLSServerCertRef is 0: a server shows one")
+    return None
+
+
+_QUESTIONS: Final[tuple[Callable[[Asked], Finding | None], ...]] = (
+    _structure, _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
+    _udp_active, _param, _udp, _ports, _remote, _local_port, _name, _secure,
+)  # fmt: skip

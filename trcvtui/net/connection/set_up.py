@@ -1,0 +1,319 @@
+"""How a connection comes up: from socket to the first partner (TCON), one call at a time.
+
+Every failure names its Stage, because each vendor has a code for each; nothing here knows a code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Final
+
+from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connection.connection_ids import Holder, Identities
+from trcvtui.net.connection.local_address import wrong_local_address
+from trcvtui.net.connection.policy import Policy
+from trcvtui.net.events import What
+from trcvtui.net.kernel import (
+    WOULD_BLOCK,
+    Accepted,
+    Endpoint,
+    Fault,
+    Handle,
+    Kernel,
+    SocketOptions,
+    WouldBlock,
+)
+from trcvtui.net.work import ACCEPT, TURN_AWAY, Party, Work
+
+PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
+
+
+class Stage(Enum):
+    """Which part of the set-up failed."""
+
+    DESCRIPTION = auto()
+    IDENTITY = auto()
+    SOCKET = auto()
+    ADDRESS = auto()
+    REUSE = auto()
+    BIND = auto()
+    POLL_ADD = auto()
+    ACCEPT = auto()
+    CONNECT = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class StepFault:
+    """A set-up step that failed; `detail` is what a person should read."""
+
+    stage: Stage
+    fault: Fault
+    detail: str = ""
+    client: str = ""  # who was accepted, where that is what failed
+
+
+class SetUp:
+    """The listener or the running attempt of one CONNECT."""
+
+    def __init__(
+        self,
+        config: ConnectConfig,
+        kernel: Kernel,
+        policy: Policy,
+        resolve: Callable[[str], int | None],
+        identities: Identities,
+        note: Callable[[What, Endpoint | None, str], None],
+        work: Work,
+    ) -> None:
+        self.config = config
+        self.listener: Handle | None = None
+        self.attempt: Handle | None = None
+        self.local: Endpoint | None = None
+        self.remote: Endpoint | None = None
+        self.is_withdrawn = False  # somebody wants it closed who may not, before it has been established
+        self.is_closing = False  # a block is still showing that it closes the endpoint
+        self._clients = Party(work, config.name, What.CLIENTS_WAIT)
+        self._holder = Holder(config)
+        self._identities = identities
+        self._kernel = kernel
+        self._policy = policy
+        self._resolve = resolve
+        self._note = note
+        self._verdict: Fault | None = None
+        self._is_asking = False  # for the address of the partner's name
+        self._deadline = 0
+        self._has_told_limit = False
+        self._resolved_port: int | None = None
+        self._kept_port = config.local.port
+        self._successor: Accepted | None = None  # accepted while the partner before him was ending
+
+    @property
+    def has_been_up(self) -> bool:
+        """Return whether a partner has been there since the endpoint is."""
+        return self._holder.has_been_up
+
+    @property
+    def listening(self) -> Endpoint | None:
+        """Return where a partner reaches this CONNECT, None while it does not."""
+        return self.local if self.listener is not None else None
+
+    def judge(self) -> StepFault | None:
+        """Return what keeps whoever opens this connection from it, before there is any socket."""
+        return self.judge_description()
+
+    def judge_description(self) -> StepFault | None:
+        """Look at the connection description, and take its ID."""
+        flaw = self.config.flaw
+        if flaw is not None:
+            return StepFault(Stage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
+        taken = self._identities.take(self._holder)
+        if taken is None:
+            return None
+        how, holder = taken
+        text = f"ID {self._holder.identity} is that of {holder}"
+        return StepFault(Stage.IDENTITY, Fault("identity", how), text)
+
+    def create(self) -> StepFault | None:
+        """Make the socket of a new attempt."""
+        made = self._kernel.socket(self.config.name)
+        if isinstance(made, Fault):
+            return StepFault(Stage.SOCKET, made)
+        self.attempt = made
+        return None
+
+    def prepare(self, now: int) -> StepFault | None:
+        """Bind the socket, then listen or start to connect."""
+        assert self.attempt is not None
+        if self.config.keep_alive_limited and not self._has_told_limit:
+            self._has_told_limit = True
+            self._note(What.OPTION_LIMITED, None, self.config.keep_alive_limited)
+        self._set_options(self.attempt)
+        return self._bind(self.attempt) or (
+            self._connect(self.attempt, now) if self.config.active else self._listen(self.attempt)
+        )
+
+    def _bind(self, handle: Handle) -> StepFault | None:
+        local = Endpoint(self.config.local.address, self._kept_port)
+        own = self._kernel.local_addresses()
+        wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
+        if wrong and not self.config.any_local:
+            return StepFault(Stage.ADDRESS, Fault("address", wrong))
+        fault = self._reuse(handle)
+        if fault is not None:
+            return StepFault(Stage.REUSE, fault)
+        fault = self._kernel.bind(handle, local)
+        if fault is None:
+            return None
+        stage = Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND
+        return StepFault(stage, fault, self._hint(fault, local))
+
+    def _reuse(self, handle: Handle) -> Fault | None:
+        return self._kernel.set_reuse(handle)
+
+    def _hint(self, fault: Fault, local: Endpoint) -> str:
+        """Return what a person can do about a port of which only some users are let in."""
+        if fault.error != "EACCES" or self.config.session is None or not self.config.session.shares_port:
+            return ""
+        return f"{local} is not for every user: IsoPort sets another"
+
+    def _listen(self, handle: Handle) -> StepFault | None:
+        fault = self._kernel.listen(handle, self._policy.backlog)
+        if fault is not None:
+            return StepFault(Stage.BIND, fault)  # EADDRINUSE of listen is a taken port too (3.1)
+        fault = self._kernel.poll_add(handle)
+        if fault is not None:
+            return StepFault(Stage.POLL_ADD, fault)
+        self.listener, self.attempt = handle, None
+        self.local = self._kernel.local_end(handle)
+        if self.local is not None:
+            self._kept_port = self.local.port  # LocalPort 0 keeps the port it got until STOP
+        self._note(What.LISTENING, None, "")
+        return None
+
+    def _connect(self, handle: Handle, now: int) -> StepFault | None:
+        fault = self._kernel.poll_add(handle)
+        if fault is not None:
+            return StepFault(Stage.POLL_ADD, fault)
+        self.local = self._kernel.local_end(handle)
+        self._deadline = now + self._policy.attempt_limit_ns
+        # A refusal by the call itself is held until the next look: a first attempt shows 7002 before 80A0.
+        self._verdict = self._start_connect(handle)
+        self._note(What.CONNECTING, self.remote, "")
+        return None
+
+    def _start_connect(self, handle: Handle) -> Fault | None:
+        port = self._remote_port()
+        if port is None:
+            return Fault("resolve", f"{self.config.remote_port} does not listen")
+        address = self._remote_address(handle)
+        self._is_asking = isinstance(address, WouldBlock)
+        if not isinstance(address, str):
+            return address if isinstance(address, Fault) else None
+        self.remote = Endpoint(address, port)
+        # 3.1 traps: 0.0.0.0 would silently mean loopback; a socket can connect to itself.
+        if address == ANY_ADDRESS or self.remote == self.local:
+            return Fault("address", f"{self.remote} is no end to connect to")
+        return self._kernel.connect(handle, self.remote)
+
+    def _remote_address(self, handle: Handle) -> str | WouldBlock | Fault:
+        name = self.config.remote_name
+        return self._kernel.resolve(handle, name) if name else self.config.remote_address
+
+    def _remote_port(self) -> int | None:
+        """Return RemotePort; for `@NAME` where that listens now, else where it listened last."""
+        port = self.config.remote_port
+        if isinstance(port, int):
+            return port
+        self._resolved_port = self._resolve(port) or self._resolved_port
+        return self._resolved_port
+
+    def look(self, now: int) -> Accepted | StepFault | None:
+        """Ask how the running attempt of an active CONNECT stands."""
+        assert self.attempt is not None
+        if self._is_asking:
+            self._verdict = self._start_connect(self.attempt)
+        verdict: Fault | WouldBlock | None = WOULD_BLOCK if self._is_asking else self._verdict
+        if verdict is None:
+            verdict = self._kernel.connect_result(self.attempt)
+        if verdict is WOULD_BLOCK:
+            if now < self._deadline:
+                return None
+            verdict = Fault("attempt_limit", "ETIMEDOUT")
+        if isinstance(verdict, Fault):
+            taken = self.config.local.port and verdict.error in PORT_TAKEN_ERRORS
+            return StepFault(Stage.BIND if taken else Stage.CONNECT, verdict)
+        assert self.remote is not None
+        handle, self.attempt = self.attempt, None
+        self._holder.has_been_up = True
+        return Accepted(handle, self.remote)
+
+    def accept(self) -> Accepted | StepFault | None:
+        """Take the next client that may be the partner; others are reset (decision 21)."""
+        if self._successor is not None:
+            client, self._successor = self._successor, None
+            return client
+        got = self._accept_any()
+        while isinstance(got, Accepted) and self._is_wrong_partner(got.peer):
+            self.turn_away(got, What.WRONG_PARTNER)
+            got = self._accept_any()
+        return got
+
+    def keep(self, client: Accepted) -> None:
+        """Keep an accepted client as the next partner: the one before him has ended in the same moment."""
+        self._successor = client
+
+    def _accept_any(self) -> Accepted | StepFault | None:
+        if self.listener is None or not self._kernel.readable(self.listener):
+            return None
+        if self._clients.left <= 0:
+            self._clients.wait()
+            return None
+        got = self._kernel.accept(self.listener)
+        if isinstance(got, Accepted):
+            self._clients.spend(ACCEPT)
+            return got
+        return StepFault(Stage.ACCEPT, got) if isinstance(got, Fault) else None
+
+    def _is_wrong_partner(self, peer: Endpoint) -> bool:
+        address, port = self.config.remote_address, self._remote_port()
+        if self._policy.check_remote_ip and address not in (ANY_ADDRESS, peer.address):
+            return True
+        return bool(self._policy.check_remote_port and port and port != peer.port)
+
+    def turn_away(self, client: Accepted, what: What) -> None:
+        """Reset a client at once; its bytes never reach DATA."""
+        self._clients.spend(TURN_AWAY)
+        self._kernel.abort(client.handle)
+        self._note(what, client.peer, "")
+
+    def take_over(self, client: Accepted) -> StepFault | None:
+        """Put an accepted client into the poll set and give it the CONNECT's options."""
+        fault = self._kernel.poll_add(client.handle)
+        if fault is not None:
+            self._kernel.abort(client.handle)
+            return StepFault(Stage.POLL_ADD, fault, client=str(client.peer))
+        self._set_options(client.handle)
+        self._holder.has_been_up = True
+        return None
+
+    def _set_options(self, handle: Handle) -> None:
+        refused = self._kernel.set_options(handle, self.options())
+        if refused:
+            self._note(What.OPTION_REFUSED, None, ", ".join(refused))
+
+    def options(self) -> SocketOptions:
+        """Return the socket options of this CONNECT (5.5)."""
+        return SocketOptions(
+            nodelay=self.config.send_delay_opt,
+            keep_alive_s=self.config.keep_alive_s,
+            small_buffers=self._policy.small_buffers,
+            session=self.config.session,
+        )
+
+    def free(self) -> Fault | None:
+        """Close the listener and withdraw the attempt."""
+        fault = None
+        self.is_withdrawn = self._has_told_limit = False
+        self._identities.give_back(self._holder)
+        if self._successor is not None:
+            self._kernel.abort(self._successor.handle)
+            self._successor = None
+        if self.listener is not None:
+            fault = self._kernel.close(self.listener)
+            self.listener = self.local = None
+        return self.free_attempt() or fault
+
+    def free_attempt(self) -> Fault | None:
+        """Withdraw the attempt without TIME_WAIT, so that a fixed LocalPort is free again."""
+        if self.attempt is None:
+            return None
+        fault = self._kernel.abort(self.attempt)
+        self.attempt, self._verdict, self._is_asking = None, None, False
+        return fault
+
+    def forget(self) -> None:
+        """Give up a port got by LocalPort 0 (PLC STOP)."""
+        self._kept_port = self.config.local.port
+        self.local = self.remote = None

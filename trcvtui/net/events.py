@@ -1,0 +1,88 @@
+"""What happened on a connection, as frozen values: the ledger's raw material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from trcvtui.net.kernel import Fault
+
+
+class What(StrEnum):
+    """One word for each thing that can happen to a connection."""
+
+    LISTENING = "listening"
+    CONNECTING = "connecting"
+    CONNECTED = "connected"
+    ATTEMPT_FAILED = "attempt failed"
+    ACCEPT_FAILED = "accept failed"
+    PARTNER_CLOSED = "partner closed"
+    LOST = "lost"
+    DISCONNECTED = "disconnected"
+    RESET = "reset"
+    STOPPED = "stopped"
+    CALL_FAILED = "call failed"
+    WRONG_PARTNER = "wrong partner reset"
+    SECOND_CLIENT = "second client reset"
+    REPLACED = "replaced by a second client"
+    OPTION_REFUSED = "option refused"
+    OPTION_LIMITED = "option limited"
+    RELEASED = "released"
+    TPDUS_WAIT = "TPDUs wait"  # these: a partner asks for more work than one scan does (net/work.py)
+    RECORDS_WAIT = "TLS records wait"
+    CLIENTS_WAIT = "clients wait"
+    HANDSHAKES_WAIT = "handshakes wait"
+    LONG_HANDSHAKE = "a handshake is long"
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionNote:
+    """Something happened on the CONNECT `connection`; `incarnation` counts its TCP connections from 1."""
+
+    connection: str
+    incarnation: int
+    what: What
+    local: str = ""
+    peer: str = ""
+    fault: Fault | None = None
+    detail: str = ""
+
+
+class BytesReceived(NamedTuple):
+    """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
+
+    `instance` has them: jobs of tasks of different priority can read in turns (net/connection/ownership.py, rule 3).
+    """
+
+    connection: str
+    incarnation: int
+    recv: int
+    offset: int
+    size: int
+    instance: str = ""
+
+
+class BytesSent(NamedTuple):
+    """One send call gave `size` bytes of `instance` to the local stack; `offset` is in the sent stream."""
+
+    connection: str
+    incarnation: int
+    send: int
+    offset: int
+    size: int
+    instance: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class BytesDropped:
+    """Bytes of the stream that will never reach DATA, and why. offset -1: they were still in the stack."""
+
+    connection: str
+    incarnation: int
+    offset: int
+    size: int
+    reason: str
+
+
+Note = ConnectionNote | BytesReceived | BytesSent | BytesDropped

@@ -1,0 +1,409 @@
+"""A kernel in front of a kernel that runs sessions (ISO-on-TCP, TLS) on streams whose CONNECT asks for one.
+
+To those above, a connection stands when its session does: `connect_result` and `accept` wait for the
+handshake, `recv` and `recv_from` give what the session has unpacked. All other handles pass through.
+Rule 1: the stream is read in `poll`, and by a read that finds nothing: a bounded number of bytes each.
+Rule 2: a client that says nothing, too much, or nonsense is dropped, and the ledger is told; so it is of a
+session that ends by itself, and of what was passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final, Protocol, runtime_checkable
+
+from trcvtui.net.events import What
+from trcvtui.net.kernel import (
+    DRAIN_BYTES,
+    HELD_BACK,
+    WOULD_BLOCK,
+    Accepted,
+    Datagram,
+    Endpoint,
+    Fault,
+    Handle,
+    Kernel,
+    LocalAddress,
+    Loss,
+    PathInfo,
+    SocketOptions,
+    WouldBlock,
+)
+from trcvtui.net.layer import Settings
+from trcvtui.net.layers.shared_listener import (
+    CLIENTS_QUEUED,
+    ENDED,
+    IGNORED,
+    Choosing,
+    Listener,
+    Member,
+    Told,
+)
+from trcvtui.net.layers.stream import Stream
+from trcvtui.net.work import Party, Work
+
+# Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
+# from one who is not there.
+ATTEMPT_LIMIT: Final = 4_000_000_000  # ns
+
+
+@runtime_checkable
+class Stirring(Kernel, Protocol):
+    """A kernel that can say which handles its last poll saw."""
+
+    def stirred(self) -> Mapping[Handle, str] | None:
+        """Return the handles with their owners; None: look at everything."""
+        ...
+
+
+def nothing_known() -> Mapping[Handle, str] | None:
+    """Return None: whoever asks must look at everything."""
+    return None
+
+
+class SessionKernel:
+    """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
+
+    `polls`: clients go into the poll set before they are accepted; False: nobody here has one.
+    `work`: the bound that others share; None: one of its own.
+    """
+
+    def __init__(
+        self,
+        inner: Kernel,
+        clock: Callable[[], int],
+        told: Told,
+        polls: bool = True,
+        work: Work | None = None,
+    ) -> None:
+        self.inner = inner
+        self._work = work or Work()
+        self._begins = work is None  # else its owner says when a scan begins
+        self._clock = clock
+        self._told = told
+        self._polls = polls
+        self._owners: dict[Handle, str] = {}
+        self._wanted: dict[Handle, Settings] = {}
+        self._fixed: set[Handle] = set()  # bound to a port that somebody chose
+        self._ends: dict[Handle, Endpoint] = {}  # of handles that join a port which is listened on already
+        self._connecting: dict[Handle, Endpoint] = {}
+        self._streams: dict[Handle, Stream] = {}
+        self._listeners: dict[Handle, Listener] = {}  # by member
+        self._ports: dict[Endpoint, Listener] = {}
+        self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
+        self._stirred_inside = inner.stirred if isinstance(inner, Stirring) else nothing_known
+        # What nothing is done to goes to the kernel without a second call.
+        self.local_addresses: Callable[[], tuple[LocalAddress, ...]] = inner.local_addresses
+        self.set_link: Callable[[str, bool], str] = inner.set_link
+        self.set_user_timeout: Callable[[Handle, int], None] = inner.set_user_timeout
+        self.set_reuse: Callable[[Handle], Fault | None] = inner.set_reuse
+        self.datagram_socket: Callable[[str], Handle | Fault] = inner.datagram_socket
+        self.send_to: Callable[[Handle, memoryview, Endpoint], int | WouldBlock | Fault] = inner.send_to
+        self.resolve: Callable[[Handle, str], str | WouldBlock | Fault] = inner.resolve
+        self.path: Callable[[Handle], PathInfo | None] = inner.path
+        self.probe: Callable[[Handle], Fault | None] = inner.probe
+
+    # -- what the poll saw ---------------------------------------------------------------------------------
+
+    def poll(self) -> None:
+        """Take the readiness of every handle, and go on with every session that has news."""
+        if self._begins:
+            self._work.begin(self._clock())
+        self.inner.poll()
+        for listener in self._in_turn():
+            listener.poll(self._clock())
+        for handle, stream in self._streams.items():
+            if stream.has_backlog or self.inner.readable(handle):
+                stream.pump()
+            else:
+                stream.flush()
+            stream.watch(self._clock())
+            self._tell(handle, stream)
+
+    def _in_turn(self) -> list[Listener]:
+        """Return the listeners, another one first in each scan: one scan may have one handshake for all."""
+        listeners = list(dict.fromkeys(self._listeners.values()))
+        first = self._work.scan % len(listeners) if listeners else 0
+        return listeners[first:] + listeners[:first]
+
+    def _party(self, handle: Handle, settings: Settings) -> Party:
+        return Party(
+            self._work,
+            self._owners.get(handle, ""),
+            What.TPDUS_WAIT if settings.is_message_oriented else What.RECORDS_WAIT,
+        )
+
+    def _tell(self, handle: Handle, stream: Stream) -> None:
+        """Tell what was passed over, and why the session has ended."""
+        owner, partner = self._owners.get(handle, ""), str(stream.peer)
+        for remark in stream.session.take_remarks():
+            self._told(owner, IGNORED, partner, remark)
+        end = stream.take_end()
+        if end:
+            self._told(owner, ENDED, partner, end)
+
+    def readable(self, handle: Handle) -> bool:
+        """Return whether there is something to read, an end, or a client that has finished its handshake."""
+        member = self._member(handle)
+        if member is not None:
+            return bool(member.ready)
+        stream = self._streams.get(handle)
+        if stream is None:
+            return self.inner.readable(handle)
+        return self._has_news(stream) or self.inner.readable(handle)
+
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
+        is_gone = self.inner.renew(handle)
+        stream = self._streams.get(handle)
+        if stream is None or is_gone:
+            return is_gone
+        stream.pump()  # the partner's last word may stand inside the session
+        return stream.is_over or stream.end is not None
+
+    @staticmethod
+    def _has_news(stream: Stream) -> bool:
+        return stream.session.has_data or stream.is_over or stream.session.ended is not None
+
+    def stirred(self) -> Mapping[Handle, str] | None:
+        """Return the handles with news and their owners; None: look at everything."""
+        seen = self._stirred_inside()
+        if seen is None:
+            return None
+        more = {handle: self._owners[handle] for handle, one in self._streams.items() if self._has_news(one)}
+        for listener in set(self._listeners.values()):
+            more |= {h: member.owner for h, member in listener.members.items() if member.ready}
+        return {**seen, **more} if more else seen
+
+    # -- set-up ----------------------------------------------------------------------------------------------
+
+    def socket(self, owner: str) -> Handle | Fault:
+        """Make a TCP socket."""
+        made = self.inner.socket(owner)
+        if not isinstance(made, Fault):
+            self._owners[made] = owner
+        return made
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        """Set the options; those of an accepted client say whose it is, and its session goes on."""
+        refused = self.inner.set_options(handle, options)
+        stream = self._streams.get(handle)
+        if stream is None:
+            if options.session is not None:
+                self._wanted[handle] = options.session
+        elif (
+            isinstance(stream.session, Choosing) and stream.session.has_asked and options.session is not None
+        ):
+            stream.session.give_to(options.session)
+            stream.flush()
+        return refused
+
+    def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Bind to a local end; a port that is shared is bound once."""
+        wanted = self._wanted.get(handle)
+        if wanted is None or not wanted.shares_port:
+            if wanted is not None and end.port:
+                self._fixed.add(handle)
+            return self.inner.bind(handle, end)
+        end = end if end.port else Endpoint(end.address, self._free_ports.get(end.address, 0))
+        if end in self._ports:
+            self._ends[handle] = end
+            return None
+        fault = self.inner.bind(handle, end)
+        bound = self.inner.local_end(handle) if fault is None and not end.port else None
+        if bound is not None:
+            self._free_ports[end.address] = bound.port
+        return fault
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        """Start to listen, or join those who listen on the same port."""
+        wanted = self._wanted.get(handle)
+        if wanted is None:
+            return self.inner.listen(handle, backlog)
+        joined = self._ports.get(self._ends[handle]) if handle in self._ends else None
+        if joined is None:
+            fault = self.inner.listen(handle, max(backlog, CLIENTS_QUEUED))
+            if fault is not None:
+                return fault
+            party = Party(self._work, self._owners.get(handle, ""), What.CLIENTS_WAIT)
+            joined = Listener(self.inner, handle, self._told, self._polls, party)
+            end = self.inner.local_end(handle)
+            if wanted.shares_port and end is not None:
+                self._ports[end] = joined
+        joined.members[handle] = Member(self._owners.get(handle, ""), wanted)
+        self._listeners[handle] = joined
+        return None
+
+    def local_end(self, handle: Handle) -> Endpoint | None:
+        """Return the local end, or None while there is none."""
+        return self._ends.get(handle) or self.inner.local_end(handle)
+
+    def poll_add(self, handle: Handle) -> Fault | None:
+        """Put the handle into the poll set; a client with a session, or who joins a port, is in it."""
+        if handle in self._ends or (handle in self._streams and handle not in self._connecting):
+            return None
+        return self.inner.poll_add(handle)
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        """Take the handle out of the poll set."""
+        return self.inner.poll_del(handle)
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        """Take one client whose handshake is over, or that has asked for this CONNECT."""
+        member = self._member(handle)
+        if member is None:
+            return self.inner.accept(handle)
+        if not member.ready:
+            self._listeners[handle].poll(self._clock())
+        if not member.ready:
+            return WOULD_BLOCK
+        got = member.ready.popleft()
+        if isinstance(got, Fault):
+            return got
+        self._streams[got.handle] = got
+        self._owners[got.handle] = member.owner
+        got.party = self._party(got.handle, member.settings)
+        return Accepted(got.handle, got.peer)
+
+    def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Start to connect; None = pending."""
+        fault = self.inner.connect(handle, end)
+        if fault is None and handle in self._wanted:
+            self._connecting[handle] = end
+        return fault
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        """Return None when the session stands, WOULD_BLOCK while it does not, the Fault exactly once."""
+        end = self._connecting.get(handle)
+        if end is None:
+            return self.inner.connect_result(handle)
+        stream = self._streams.get(handle)
+        if stream is None:
+            verdict = self.inner.connect_result(handle)
+            if verdict is not None:
+                return verdict
+            wanted, since = self._wanted[handle], self._clock()
+            place = handle, end, wanted.new(is_active=True), since, self._party(handle, wanted)
+            stream = self._streams[handle] = Stream(self.inner, *place)
+        stream.pump()
+        if stream.session.is_up:
+            del self._connecting[handle]
+            return None
+        if stream.end is not None or stream.is_over:
+            return stream.end or Fault("session", "ECONNRESET")
+        if self._clock() - stream.since >= ATTEMPT_LIMIT:
+            stream.too_slow("no handshake in 4 s")
+        return stream.end or WOULD_BLOCK
+
+    # -- data ------------------------------------------------------------------------------------------------
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        """Read at most len(into) bytes; 0 = the partner's FIN."""
+        stream = self._streams.get(handle)
+        if stream is None:
+            return self.inner.recv(handle, into)
+        got = stream.read(into)
+        if got is not None:
+            return len(got.data)
+        if stream.is_held_back:
+            return HELD_BACK
+        if stream.end is not None:
+            return stream.end
+        return 0 if stream.is_over else WOULD_BLOCK
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        """Take one message; its end is told by `loss`."""
+        stream = self._streams.get(handle)
+        if stream is None:
+            return self.inner.recv_from(handle, into)
+        got = stream.read(into)
+        if got is None:
+            return HELD_BACK if stream.is_held_back else WOULD_BLOCK
+        return Datagram(len(got.data), stream.peer, got.whole)
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        """Write what the stack takes now and return how many bytes of the data that is."""
+        stream = self._streams.get(handle)
+        return self.inner.send(handle, data) if stream is None else stream.send(data)
+
+    def loss(self, handle: Handle) -> Loss | None:
+        """Return why the connection is gone, without consuming data."""
+        stream = self._streams.get(handle)
+        if stream is None:
+            return self.inner.loss(handle)
+        if stream.end is not None or stream.is_over:
+            return Loss(stream.end, self.unread(handle))
+        return self.inner.loss(handle)
+
+    def unread(self, handle: Handle) -> int:
+        """Return how many received bytes wait: in the stack as they are, in the session unpacked."""
+        stream = self._streams.get(handle)
+        return self.inner.unread(handle) + (stream.session.held if stream else 0)
+
+    def discard(self, handle: Handle, most: int) -> int:
+        """Read away what waits, at most so many bytes of the stack's."""
+        stream = self._streams.get(handle)
+        dropped = stream.session.drop_data() if stream else 0
+        return dropped + self.inner.discard(handle, most)
+
+    # -- the end ---------------------------------------------------------------------------------------------
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        """Send FIN, behind the session's own last word."""
+        stream = self._streams.get(handle)
+        if stream is not None:
+            stream.goodbye()
+        return self.inner.shutdown(handle, both)
+
+    def abort(self, handle: Handle) -> Fault | None:
+        """Send RST and free the handle; a client that has only asked is told no in its own words.
+
+        A session with a last word of its own says it, and then a FIN, but for a fixed local port: a FIN would
+        keep that from the next attempt for a minute (TIME_WAIT).
+        """
+        stream = self._streams.get(handle)
+        asked = stream is not None and isinstance(stream.session, Choosing) and stream.session.has_asked
+        if stream is not None and asked and isinstance(stream.session, Choosing):
+            stream.session.refuse(is_known=True)
+            stream.flush()
+            stream.is_told = True  # by whoever turns it away
+        says_goodbye = stream is not None and not asked and stream.goodbye() and handle not in self._fixed
+        stays = self._forget(handle)
+        if stays:
+            return None
+        if says_goodbye:  # a RST could overtake it (RFC 8446 6.1): the stream ends by FIN
+            self.inner.discard(handle, DRAIN_BYTES)
+        return self.inner.close(handle) if asked or says_goodbye else self.inner.abort(handle)
+
+    def close(self, handle: Handle) -> Fault | None:
+        """Free the handle: FIN, or RST when unread data is queued."""
+        stream = self._streams.get(handle)
+        if stream is not None:
+            stream.goodbye()
+        return None if self._forget(handle) else self.inner.close(handle)
+
+    def _forget(self, handle: Handle) -> bool:
+        """Forget the handle; return whether its socket stays: others still listen on it."""
+        stream = self._streams.get(handle)
+        if stream is not None:
+            self._tell(handle, stream)
+        for known in (self._owners, self._wanted, self._streams, self._connecting):
+            known.pop(handle, None)
+        self._fixed.discard(handle)
+        listener = self._listeners.pop(handle, None)
+        joined = self._ends.pop(handle, None) is not None
+        if listener is None:
+            return False
+        for client in listener.members.pop(handle).ready:
+            if isinstance(client, Stream):
+                client.goodbye()
+                self.inner.close(client.handle)
+        if listener.members:
+            return not joined
+        self._ports = {end: one for end, one in self._ports.items() if one is not listener}
+        listener.close()
+        return not joined  # the listener's own handle has just been closed
+
+    def _member(self, handle: Handle) -> Member | None:
+        listener = self._listeners.get(handle)
+        return listener.members[handle] if listener else None

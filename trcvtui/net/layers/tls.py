@@ -1,0 +1,281 @@
+"""One end of TLS over a stream of bytes, by the standard library's ssl; no sockets.
+
+Rule 1: bytes in, bytes out; whatever comes, nothing raises: what cannot be right ends the session.
+Rule 2: at most CAP bytes wait here, read or unread: who does not take them must not feed more (`wants_more`).
+One feed reads as many records as it may; the others wait in front of the library (`has_backlog`).
+Rule 3: nobody is believed whose certificate was not verified, unless the project says so in plain words.
+"""
+
+from __future__ import annotations
+
+import ssl
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+from trcvtui.files import check_readable
+from trcvtui.net.layer import Ended, Message
+from trcvtui.net.layers.tls_errors import ended_of
+from trcvtui.net.tls_words import Credentials, TlsError
+from trcvtui.net.work import HANDSHAKE as HANDSHAKE_UNITS
+
+CAP: Final = 128 * 1024  # bytes
+PIECE: Final = 16 * 1024  # what one record carries at most
+NO_LIMIT: Final = 1 << 62
+CONTEXTS_KEPT: Final = 256
+# What a record begins with; only a server may refuse with its first.
+HANDSHAKE: Final = 0x16
+ALERT: Final = 0x15
+
+# What the library raises, of bytes, of files, and of a server's name that is none.
+_RAISED: Final = (ssl.SSLError, OSError, ValueError)
+
+
+class Tls:
+    """One end. `ended` is the reason of a failure; a partner who closed in good order `partner_is_done`."""
+
+    def __init__(self, credentials: Credentials, is_active: bool) -> None:
+        self.ended: Ended | None = None
+        self.can_take_back = False  # records are counted
+        self.is_up = False
+        self.partner_is_done = False
+        self._has_fed = False
+        self._has_said_goodbye = False
+        self._stopped_short = False  # records may wait that were not read
+        self._first_bytes = (HANDSHAKE, ALERT) if is_active else (HANDSHAKE,)
+        self._plain = bytearray()
+        self._incoming = ssl.MemoryBIO()
+        self._outgoing = ssl.MemoryBIO()
+        self._engine: ssl.SSLObject | None = None
+        try:
+            self._engine = context_of(credentials, is_active).wrap_bio(
+                self._incoming,
+                self._outgoing,
+                server_side=not is_active,
+                server_hostname=credentials.server_name.rstrip(".") or None if is_active else None,
+            )
+        except _RAISED as problem:
+            self.ended = Ended(TlsError.REFERENCE, f"our own certificates: {problem}")
+        if is_active:
+            self._shake_hands()
+
+    # -- as every session ---------------------------------------------------------------------------------
+
+    @property
+    def has_data(self) -> bool:
+        """Return whether something can be read."""
+        return bool(self._plain)
+
+    @property
+    def wants_more(self) -> bool:
+        """Return whether bytes may be fed."""
+        return self.ended is None and not self.partner_is_done and self.held < CAP
+
+    @property
+    def held(self) -> int:
+        """Return how many bytes are kept, read and unread."""
+        return len(self._plain) + self._incoming.pending
+
+    def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> int:
+        """Take bytes of the stream, and read at most so many records; return the units of work (net/work.py).
+
+        most=0: only the first byte is looked at.
+        """
+        if self.ended is not None or self.partner_is_done:
+            return 0
+        if not self._has_fed and data and data[0] not in self._first_bytes:
+            self._end(Ended(TlsError.PLAIN, f"no TLS: it begins with {data[0]:02X}, not with 16"))
+            return 0
+        if data:
+            self._has_fed = True
+            self._incoming.write(data)
+        self._stopped_short = True
+        return self._go_on(most) if most else 0
+
+    @property
+    def has_backlog(self) -> bool:
+        """Return whether records wait that may be read now."""
+        return self._stopped_short and len(self._plain) < CAP and self.wants_more
+
+    @property
+    def is_dear(self) -> bool:
+        """Return whether the next step is one of the handshake."""
+        return not self.is_up
+
+    def partner_closed(self) -> None:
+        """Note the end of the stream: without the partner's close_notify somebody may have cut it."""
+        if self.ended is not None or self.partner_is_done:
+            return
+        self._incoming.write_eof()
+        if self.is_up:
+            self._go_on(1)
+        elif self._has_fed:
+            self._end(Ended(TlsError.HANDSHAKE, "closed in the middle of the handshake"))
+
+    @property
+    def unfinished(self) -> int:
+        """Return 0: records are no messages, and what is not complete of one is bounded."""
+        return 0
+
+    def take_remarks(self) -> list[str]:
+        """Return nothing: the library passes over nothing that it tells."""
+        return []
+
+    def give_up(self, why: str) -> None:
+        """End a handshake that does not go on."""
+        if not self.is_up:
+            self._end(Ended(TlsError.SILENT, "the handshake does not go on"))
+
+    def say_goodbye(self) -> bool:
+        """Tell the partner that nothing more comes (close_notify), once; return whether he has been told."""
+        if self.is_up and self.ended is None and self._engine is not None and not self._has_said_goodbye:
+            self._has_said_goodbye = True
+            with suppress(*_RAISED):  # ours is in the output; the partner's own may come or not
+                self._engine.unwrap()
+        return self._has_said_goodbye
+
+    def take_output(self) -> bytes:
+        """Return what must be sent, once."""
+        return self._outgoing.read()
+
+    def read(self, into: memoryview) -> Message | None:
+        """Put the next bytes into `into`."""
+        size = min(len(self._plain), len(into))
+        if not size:
+            return None
+        data = bytes(memoryview(self._plain)[:size])
+        into[:size] = data
+        del self._plain[:size]
+        return Message(data, size)
+
+    def encode(self, data: bytes) -> bytes:
+        """Return the records that carry this data; b"" when none can."""
+        if not self.is_up or self._engine is None:
+            return b""
+        try:
+            self._engine.write(data)
+        except _RAISED as problem:
+            self._end(ended_of(problem))
+            return b""
+        return self._outgoing.read()
+
+    def drop_data(self) -> int:
+        """Drop what could be read and return how many bytes it was."""
+        dropped = len(self._plain)
+        self._plain.clear()
+        return dropped
+
+    # -- the library ----------------------------------------------------------------------------------------
+
+    def _go_on(self, most: int) -> int:
+        """Take the next step of the handshake, or read at most so many records; return the units."""
+        units = 0
+        if not self.is_up:
+            self._shake_hands()
+            units = HANDSHAKE_UNITS
+        self._stopped_short = False
+        return units + (self._decrypt(most - units) if self.is_up else 0)
+
+    def _shake_hands(self) -> None:
+        if self.ended is not None or self._engine is None:
+            return
+        try:
+            self._engine.do_handshake()
+            self.is_up = True
+        except ssl.SSLWantReadError:
+            pass
+        except _RAISED as problem:
+            self._end(ended_of(problem))
+
+    def _decrypt(self, most: int) -> int:
+        """Read records until there is none, or enough; return how many."""
+        assert self._engine is not None
+        count = 0
+        while self.ended is None and not self.partner_is_done:
+            if len(self._plain) >= CAP or count >= most:
+                self._stopped_short = True
+                break
+            count += 1
+            try:
+                got = self._engine.read(PIECE)
+            except ssl.SSLWantReadError:
+                break
+            except ssl.SSLZeroReturnError:
+                got = b""
+            except ssl.SSLEOFError:
+                self._end(Ended(TlsError.TRUNCATED, "the stream ended without a close_notify"))
+                break
+            except _RAISED as problem:
+                self._end(ended_of(problem))
+                break
+            self._plain += got
+            self.partner_is_done = not got
+        return count
+
+    def _end(self, ended: Ended) -> None:
+        if self.ended is None:
+            self.ended = ended
+
+
+# -- certificates --------------------------------------------------------------------------------------------
+
+
+def context_of(credentials: Credentials, is_active: bool) -> ssl.SSLContext:
+    """Return the context of these credentials; files are read again only when they have changed."""
+    files = (credentials.certificate, credentials.key, *credentials.authorities)
+    return _context(credentials, is_active, tuple(_stamp(file) for file in files if file))
+
+
+def _stamp(file: str) -> tuple[int, int]:
+    seen = Path(file).stat()
+    return seen.st_mtime_ns, seen.st_size
+
+
+@lru_cache(maxsize=CONTEXTS_KEPT)
+def _context(
+    credentials: Credentials, is_active: bool, stamps: tuple[tuple[int, int], ...]
+) -> ssl.SSLContext:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT if is_active else ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    context.options |= ssl.OP_NO_COMPRESSION | ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_TICKET
+    if not is_active:
+        context.num_tickets = 0
+    # SAN or nothing: the common name is no name any more; with `checks_name` alone.
+    context.hostname_checks_common_name = False
+    context.check_hostname = is_active and credentials.checks_name and not credentials.is_unverified
+    asks = is_active or credentials.asks_client
+    context.verify_mode = ssl.CERT_REQUIRED if asks and not credentials.is_unverified else ssl.CERT_NONE
+    context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # a certificate that is trusted needs nobody above
+    for file in credentials.authorities:
+        context.load_verify_locations(cafile=file)
+    if credentials.certificate:
+        context.load_cert_chain(credentials.certificate, credentials.key or None, password=_no_password)
+    return context
+
+
+def _no_password() -> str:
+    """Answer for a person at a terminal, who is not asked."""
+    return ""
+
+
+def flaw_of_certificate(certificate: str, key: str) -> str:
+    """Return what is wrong with PEM files: "" or words for the engineer; `key` "": a certificate to trust."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    try:
+        check_readable(certificate)  # the library would wait for the other end of a FIFO
+        context.load_verify_locations(cafile=certificate)
+    except OSError as problem:
+        return _file_flaw(problem, certificate, "no certificate in PEM")
+    if not key:
+        return ""
+    try:
+        check_readable(key)
+        context.load_cert_chain(certificate, key, password=_no_password)
+    except OSError as problem:
+        return _file_flaw(problem, key, "no key in PEM without a password, or not that of the certificate")
+    return ""
+
+
+def _file_flaw(problem: OSError, file: str, otherwise: str) -> str:
+    return f"{file}: {otherwise if isinstance(problem, ssl.SSLError) else problem.strerror}"

@@ -1,0 +1,1 @@
+"""The real network of this machine, and its serial ports."""

@@ -1,0 +1,381 @@
+"""The real network: non-blocking IPv4 sockets behind the Kernel seam.
+
+A handle is the socket's descriptor. What `poll` saw is one picture for the whole scan: a handle of the poll
+set that it did not see costs no system call until the next poll; a handle outside the set is always tried.
+Without RDHUP (not Linux) a FIN is seen only once the data in front of it has been read.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+from collections.abc import Callable, Collection
+from typing import Final, cast
+
+from trcvtui.net.connection.ipv4 import pair
+from trcvtui.net.kernel import (
+    WOULD_BLOCK,
+    Accepted,
+    Endpoint,
+    Fault,
+    Handle,
+    LocalAddress,
+    Loss,
+    PathInfo,
+    SocketOptions,
+    WouldBlock,
+)
+from trcvtui.net.os.addresses import interface_addresses
+from trcvtui.net.os.datagrams import DatagramCalls
+from trcvtui.net.os.errors import error_name
+from trcvtui.net.os.link import CutLinks
+from trcvtui.net.os.names import Questions
+from trcvtui.net.os.options import BASE, RESET_ON_CLOSE, REUSE, apply_options, limit_unacknowledged
+from trcvtui.net.os.poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
+from trcvtui.net.os.queues import path_of, read_away, unread_bytes
+
+MOST_READS: Final = 16  # of one call; what is left stays in the stack for the next
+Socket = socket.socket  # inside the class `socket` is the call
+
+# A stack reports these to one call only; Linux answers 0 and EPIPE afterwards, so every system does here.
+TOLD_ONCE: Final = frozenset(
+    {"ECONNRESET", "ECONNREFUSED", "ECONNABORTED", "ETIMEDOUT", "ENETRESET"}
+    | {"EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"}
+)
+
+
+class OsKernel(DatagramCalls):
+    """The Kernel of this machine. Call `close_all` at the end."""
+
+    def __init__(self) -> None:
+        self._sockets: dict[int, Socket] = {}
+        self._links = CutLinks(self._sockets)
+        self._questions = Questions()
+        self._polls: PollSet | None = None
+        self._polled: set[int] = set()
+        self._ready: dict[int, int] = {}
+        self._held: dict[int, str] = {}  # an error found behind bytes that were answered first
+        self._told: set[int] = set()  # handles whose error one call has answered
+        self._addresses: tuple[LocalAddress, ...] = ()
+        self._addresses_are_new = False  # asked since the last poll: many attempts in one scan ask once
+
+    def close_all(self) -> None:
+        """Free every handle and the poll set."""
+        for handle in list(self._sockets):
+            self.close(Handle(handle))
+        if self._polls is not None:
+            self._polls.close()
+            self._polls = None
+
+    def leaks(self) -> tuple[str, ...]:
+        """Return a line for every handle that is still open."""
+        return tuple(f"{handle} {self.local_end(Handle(handle))}" for handle in self._sockets)
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        """Return the addresses of this machine; without a free descriptor the last list that was got.
+
+        Where the C library has no list (Windows) there is none: bind decides, and no name is asked for.
+        """
+        own = None if self._addresses_are_new else interface_addresses()
+        if own is not None:
+            self._addresses, self._addresses_are_new = own, True
+        return self._addresses
+
+    # -- the poll set ------------------------------------------------------------------------------
+
+    def poll(self) -> None:
+        """Take the readiness of the whole poll set in one system call."""
+        self._addresses_are_new = False
+        if self._polls is not None and self._polled:
+            self._ready = dict(self._polls.poll(0, len(self._polled)))
+
+    def ready(self) -> Collection[Handle]:
+        """Return the handles of the poll set that the last poll saw."""
+        return cast("Collection[Handle]", self._ready)
+
+    def readable(self, handle: Handle) -> bool:
+        """Return whether the last poll saw something to read; a handle outside the set is looked at now."""
+        if handle in self._polled:
+            return handle in self._ready
+        return bool(self._look(handle, IN))
+
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
+        sock = self._sockets.get(handle)
+        if sock is None:
+            return True
+        mask = self._look(handle, IN)
+        if mask and handle in self._polled:
+            self._ready[handle] = mask
+        return bool(mask & GONE) or (not RDHUP and self._peeks_the_end(handle, sock))
+
+    def _look(self, handle: int, mask: int) -> int:
+        """Return the events of one handle now."""
+        seen = look_at({handle: mask | RDHUP}) if handle in self._sockets else []
+        return seen[0][1] if seen else 0
+
+    def poll_add(self, handle: Handle) -> Fault | None:
+        """Put the handle into the poll set."""
+        return self._do("poll_add", handle, self._register)
+
+    def _register(self, sock: Socket) -> None:
+        if self._polls is None:  # made here, not at the start, so that EMFILE has a block to show it (8084)
+            self._polls = new_poll_set()
+        self._polls.register(sock.fileno(), IN | RDHUP)
+        self._polled.add(sock.fileno())
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        """Take the handle out of the poll set."""
+        self._polled.discard(handle)
+        self._ready.pop(handle, None)
+        return self._do("poll_del", handle, self._unregister)
+
+    def _unregister(self, sock: Socket) -> None:
+        if self._polls is None:
+            raise OSError(errno.ENOENT, "no poll set")
+        self._polls.unregister(sock.fileno())
+
+    def set_link(self, owner: str, up: bool) -> str:
+        """Let all traffic of an owner's handles go silent, or return; return what is wrong, or ""."""
+        return self._links.set_link(owner, up)
+
+    # -- set-up --------------------------------------------------------------------------------------
+
+    def socket(self, owner: str) -> Handle | Fault:
+        """Make a non-blocking TCP socket."""
+        try:
+            return self._keep(Socket(socket.AF_INET, socket.SOCK_STREAM), owner)
+        except OSError as problem:
+            return Fault("socket", error_name(problem))
+
+    def _keep(self, made: Socket, owner: str) -> Handle:
+        made.setblocking(False)
+        handle = Handle(made.fileno())
+        self._sockets[handle] = made
+        self._links.made(handle, owner)
+        return handle
+
+    def set_reuse(self, handle: Handle) -> Fault | None:
+        """Allow the address and port to be bound while old connections of it linger."""
+        return self._do("set_reuse", handle, lambda sock: sock.setsockopt(BASE, REUSE, 1))
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        """Set the options; return the names of those that this system refused."""
+        sock = self._sockets.get(handle)
+        return () if sock is None else apply_options(sock, options)
+
+    def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
+        """Limit how long sent data may stay unacknowledged; 0 = no own limit. Ignored where unknown."""
+        sock = self._sockets.get(handle)
+        if sock is not None:
+            limit_unacknowledged(sock, milliseconds)
+
+    def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Bind to a local end; port 0 takes a free one."""
+        return self._do("bind", handle, lambda sock: sock.bind(pair(end)))
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        """Start to listen; the stack finishes backlog + 1 handshakes by itself."""
+        return self._do("listen", handle, lambda sock: sock.listen(backlog))
+
+    def local_end(self, handle: Handle) -> Endpoint | None:
+        """Return the local end, or None while there is none."""
+        sock = self._sockets.get(handle)
+        try:
+            address, port = sock.getsockname() if sock else ("", 0)
+        except (OSError, ValueError):
+            return None
+        return Endpoint(address, port) if port else None
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        """Take one finished handshake from a listener."""
+        if handle in self._polled and handle not in self._ready:
+            return WOULD_BLOCK
+        try:
+            made, (address, port) = self._sockets[handle].accept()
+        except BlockingIOError:
+            return WOULD_BLOCK
+        except (OSError, ValueError, KeyError) as problem:
+            return Fault("accept", error_name(problem))
+        return Accepted(self._keep(made, self._links.owner(handle)), Endpoint(address, port))
+
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name, or WOULD_BLOCK while the system's resolver is at work."""
+        return self._questions.ask(handle, name) if handle in self._sockets else Fault("resolve", "EBADF")
+
+    def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Start to connect; None = pending, also where the stack has decided already."""
+        fault = self._do("connect", handle, lambda sock: sock.connect(pair(end)))
+        return None if fault and fault.error in ("EINPROGRESS", "EAGAIN") else fault
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        """Return the verdict: connected only when writable, without error and with a partner (3.3)."""
+        sock = self._sockets.get(handle)
+        if sock is None:
+            return Fault("connect", "EBADF")
+        if not self._look(handle, OUT) & VERDICT:
+            return WOULD_BLOCK
+        error = self._take_error(handle, sock)
+        return Fault("connect", error) if error else self._do("connect", handle, Socket.getpeername)
+
+    # -- data ----------------------------------------------------------------------------------------
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        """Read straight into the view until it is full or the stack is empty; 0 = the partner's FIN."""
+        if handle not in self._ready and handle in self._polled:
+            return WOULD_BLOCK
+        if handle in self._held:
+            return self._tell_held("recv", handle)
+        try:
+            taken = self._sockets[handle].recv_into(into)
+        except BlockingIOError:
+            return WOULD_BLOCK
+        except (OSError, ValueError, KeyError) as problem:
+            return self._failed("recv", handle, problem) or 0
+        return taken if taken == len(into) or not taken else self._drain(handle, into, taken)
+
+    def _drain(self, handle: int, into: memoryview, taken: int) -> int:
+        """Read on behind a first short read: the sender may have refilled the window meanwhile.
+
+        A bounded number of times: a partner who sends byte by byte must not keep the scan here.
+        """
+        sock = self._sockets[handle]
+        for _ in range(MOST_READS):
+            if taken == len(into):
+                break
+            try:
+                more = sock.recv_into(into[taken:])
+            except BlockingIOError:
+                break
+            except (OSError, ValueError) as problem:
+                self._held[handle] = error_name(problem)
+                break
+            if not more:
+                break
+            taken += more
+        return taken
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        """Write what the stack takes now and return that count."""
+        if handle in self._held:
+            return self._tell_held("send", handle)
+        try:
+            return self._sockets[handle].send(data)
+        except BlockingIOError:
+            return WOULD_BLOCK
+        except (OSError, ValueError, KeyError) as problem:
+            return self._failed("send", handle, problem) or Fault("send", "EPIPE")
+
+    def loss(self, handle: Handle) -> Loss | None:
+        """Return why the connection is gone, without consuming data; None while it stands."""
+        polled = handle in self._polled
+        if polled and handle not in self._ready:
+            return None
+        sock = self._sockets.get(handle)
+        if sock is None:
+            return Loss(Fault("recv", "EBADF"), 0)
+        mask = self._ready[handle] if polled else self._look(handle, IN)
+        if not mask & GONE and (RDHUP or not self._peeks_the_end(handle, sock)):
+            return None
+        error = self._take_error(handle, sock)
+        # A RST behind a FIN is EPIPE: the FIN came first, and recv answers 0 too.
+        fault = Fault("recv", error) if error and error != "EPIPE" else None
+        return Loss(fault, self.unread(handle))
+
+    def _peeks_the_end(self, handle: int, sock: Socket) -> bool:
+        """Return whether an error is pending or the next recv would find FIN (systems without RDHUP)."""
+        if handle in self._told:
+            return True
+        try:
+            number = sock.getsockopt(BASE, socket.SO_ERROR)
+            if number:
+                self._held[handle] = error_name(OSError(number, ""))
+                return True
+            return not sock.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return False
+        except (OSError, ValueError) as problem:
+            self._held[handle] = error_name(problem)
+            return True
+
+    def discard(self, handle: Handle, most: int) -> int:
+        """Read away at most so many queued bytes and return how many."""
+        return read_away(self._sockets.get(handle), most)
+
+    def unread(self, handle: Handle) -> int:
+        """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
+        return unread_bytes(self._sockets.get(handle))
+
+    def path(self, handle: Handle) -> PathInfo | None:
+        """Return the send side's state from TCP_INFO, or None where the system does not say."""
+        return path_of(self._sockets.get(handle))
+
+    # -- the end -------------------------------------------------------------------------------------
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        """Send FIN; both=False keeps reading (half-close)."""
+        how = socket.SHUT_RDWR if both else socket.SHUT_WR
+        return self._do("shutdown", handle, lambda sock: sock.shutdown(how))
+
+    def probe(self, handle: Handle) -> Fault | None:
+        """Answer as `shutdown` would; ending only the receiving side puts nothing on the wire."""
+        return self._do("shutdown", handle, lambda sock: sock.shutdown(socket.SHUT_RD))
+
+    def abort(self, handle: Handle) -> Fault | None:
+        """Send RST and free the handle."""
+        fault = self._do("abort", handle, lambda s: s.setsockopt(BASE, socket.SO_LINGER, RESET_ON_CLOSE))
+        freed = self._free("abort", handle)
+        return fault or freed
+
+    def close(self, handle: Handle) -> Fault | None:
+        """Free the handle: FIN, or RST when unread data is queued."""
+        return self._free("close", handle)
+
+    def _free(self, call: str, handle: int) -> Fault | None:
+        if handle in self._polled:
+            self._polled.discard(handle)
+            self._ready.pop(handle, None)
+            if isinstance(self._polls, PollList):  # epoll forgets a closed descriptor by itself
+                self._polls.unregister(handle)
+        self._held.pop(handle, None)
+        self._told.discard(handle)
+        self._questions.forget(handle)
+        self._links.freed(handle)
+        fault = self._do(call, handle, Socket.close)
+        self._sockets.pop(handle, None)
+        return fault
+
+    # -- errors --------------------------------------------------------------------------------------
+
+    def _do(self, call: str, handle: int, act: Callable[[Socket], object]) -> Fault | None:
+        """Do one call on the handle's socket; EBADF when there is none."""
+        try:
+            act(self._sockets[handle])
+        except (OSError, ValueError, KeyError) as problem:
+            return Fault(call, error_name(problem))
+        return None
+
+    def _failed(self, call: str, handle: int, problem: OSError | ValueError | KeyError) -> Fault | None:
+        """Return the fault of a data call, None when another call has answered this error before."""
+        name = error_name(problem)
+        if name in TOLD_ONCE:
+            if handle in self._told:
+                return None
+            self._told.add(handle)
+        return Fault(call, name)
+
+    def _tell_held(self, call: str, handle: int) -> Fault:
+        self._told.add(handle)
+        return Fault(call, self._held.pop(handle))
+
+    def _take_error(self, handle: int, sock: Socket) -> str:
+        """Return the pending error's name and clear it; "" when there is none."""
+        held = self._held.pop(handle, "")
+        try:
+            number = sock.getsockopt(BASE, socket.SO_ERROR)
+        except (OSError, ValueError) as problem:
+            return error_name(problem)
+        error = held or (error_name(OSError(number, "")) if number else "")
+        if error:
+            self._told.add(handle)
+        return error

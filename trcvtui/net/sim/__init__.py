@@ -1,0 +1,1 @@
+"""The simulated network: in-memory TCP and UDP on a virtual clock."""

@@ -1,0 +1,338 @@
+"""The simulated network: the Kernel calls on in-memory TCP, a virtual clock and seeded chance.
+
+It answers as Linux does (the shared facts are tests/net/contract.py) and moves only with `advance`.
+As in the real kernel, what `poll` saw is one picture for the whole scan, for handles of the poll set.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from functools import partial
+from typing import Final
+
+from trcvtui.net.connection.ipv4 import broadcast_of
+from trcvtui.net.kernel import (
+    WOULD_BLOCK,
+    Accepted,
+    Datagram,
+    Endpoint,
+    Fault,
+    Handle,
+    LocalAddress,
+    Loss,
+    PathInfo,
+    SocketOptions,
+    WouldBlock,
+)
+from trcvtui.net.sim.datagrams import DatagramWire, SimDatagrams
+from trcvtui.net.sim.socket import LOOPBACK, SimSocket
+from trcvtui.net.sim.stream import Phase
+from trcvtui.net.sim.timers import MS
+from trcvtui.net.sim.wire import SimWire
+
+WASTE_BYTES: Final = 65536
+LOOPBACK_PORT: Final = LocalAddress(
+    LOOPBACK, "lo", ethernet=False, loopback=True, broadcast=broadcast_of(LOOPBACK, "255.0.0.0")
+)
+
+
+class SimKernel:
+    """A Kernel whose network, peers included, lives in memory."""
+
+    def __init__(
+        self,
+        seed: int = 0,
+        addresses: tuple[str, ...] = ("10.0.0.1",),
+        not_ethernet: tuple[str, ...] = (),
+        latency_ns: int = 0,
+        fragment: bool = False,
+        names: Mapping[str, str] | None = None,
+    ) -> None:
+        self._wire = SimWire(tuple(dict.fromkeys((*addresses, *not_ethernet))), latency_ns)
+        self._datagrams = DatagramWire(self._wire, latency_ns)
+        self._names = {n.rstrip(".").lower(): a for n, a in (names or {}).items()}
+        self._random = random.Random(seed)
+        self._not_ethernet = not_ethernet
+        self._fragment = fragment
+        self._sockets: dict[Handle, SimSocket] = {}
+        self._made = 0
+        self._ready: dict[Handle, SimSocket] = {}
+        self._seen: dict[Handle, bool] = {}  # the last poll's picture; True = gone
+
+    # -- the world -----------------------------------------------------------------------------------
+
+    @property
+    def now_ns(self) -> int:
+        """Return the virtual time in ns."""
+        return self._wire.now
+
+    def advance(self, now_ns: int) -> None:
+        """Move the clock to now_ns; everything due until then happens at its own time."""
+        if now_ns < self._wire.now:
+            raise ValueError(f"time runs forwards: {now_ns} is before {self._wire.now}")
+        self._wire.agenda.run_until(now_ns)
+
+    def set_link(self, owner: str, up: bool) -> str:
+        """Cut the wire of all handles of an owner without a word to anybody, or mend it; "" = done."""
+        self._wire.set_link(owner, up)
+        return ""
+
+    def leaks(self) -> tuple[str, ...]:
+        """Return a line for every handle that is still open."""
+        return tuple(f"{handle} {socket}" for handle, socket in self._sockets.items())
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        """Return loopback and the addresses this machine was given."""
+        others = (
+            LocalAddress(a, "tun0", ethernet=False) if a in self._not_ethernet else LocalAddress(a, "eth0")
+            for a in self._wire.addresses
+        )
+        return (LOOPBACK_PORT, *others)
+
+    # -- the poll set --------------------------------------------------------------------------------
+
+    def poll(self) -> None:
+        """Take the picture; it costs what is ready, not what exists."""
+        self._seen = {handle: socket.is_gone for handle, socket in self._ready.items()}
+
+    def readable(self, handle: Handle) -> bool:
+        """Return whether the last poll saw the handle; one outside the set is looked at now."""
+        if handle in self._seen:
+            return True
+        socket = self._sockets.get(handle)
+        return socket is not None and not socket.polled and socket.is_readable
+
+    def renew(self, handle: Handle) -> bool:
+        """Bring the picture of one handle up to date; return whether its connection has ended by now."""
+        socket = self._sockets.get(handle)
+        if socket is None:
+            return True
+        if socket.polled and socket.is_readable:
+            self._seen[handle] = socket.is_gone
+        return socket.is_gone
+
+    def poll_add(self, handle: Handle) -> Fault | None:
+        """Put the handle into the poll set."""
+        socket = self._sockets.get(handle)
+        if socket is None or socket.polled:
+            return Fault("poll_add", "EBADF" if socket is None else "EEXIST")
+        socket.polled = True
+        socket.changed()
+        return None
+
+    def poll_del(self, handle: Handle) -> Fault | None:
+        """Take the handle out of the poll set."""
+        socket = self._sockets.get(handle)
+        if socket is None or not socket.polled:
+            return Fault("poll_del", "EBADF" if socket is None else "ENOENT")
+        socket.polled = False
+        self._forget(handle)
+        return None
+
+    def _forget(self, handle: Handle) -> None:
+        self._ready.pop(handle, None)
+        self._seen.pop(handle, None)
+
+    def _note(self, handle: Handle, socket: SimSocket) -> None:
+        """Keep the list of ready handles true after a change."""
+        if socket.polled:
+            if socket.is_readable:
+                self._ready[handle] = socket
+            else:
+                self._ready.pop(handle, None)
+
+    # -- set-up --------------------------------------------------------------------------------------
+
+    def socket(self, owner: str) -> Handle | Fault:
+        """Make a TCP socket."""
+        return self._keep(SimSocket(self._wire, owner))
+
+    def _keep(self, socket: SimSocket) -> Handle:
+        self._made += 1
+        handle = Handle(self._made)
+        self._sockets[handle] = socket
+        socket.watched_by(partial(self._note, handle, socket))
+        return handle
+
+    def set_reuse(self, handle: Handle) -> Fault | None:
+        """Set SO_REUSEADDR."""
+        socket = self._sockets.get(handle)
+        if socket is None:
+            return Fault("set_reuse", "EBADF")
+        socket.claim.reuse = True
+        return None
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        """Set the options; return the names of those that were refused."""
+        socket = self._sockets.get(handle)
+        return () if socket is None else socket.set_options(options)
+
+    def set_user_timeout(self, handle: Handle, milliseconds: int) -> None:
+        """Limit how long sent data may stay unacknowledged; 0 = no own limit."""
+        socket = self._sockets.get(handle)
+        if socket is not None:
+            socket.tuning.user_timeout = milliseconds * MS
+
+    def bind(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Bind to a local end; port 0 takes a free one."""
+        socket = self._sockets.get(handle)
+        return _fault("bind", "EBADF" if socket is None else socket.bind(end))
+
+    def listen(self, handle: Handle, backlog: int) -> Fault | None:
+        """Start to listen; backlog + 1 handshakes are finished without accept."""
+        socket = self._sockets.get(handle)
+        return _fault("listen", "EBADF" if socket is None else socket.listen(backlog))
+
+    def local_end(self, handle: Handle) -> Endpoint | None:
+        """Return the local end, or None while there is none."""
+        socket = self._sockets.get(handle)
+        return None if socket is None else socket.end
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        """Take one finished handshake from a listener."""
+        socket = self._sockets.get(handle)
+        if socket is not None and socket.polled and handle not in self._seen:
+            return WOULD_BLOCK
+        if socket is None or socket.listener is None:
+            return Fault("accept", "EBADF" if socket is None else "EINVAL")
+        if not socket.listener.queue:
+            return WOULD_BLOCK
+        stream = socket.listener.queue.popleft()
+        socket.changed()
+        return Accepted(self._keep(SimSocket(self._wire, socket.owner, stream)), stream.remote)
+
+    def resolve(self, handle: Handle, name: str) -> str | WouldBlock | Fault:
+        """Return the address of a name; without a table nobody knows any but localhost."""
+        if handle not in self._sockets:
+            return Fault("resolve", "EBADF")
+        if name in ("localhost", "localhost."):
+            return LOOPBACK
+        return self._names.get(name.rstrip(".").lower()) or Fault("resolve", "EAI_NONAME")
+
+    def connect(self, handle: Handle, end: Endpoint) -> Fault | None:
+        """Start to connect; None = pending."""
+        socket = self._sockets.get(handle)
+        return _fault("connect", "EBADF" if socket is None else socket.connect(end))
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        """Return None when connected, WOULD_BLOCK while pending, the Fault once."""
+        socket = self._sockets.get(handle)
+        stream = socket.stream if socket is not None else None
+        if stream is None:
+            return Fault("connect", "EBADF" if socket is None else "ENOTCONN")
+        if stream.phase is Phase.SYN_SENT:
+            return WOULD_BLOCK
+        return _fault("connect", stream.take_error() or ("ENOTCONN" if stream.phase is Phase.OVER else ""))
+
+    # -- data ----------------------------------------------------------------------------------------
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        """Read at most len(into) bytes, with `fragment` perhaps fewer; 0 = the partner's FIN."""
+        socket = self._sockets.get(handle)
+        if socket is not None and socket.polled and handle not in self._seen:
+            return WOULD_BLOCK
+        if socket is None or socket.stream is None:
+            return Fault("recv", "EBADF" if socket is None else "ENOTCONN")
+        most = len(into)
+        if not most:
+            return 0
+        if self._fragment and socket.stream.unread > 1:
+            most = self._random.randint(1, socket.stream.unread)
+        got = socket.stream.read(into, most)
+        return Fault("recv", got) if isinstance(got, str) else got
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        """Write what the stack takes now and return that count."""
+        socket = self._sockets.get(handle)
+        if socket is None or socket.stream is None:
+            return Fault("send", "EBADF" if socket is None else "EPIPE")
+        got = socket.stream.write(data)
+        return Fault("send", got) if isinstance(got, str) else got
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        """Make a UDP socket."""
+        return self._keep(SimDatagrams(self._datagrams, owner))
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        """Send one datagram whole."""
+        socket = self._sockets.get(handle)
+        if not isinstance(socket, SimDatagrams):
+            return Fault("send", "EBADF" if socket is None else "EPIPE")
+        return _fault("send", socket.send_to(data, end)) or len(data)
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        """Take one datagram."""
+        socket = self._sockets.get(handle)
+        if socket is not None and socket.polled and handle not in self._seen:
+            return WOULD_BLOCK
+        if not isinstance(socket, SimDatagrams):
+            return Fault("recv", "EBADF" if socket is None else "ENOTCONN")
+        return socket.take(into)
+
+    def loss(self, handle: Handle) -> Loss | None:
+        """Return why the connection is gone, without consuming data; None while it stands."""
+        socket = self._sockets.get(handle)
+        if socket is None:
+            return Loss(Fault("recv", "EBADF"), 0)
+        if not (self._seen.get(handle, False) if socket.polled else socket.is_gone):
+            return None
+        if socket.stream is None:
+            return Loss(None, 0)
+        error = socket.stream.take_error()
+        # A RST behind a FIN is EPIPE: the FIN came first, and recv answers 0 too.
+        fault = Fault("recv", error) if error and error != "EPIPE" else None
+        return Loss(fault, socket.stream.unread)
+
+    def discard(self, handle: Handle, most: int) -> int:
+        """Read away at most so many queued bytes and return how many."""
+        waste, gone = memoryview(bytearray(min(most, WASTE_BYTES))), 0
+        while gone < most:
+            taken = self.recv(handle, waste)
+            if not isinstance(taken, int) or not taken:
+                break
+            gone += taken
+        return gone
+
+    def unread(self, handle: Handle) -> int:
+        """Return how many received bytes wait in the stack."""
+        socket = self._sockets.get(handle)
+        return 0 if socket is None or socket.stream is None else socket.stream.unread
+
+    def path(self, handle: Handle) -> PathInfo | None:
+        """Return the send side's state, or None without a connection."""
+        socket = self._sockets.get(handle)
+        return None if socket is None or socket.stream is None else socket.stream.path()
+
+    # -- the end -------------------------------------------------------------------------------------
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        """Send FIN; both=False keeps reading (half-close). A listener stops to listen."""
+        socket = self._sockets.get(handle)
+        return _fault("shutdown", "EBADF" if socket is None else socket.shut(both))
+
+    def probe(self, handle: Handle) -> Fault | None:
+        """Answer as `shutdown` would; nothing crosses the wire."""
+        socket = self._sockets.get(handle)
+        return _fault("shutdown", "EBADF" if socket is None else socket.probe())
+
+    def abort(self, handle: Handle) -> Fault | None:
+        """Send RST and free the handle."""
+        return self._free("abort", handle)
+
+    def close(self, handle: Handle) -> Fault | None:
+        """Free the handle: FIN, or RST when unread data is queued."""
+        return self._free("close", handle)
+
+    def _free(self, call: str, handle: Handle) -> Fault | None:
+        socket = self._sockets.pop(handle, None)
+        if socket is None:
+            return Fault(call, "EBADF")
+        socket.polled = False
+        self._forget(handle)
+        socket.free(abort=call == "abort")
+        return None
+
+
+def _fault(call: str, error: str) -> Fault | None:
+    return Fault(call, error) if error else None

@@ -1,0 +1,365 @@
+"""One end of a simulated TCP connection: handshake, data, FIN, RST and timers, as a program sees Linux.
+
+Rule 1: state changes before a segment is carried: without latency the answer comes inside the call.
+Rule 2: an error is told to one call; afterwards read answers 0 and write EPIPE (status-reproduction 5.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, Protocol
+
+from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, PathInfo, WouldBlock
+from trcvtui.net.sim.halves import RESET, Flag, ReceiveHalf, Segment, SendHalf
+from trcvtui.net.sim.ports import Claim
+from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, Verdict
+
+SEND_BUFFER: Final = 2_621_440  # with the receive buffer the 4.19 MB that Linux swallowed before EAGAIN
+RECEIVE_BUFFER: Final = 1_572_864
+ORPHAN_LIFE: Final = 120 * SECOND
+RTO_MAX: Final = 1 * SECOND  # TCP_RTO_MAX_MS is accepted here
+
+
+class Phase(Enum):
+    """Where the connection stands, as far as its program can tell."""
+
+    SYN_SENT = "connecting"
+    OPEN = "open"
+    OVER = "over"
+
+
+@dataclass(slots=True)
+class Tuning:
+    """The socket options that change what happens; a stream shares its socket's. Times in ns."""
+
+    keep_alive: int = 0
+    user_timeout: int = 0
+    longest_wait: int = LONGEST_WAIT
+    send_room: int = SEND_BUFFER
+    receive_room: int = RECEIVE_BUFFER
+
+
+class Wire(Protocol):
+    """What a stream needs of the network."""
+
+    @property
+    def now(self) -> int: ...
+    def at(self, due: int, act: Callable[[], None]) -> Ticket: ...
+    def cancel(self, ticket: Ticket | None) -> None: ...
+    def syn(self, client: Stream) -> None: ...
+    def carry(self, source: Stream, segment: Segment) -> None: ...
+    def over(self, stream: Stream, linger: bool) -> None: ...
+
+
+def nobody_looks() -> None:
+    """Do nothing: what a stream's change means while no handle has it."""
+
+
+class Stream:
+    """One end. `partner` is the other one, once the handshake has found it."""
+
+    __slots__ = (
+        "_alive", "_alive_ticket", "_closed_first", "_end_ticket", "_in", "_out", "_retry",
+        "_retry_ticket", "_syns", "_wire", "changed", "claim", "error", "heard", "held", "lingering",
+        "local", "owner", "partner", "phase", "read_shut", "remote", "tuning",
+    )  # fmt: skip
+
+    def __init__(
+        self, wire: Wire, owner: str, claim: Claim, local: Endpoint, remote: Endpoint, tuning: Tuning
+    ) -> None:
+        self._wire, self.tuning = wire, tuning
+        self.owner, self.claim, self.local, self.remote = owner, claim, local, remote
+        self.partner: Stream | None = None
+        self.changed: Callable[[], None] = nobody_looks
+        self.phase = Phase.SYN_SENT
+        self.error = ""
+        self.held = True  # a program, or an accept queue, still has it
+        self.lingering = False  # in TIME_WAIT
+        self.read_shut = False
+        self.heard = wire.now  # when the last segment came
+        self._out = SendHalf(tuning.send_room)
+        self._in = ReceiveHalf(tuning.receive_room)
+        self._closed_first = False
+        self._syns = 0
+        self._retry = Retry()
+        self._alive = KeepAlive(0, 0)
+        self._retry_ticket: Ticket | None = None
+        self._alive_ticket: Ticket | None = None
+        self._end_ticket: Ticket | None = None
+
+    # -- what a program sees -------------------------------------------------------------------------
+
+    @property
+    def is_gone(self) -> bool:
+        """Return whether FIN, an error or an own shutdown shows (RDHUP, ERR or HUP)."""
+        return self._in.fin or self.read_shut or self.phase is Phase.OVER
+
+    @property
+    def is_readable(self) -> bool:
+        """Return whether a read would not block."""
+        return bool(self._in.inbox) or self.is_gone
+
+    @property
+    def unread(self) -> int:
+        """Return how many received bytes wait."""
+        return len(self._in.inbox)
+
+    def path(self) -> PathInfo:
+        """Return the send side's state."""
+        often = self.tuning.longest_wait <= RTO_MAX
+        return PathInfo(self._out.unacked, self._out.unsent, (self._wire.now - self.heard) // MS, often)
+
+    # -- what a program does -------------------------------------------------------------------------
+
+    def obey_options(self) -> None:
+        """Obey the tuning after a change; keep-alive counts on from the last segment."""
+        self._out.room, self._in.room = self.tuning.send_room, self.tuning.receive_room
+        self._start_keep_alive()
+
+    def read(self, into: memoryview, most: int) -> int | WouldBlock | str:
+        """Move at most `most` bytes into the view; a str is an errno name."""
+        if self._in.inbox:
+            return self._take_out(into, most)
+        if self._in.fin:
+            return 0
+        if self.error:
+            return self.take_error()
+        return 0 if self.is_gone else WOULD_BLOCK
+
+    def _take_out(self, into: memoryview, most: int) -> int:
+        size = self._in.take(into, most)
+        if not self._in.inbox:
+            self.changed()
+        if self._in.should_tell and self.phase is Phase.OPEN:
+            self._carry()
+        return size
+
+    def write(self, data: memoryview) -> int | WouldBlock | str:
+        """Take what the send buffer has room for; a str is an errno name."""
+        if self.phase is Phase.SYN_SENT:
+            return WOULD_BLOCK
+        if self.error:
+            return self.take_error()
+        if self._out.fin or self.phase is Phase.OVER:
+            return "EPIPE"
+        taken = self._out.put(data)
+        if not taken and data:
+            return WOULD_BLOCK
+        self._push()
+        return taken
+
+    def take_error(self) -> str:
+        """Return the pending errno name and clear it."""
+        error, self.error = self.error, ""
+        return error
+
+    def shut(self, both: bool) -> str:
+        """Send FIN behind the queued data; return "" or ENOTCONN."""
+        if self.phase is Phase.OVER:
+            return "ENOTCONN"
+        if self.phase is Phase.SYN_SENT:
+            self.give_up("ECONNRESET")
+            return ""
+        self.read_shut = self.read_shut or both
+        self._send_fin()
+        self.changed()
+        return ""
+
+    def _send_fin(self) -> None:
+        if not self._out.fin:
+            self._out.fin = True
+            self._closed_first = not self._in.fin
+            self._push()
+
+    def close(self) -> None:
+        """Let go: FIN behind the queued data, or RST when received data is unread."""
+        if self.phase is not Phase.OPEN or self._in.inbox:
+            self.abort()
+            return
+        self.held = False
+        self.read_shut = True
+        self._send_fin()
+        if self.phase is Phase.OPEN:
+            self._end_ticket = self._wire.at(self._wire.now + ORPHAN_LIFE, self.abort)
+
+    def abort(self) -> None:
+        """Let go with RST."""
+        self.held = False
+        was_open = self.phase is Phase.OPEN
+        if self.phase is not Phase.OVER:
+            self._end(linger=False)
+        if was_open:
+            self._wire.carry(self, RESET)
+
+    # -- the handshake -------------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Send the first SYN."""
+        self._retry_ticket = self._wire.at(self._wire.now + self._syn_wait(), self._syn_again)
+        self._wire.syn(self)
+
+    def _syn_wait(self) -> int:
+        """Return the time to the next SYN, or to the end where a user timeout comes first."""
+        wait, limit = SYN_WAITS[self._syns], self.tuning.user_timeout
+        return min(wait, max(0, limit - sum(SYN_WAITS[: self._syns]))) if limit else wait
+
+    def _syn_again(self) -> None:
+        self._syns += 1
+        limit = self.tuning.user_timeout
+        if self._syns == len(SYN_WAITS) or 0 < limit <= sum(SYN_WAITS[: self._syns]):
+            self.give_up("ETIMEDOUT")
+        else:
+            self._retry_ticket = self._wire.at(self._wire.now + self._syn_wait(), self._syn_again)
+            self._wire.syn(self)
+
+    def no_host(self) -> None:
+        """End an attempt to which no machine has answered."""
+        if self.phase is Phase.SYN_SENT:
+            self.give_up("EHOSTUNREACH")
+
+    def answer_syn(self) -> Segment:
+        """Return the SYN-ACK of an accepted connection."""
+        return Segment(0, 0, self._in.offer(), b"", Flag.SYN_ACK)
+
+    def open(self, edge: int) -> None:
+        """Become established; edge is how far the partner's window goes."""
+        self._stop_retry()
+        self.phase = Phase.OPEN
+        self.heard = self._wire.now
+        self._out.open_window(edge)
+        self._start_keep_alive()
+        self.changed()
+
+    # -- what arrives --------------------------------------------------------------------------------
+
+    def arrive(self, segment: Segment) -> None:
+        """Take one segment from the partner."""
+        if self.phase is Phase.SYN_SENT:
+            self._arrive_connecting(segment)
+        elif segment.flags & Flag.RST:
+            self.reset()
+        else:
+            self.heard = self._wire.now
+            self._acknowledged(segment)
+            if self.phase is Phase.OPEN and (segment.data or segment.flags):
+                self._take_in(segment)
+
+    def _arrive_connecting(self, segment: Segment) -> None:
+        if segment.flags & Flag.RST:
+            self.give_up("ECONNREFUSED")
+        elif segment.flags & Flag.SYN_ACK:
+            self.open(segment.edge)
+
+    def reset(self) -> None:
+        """End because of a RST, or because the partner's machine has begun anew with the same ends."""
+        if self.phase is Phase.OPEN:
+            # In CLOSE_WAIT Linux calls it EPIPE: the FIN was the end, the RST answers our later data.
+            self.give_up("EPIPE" if self._in.fin and not self._out.fin else "ECONNRESET")
+
+    def _acknowledged(self, segment: Segment) -> None:
+        news = self._out.acknowledge(segment.ack)
+        wider = self._out.open_window(segment.edge)
+        self._retry.answered()
+        if news or wider:
+            self._stop_retry()
+        if self._is_finished:
+            self._end(self._closed_first)
+        elif news or wider:
+            self._push()
+
+    @property
+    def _is_finished(self) -> bool:
+        return self._in.fin and self._out.fin_acked
+
+    def _take_in(self, segment: Segment) -> None:
+        if self.read_shut and segment.data and self._in.brings_news(segment):  # nobody will ever read it
+            self.give_up("ECONNRESET")
+            self._wire.carry(self, RESET)
+            return
+        self._in.accept(segment)
+        self.changed()
+        self._carry()
+        if self._is_finished and self.phase is Phase.OPEN:
+            self._end(self._closed_first)
+
+    # -- what is carried -----------------------------------------------------------------------------
+
+    def _carry(self, flags: Flag = Flag.NONE) -> None:
+        """Tell what has arrived and how much room is left; PROBE makes the partner do the same."""
+        self._wire.carry(self, Segment(self._out.next, self._in.next, self._in.offer(), b"", flags))
+
+    def acknowledge(self) -> None:
+        """Answer a segment that came to a connection in TIME_WAIT."""
+        self._carry()
+
+    def _push(self) -> None:
+        """Send what the partner's window lets through, and FIN behind the last byte."""
+        if self.phase is not Phase.OPEN:
+            return
+        sent = self._out.emit()
+        if sent is not None:
+            seq, data, flags = sent
+            self._wire.carry(self, Segment(seq, self._in.next, self._in.offer(), data, flags))
+        self._watch()
+
+    # -- timers --------------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """Keep the retransmission clock running while anything is unacknowledged or held back."""
+        if self._retry_ticket is None and self._out.is_waiting and self.phase is Phase.OPEN:
+            if self._retry.due is None:
+                self._retry.start(self._wire.now)
+            self._retry_ticket = self._wire.at(self._retry.due or 0, self._retry_strikes)
+
+    def _stop_retry(self) -> None:
+        self._retry.stop()
+        self._wire.cancel(self._retry_ticket)
+        self._retry_ticket = None
+
+    def _retry_strikes(self) -> None:
+        self._retry_ticket = None
+        probing, tuning = not self._out.is_in_flight, self.tuning
+        verdict = self._retry.strike(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
+        if verdict is Verdict.DEAD:
+            self.give_up("ETIMEDOUT")
+        elif probing:
+            self._carry(Flag.PROBE)
+            self._watch()
+        else:
+            self._out.rewind()
+            self._push()
+
+    def _start_keep_alive(self) -> None:
+        self._wire.cancel(self._alive_ticket)
+        self._alive_ticket = None
+        if self.tuning.keep_alive and self.phase is Phase.OPEN:
+            self._alive = KeepAlive(self.tuning.keep_alive, self.heard)
+            self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
+
+    def _alive_strikes(self) -> None:
+        busy, limit = self._out.is_waiting, self.tuning.user_timeout
+        verdict = self._alive.strike(self._wire.now, self.heard, busy, limit)
+        self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
+        if verdict is Verdict.DEAD:
+            self.give_up("ETIMEDOUT")
+        elif verdict is Verdict.ASK:
+            self._carry(Flag.PROBE)
+
+    # -- the end -------------------------------------------------------------------------------------
+
+    def give_up(self, error: str) -> None:
+        """End with this error, without a word to the partner."""
+        self.error = error
+        self._end(linger=False)
+
+    def _end(self, linger: bool) -> None:
+        self.phase = Phase.OVER
+        self._out.clear()
+        self._stop_retry()
+        self._wire.cancel(self._alive_ticket)
+        self._wire.cancel(self._end_ticket)
+        self._alive_ticket = self._end_ticket = None
+        self._wire.over(self, linger)
+        self.changed()

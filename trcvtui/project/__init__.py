@@ -1,0 +1,1 @@
+"""A project file to a Project and back: every key read, checked, written."""

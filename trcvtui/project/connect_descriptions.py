@@ -1,0 +1,321 @@
+"""One `[[connect]]` of a dialect with connection descriptions: by field name, or as the bytes of the DB.
+
+Rule: refused is only what cannot be typed; what a CPU would find wrong is the block's to show (`flaw`).
+Beside the description stand the bench's own keys, which no CPU has: where this machine takes part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Final
+
+from trcvtui.blocks.rules import Rules
+from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig, parse_address
+from trcvtui.net.connection.description import (
+    CONNECTIONS,
+    LONGEST_NAME,
+    Description,
+    Field,
+    FieldType,
+    Structure,
+    Value,
+    pack,
+    structure_of,
+)
+from trcvtui.net.connection.description_check import (
+    Asked,
+    Finding,
+    Flaw,
+    Meaning,
+    Protocol,
+    judge,
+    meaning,
+    speaks_iso,
+    types_of,
+)
+from trcvtui.net.connection.ipv4 import is_loopback, octets
+from trcvtui.net.connection.tcon_param import as_param
+from trcvtui.net.layer import Settings
+from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.results import Endpoint
+from trcvtui.project.iso_words import DB_BYTES, TSAP, db_bytes
+from trcvtui.project.names import expected_name, parse_reference
+from trcvtui.project.parts import NAME, PORT_OR_NAME, UINT
+from trcvtui.project.tables import ADDRESS, PORT, TRUTH, Kind, Table, of_text, shown, whole
+from trcvtui.project.tls_words import VERIFY, Certificates, is_secure, secure
+
+NO_CERTIFICATES: Final[Certificates] = MappingProxyType({})
+LOOPBACK: Final = "127.0.0.1"
+ISO_PORT: Final = 102
+DEFAULT_TYPE: Final = "TCON_IP_v4"
+USUAL_INTERFACE: Final = 64  # the first PROFINET port of a CPU
+
+
+# -- how the fields are written ------------------------------------------------------------------------------
+
+
+def _bytes_of(size: int) -> Callable[[str], bytes | None]:
+    def read(text: str) -> bytes | None:
+        numbers = octets(text)
+        found = bytes(numbers) if numbers is not None else db_bytes(text)
+        return found if found is not None and len(found) <= size else None
+
+    return read
+
+
+REFERENCE: Final = of_text(
+    "@NAME of a peer or CONNECT: the bytes say the rest", lambda text: text if parse_reference(text) else None
+)
+NO_SERVER: Final = "none"
+DNS_ANSWER: Final = of_text(
+    'the address that the DNS server of the bench answers, or "none": no server',
+    lambda text: text if text == NO_SERVER else parse_address(text),
+)
+STRUCTURE: Final = of_text("the name of a structure such as TCON_IP_RFC", lambda text: text)
+QDN: Final = of_text(
+    f"a name of at most {LONGEST_NAME} ASCII characters such as plc2.line.local.",
+    lambda text: text if text.isascii() and len(text) <= LONGEST_NAME else None,
+)
+
+
+def _kind(field: Field) -> Kind[Any]:
+    match field.type:
+        case FieldType.NUMBER if field.name == "RemotePort":
+            return PORT_OR_NAME
+        case FieldType.NUMBER:
+            return whole(0, (1 << 8 * field.size) - 1)
+        case FieldType.TRUTH:
+            return TRUTH
+        case FieldType.ADDRESS:
+            return ADDRESS
+        case FieldType.SELECTOR:
+            return TSAP
+        case FieldType.NAME:
+            return QDN
+        case FieldType.BYTES:
+            return of_text(f"at most {field.size} bytes in hex, or an IPv4 address", _bytes_of(field.size))
+
+
+# -- one table ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Written:
+    """A description as it stands in the file; `reference` is a RemotePort `@NAME`."""
+
+    description: Description
+    reference: str | None = None
+    flaw: Finding | None = None
+    is_plain: bool = False  # neither `type` nor `bytes`: LocalPort 0 takes a free port, as in any dialect
+
+
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """The bench's own keys."""
+
+    address: str | None
+    listen_port: int | None
+    iso_port: int | str
+    dns_answer: str | None
+    keep_alive: int
+    is_unverified: bool
+
+
+def read_described(
+    table: Table,
+    number: int,
+    rules: Rules,
+    certificates: Certificates = NO_CERTIFICATES,
+    structures: tuple[str, ...] = (),
+) -> ConnectConfig | None:
+    """Return one CONNECT; `number` is its place in the file, and its ID where none is written.
+
+    `structures` are what the instructions take, () all.
+    """
+    name = table.must("name", NAME)
+    written = _read_written(table, number, structures)
+    bench = _Bench(
+        address=table.read("LocalAddress", ADDRESS),
+        listen_port=table.read("ListenPort", PORT),
+        iso_port=table.get("IsoPort", PORT_OR_NAME, ISO_PORT),
+        dns_answer=table.read("DnsAnswer", DNS_ANSWER),
+        keep_alive=table.get("KeepAliveTimeInterval", UINT, 0),
+        is_unverified=table.read("verify", VERIFY) is not None,
+    )
+    table.finish()
+    if name is None or written is None:
+        return None
+    says = meaning(written.description)
+    _check_own_keys(table, written.description, says)
+    session = _session(written.description, says, bench, rules, certificates)
+    return _config(name, written, says, bench, session, structures, rules.policy.narrow_tsaps)
+
+
+def _check_own_keys(table: Table, description: Description, says: Meaning) -> None:
+    """Refuse a key of the bench that would have no effect here."""
+    iso_port, is_iso = table.text("IsoPort"), says.protocol is Protocol.ISO
+    may_be_iso = is_iso or (says.protocol is Protocol.UNKNOWN and speaks_iso(description.structure.name))
+    useless = (
+        ("IsoPort", not may_be_iso, "nothing: only ISO-on-TCP has it"),
+        ("ListenPort", is_iso, "IsoPort"),
+        ("ListenPort", says.is_active, "nothing: an active end does not listen"),
+        ("DnsAnswer", not _has_name(description), "nothing: there is no RemoteQDN"),
+        ("verify", not is_secure(description), "nothing: only a secure connection has certificates"),
+        (
+            "IsoPort",
+            iso_port is not None and iso_port.startswith("@") and not says.is_active,
+            "a port: a passive end listens on its own",
+        ),
+    )
+    for key, is_useless, expected in useless:
+        if table.has(key) and is_useless:
+            table.wrong(key, shown(table.peek(key)), expected)
+            return
+
+
+def _read_written(table: Table, number: int, structures: tuple[str, ...]) -> _Written | None:
+    type_name = table.read("type", STRUCTURE)
+    if type_name is not None and type_name not in CONNECTIONS:
+        table.wrong("type", shown(type_name), expected_name(type_name, CONNECTIONS, "structure"))
+        table.know(*table.rest())
+        return None
+    raw = table.read("bytes", DB_BYTES)
+    if table.has("bytes"):
+        reference = table.read("RemotePort", REFERENCE)
+        return None if raw is None else _of_bytes(raw, type_name, reference)
+    structure = CONNECTIONS[type_name or _default_type(table, structures)]
+    written = _of_fields(table, structure, number, is_plain=type_name is None)
+    is_taken = not structures or structure.name in structures
+    return written if type_name or is_taken else _in_param(written)
+
+
+def _default_type(table: Table, structures: tuple[str, ...]) -> str:
+    """Return the structure of a CONNECT that names none: what its fields belong to."""
+    own = [name for name in structures if any(table.has(field.name) for field in CONNECTIONS[name].fields)]
+    return own[0] if own else DEFAULT_TYPE
+
+
+def _in_param(written: _Written) -> _Written:
+    """Return a plain CONNECT as the instructions take it."""
+    description = written.description
+    found = as_param(meaning(description), has_interface=bool(description.number("InterfaceId")))
+    return replace(written, description=found) if found is not None else written
+
+
+def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> _Written:
+    structure = CONNECTIONS[type_name] if type_name else structure_of(raw)
+    if structure is None:
+        text = f"{len(raw)} bytes are no connection description"
+        flaw = Finding(Flaw.NO_DESCRIPTION, "", text)
+        return _Written(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
+    return _Written(Description(structure, raw), reference)
+
+
+def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> _Written:
+    read = {field.name: table.read(field.name, _kind(field)) for field in structure.fields}
+    port = read.get("RemotePort")
+    reference = port if isinstance(port, str) else None
+    if reference is not None:
+        read["RemotePort"] = 0  # nobody knows it before the partner listens
+    elif "RemotePort" not in read:
+        reference = table.read("RemotePort", REFERENCE)
+    given: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
+    data = pack(structure, _usual(structure, number, given) | given)
+    return _Written(Description(structure, data), reference, is_plain=is_plain)
+
+
+def _usual(structure: Structure, number: int, given: dict[str, Value]) -> dict[str, Value]:
+    """Return what STEP 7 writes into a new description, and the lengths that follow from what is given."""
+    kind = types_of(structure.name)[0]
+    if structure.name != "TCON_Param":
+        return {"InterfaceId": USUAL_INTERFACE, "ID": number, "ConnectionType": kind}
+    usual: dict[str, Value] = {"block_length": structure.size, "id": number, "connection_type": kind}
+    usual |= {"active_est": True, "local_device_id": 1}
+    for size, part in (
+        ("local_tsap_id_len", "local_tsap_id"),
+        ("rem_tsap_id_len", "rem_tsap_id"),
+        ("rem_staddr_len", "rem_staddr"),
+    ):
+        content = given.get(part, b"")
+        usual[size] = len(content) if isinstance(content, bytes) else 0
+    return usual
+
+
+def _has_name(description: Description) -> bool:
+    return description.structure.field("RemoteQDN") is not None
+
+
+def _config(
+    name: str,
+    written: _Written,
+    says: Meaning,
+    bench: _Bench,
+    session: Settings | Finding | None,
+    structures: tuple[str, ...],
+    narrow_tsaps: bool,
+) -> ConnectConfig:
+    remote, name_flaw = _remote_address(written, says, bench)
+    any_local = says.is_active and bench.address is None and not is_loopback(remote)
+    address = bench.address or LOOPBACK
+    takes_free_port = bench.listen_port is not None or written.is_plain
+    asked = Asked(
+        written.description,
+        says,
+        address,
+        takes_free_port,
+        remote_is_known=written.reference is not None,
+        structures=structures,
+        narrow_tsaps=narrow_tsaps,
+    )
+    local_port, remote_port = _ports(written, says, bench)
+    return ConnectConfig(
+        name=name,
+        active=says.is_active,
+        local=Endpoint(ANY_ADDRESS if any_local else address, local_port),
+        remote_address=remote,
+        remote_port=remote_port,
+        keep_alive_interval_s=bench.keep_alive,
+        session=None if isinstance(session, Finding) else session,
+        description=written.description,
+        flaw=written.flaw or judge(asked) or name_flaw or (session if isinstance(session, Finding) else None),
+        any_local=any_local,
+        remote_name=says.remote_name if bench.dns_answer is None else "",
+        is_datagram=says.protocol is Protocol.UDP,
+    )
+
+
+def _ports(written: _Written, says: Meaning, bench: _Bench) -> tuple[int, int | str]:
+    """Return the port on this side and the partner's."""
+    if says.protocol is Protocol.ISO and says.is_active:
+        return 0, bench.iso_port
+    if says.protocol is Protocol.ISO:
+        return bench.iso_port if isinstance(bench.iso_port, int) else 0, 0
+    own = says.local_port if bench.listen_port is None else bench.listen_port
+    return own, written.reference or says.remote_port
+
+
+def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[str, Finding | None]:
+    """Return where the partner is; a name is asked of the bench's DNS server."""
+    if not _has_name(written.description) or not says.remote_name:
+        return says.remote_address, None
+    if bench.dns_answer is None:  # the network's own names, at each attempt
+        return says.remote_address, None
+    if bench.dns_answer == NO_SERVER:
+        return says.remote_address, Finding(Flaw.NO_RESOLVER, "RemoteQDN", "no DNS server (DnsAnswer)")
+    if octets(bench.dns_answer) == (0, 0, 0, 0):
+        text = f"the DNS server does not know {says.remote_name}"
+        return says.remote_address, Finding(Flaw.NAME_UNKNOWN, "RemoteQDN", text)
+    return bench.dns_answer, None
+
+
+def _session(
+    description: Description, says: Meaning, bench: _Bench, rules: Rules, certificates: Certificates
+) -> Settings | Finding | None:
+    if is_secure(description):
+        return secure(description, says, certificates, bench.is_unverified)
+    if says.protocol is not Protocol.ISO:
+        return None
+    own = says.local_tsap, says.remote_tsap
+    return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)

@@ -1,0 +1,205 @@
+"""A project in another dialect: the same program, wires and partners, another vendor's answers.
+
+Rule: nothing is made up. What the other dialect has no place for is left out, and a note says so; a CONNECT
+that it cannot describe at all is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from trcvtui.blocks.parameters import PINS
+from trcvtui.dialects.dialect import Dialect, SwitchValue
+from trcvtui.dialects.switches import format_value, read_switches
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connection.description import Description
+from trcvtui.net.connection.description_check import Finding, Flaw, Protocol, meaning, narrow_tsap
+from trcvtui.net.connection.tcon_param import as_param
+from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.results import Endpoint
+from trcvtui.project.connect_descriptions import LOOPBACK, read_described
+from trcvtui.project.project import DataDecl, InstanceDecl, Project
+from trcvtui.project.tables import Table
+from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.rules import LayoutRules, rules_for
+
+
+class Translated(NamedTuple):
+    """A project as another dialect has it, and what had to be left out or chosen, one line each."""
+
+    project: Project
+    notes: tuple[str, ...]
+
+
+def in_dialect(project: Project, dialect: Dialect) -> Translated:
+    """Return the project in that dialect; raise UserError when a CONNECT cannot be described in it."""
+    if dialect.name == project.dialect.name:
+        return Translated(project, ())
+    notes: list[str] = []
+    options = _options(project, dialect, notes)
+    model = project.model if project.model in dialect.models else dialect.default_model
+    layout = rules_for(dialect.layout)
+    other = replace(
+        project,
+        dialect=dialect,
+        model=model,
+        connection_limit=dialect.models[model],
+        options=options,
+        rules=dialect.answer(options),
+        layout=layout,
+        data=tuple(_data(decl, layout) for decl in project.data),
+    )
+    other = replace(
+        other,
+        connects=tuple(_connect(c, n, project, other, notes) for n, c in enumerate(project.connects, 1)),
+        instances=_instances(project, other, notes),
+    )
+    return Translated(other, tuple(notes))
+
+
+# -- switches ----------------------------------------------------------------------------------------------
+
+
+def _options(project: Project, dialect: Dialect, notes: list[str]) -> dict[str, SwitchValue]:
+    """Return the switches of the other dialect; what was changed in this one goes over by its name."""
+    known = {switch.name for switch in dialect.switches}
+    raw: dict[str, object] = {}
+    for switch in project.dialect.switches:
+        value = project.options.get(switch.name, switch.default)
+        if value == switch.default:
+            continue
+        text = format_value(switch, value)
+        if switch.name in known:
+            raw[switch.name] = text
+        else:
+            notes.append(f"option {switch.name} = {text} is left out: {dialect.name} has no such switch")
+    values, problems = read_switches(dialect, raw, "option")
+    for problem in problems:
+        name = problem.where.removeprefix("option.")
+        notes.append(f"option {name} = {raw[name]} is left out: here it takes {problem.expected}")
+    return values
+
+
+# -- DATA, instances -----------------------------------------------------------------------------------------
+
+
+def _data(decl: DataDecl, rules: LayoutRules) -> DataDecl:
+    layout = lay_out(decl.type, decl.choice.rules(rules), decl.name)
+    return replace(decl, layout=layout, size=layout.size)
+
+
+def _instances(project: Project, other: Project, notes: list[str]) -> tuple[InstanceDecl, ...]:
+    blocks = [block for block in other.dialect.blocks if block in PINS]
+    kept = []
+    for decl in project.instances:
+        if decl.block in blocks:
+            kept.append(_with_own_pins(decl, other, notes))
+        else:
+            notes.append(f"{decl.name} is left out: {other.dialect.name} has no {decl.block}")
+    return tuple(kept)
+
+
+def _with_own_pins(decl: InstanceDecl, other: Project, notes: list[str]) -> InstanceDecl:
+    pins = {pin.name for pin in other.pins(decl.block)}
+    for name, _ in decl.inputs:
+        if name not in pins:
+            notes.append(f"{decl.name}: {name} is left out: {decl.block} has no such pin")
+    return replace(decl, inputs=tuple((name, value) for name, value in decl.inputs if name in pins))
+
+
+# -- CONNECTs ------------------------------------------------------------------------------------------------
+
+
+def _connect(
+    config: ConnectConfig, number: int, project: Project, other: Project, notes: list[str]
+) -> ConnectConfig:
+    if config.description is None and other.dialect.describes_connects:
+        return _described(config, number, other, notes)
+    if config.description is not None and not other.dialect.describes_connects:
+        return _plain(config, config.description, project, other, notes)
+    if isinstance(config.session, IsoSettings):
+        policy = other.rules.policy
+        own = replace(config.session, cap=other.rules.max_len, not_told=policy.tpdu_default)
+        flaw = narrow_tsap(config.session.local) if policy.narrow_tsaps else None
+        config = replace(config, session=own, flaw=config.flaw or flaw)
+    return _in_its_structure(config, other.dialect, notes)
+
+
+def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str]) -> ConnectConfig:
+    """Return a CONNECT in a structure that the other dialect takes; what none can say keeps its own."""
+    description, taken = config.description, dialect.structures
+    if description is None or not taken or description.structure.name in taken:
+        return config
+    is_plain = not isinstance(config.session, TlsSettings)
+    has_interface = bool(description.number("InterfaceId"))
+    found = as_param(meaning(description), has_interface) if is_plain else None
+    if found is not None:
+        notes.append(f"{config.name}: {description.structure.name} is written as a {found.structure.name}")
+        return replace(config, description=found)
+    text = f"{description.structure.name}: {dialect.name} takes {', '.join(taken)} only"
+    notes.append(f"{config.name}: {text}")
+    return replace(config, flaw=Finding(Flaw.STRUCTURE, "", text), session=None)
+
+
+def _described(config: ConnectConfig, number: int, other: Project, notes: list[str]) -> ConnectConfig:
+    """Return a TCP_CONNECTCONFIG as the connection description of plain TCP."""
+    record: dict[str, object] = {
+        "name": config.name,
+        "ActiveEstablished": config.active,
+        "LocalPort": config.local.port,
+        "RemoteAddress": config.remote_address,
+        "RemotePort": config.remote_port,
+        "KeepAliveTimeInterval": config.keep_alive_interval_s,
+    }
+    if config.local.address != ANY_ADDRESS:
+        record["LocalAddress"] = config.local.address
+    else:
+        notes.append(f"{config.name}: LocalAddress {ANY_ADDRESS} is left out: a description names none")
+    if config.send_delay_opt:
+        notes.append(f"{config.name}: SendDelayOpt is left out: a description has no such field")
+    problems: list[Problem] = []
+    table = Table(record, f"{other.dialect.name}: connect {config.name}", problems)
+    described = read_described(table, number, other.rules, structures=other.dialect.structures)
+    if problems or described is None:
+        raise UserError(problems)
+    return described
+
+
+def _plain(
+    config: ConnectConfig, description: Description, project: Project, other: Project, notes: list[str]
+) -> ConnectConfig:
+    """Return a connection description of plain TCP as a TCP_CONNECTCONFIG."""
+    _must_be_plain_tcp(config, description, other)
+    notes.append(
+        f"{config.name}: {description.structure.name} is written as a TCP_CONNECTCONFIG, without its ID"
+    )
+    local = config.local
+    if config.any_local:
+        local = Endpoint(next(iter(project.sim.addresses), LOOPBACK), local.port)
+        notes.append(f"{config.name}: LocalAddress {local.address} is chosen: the description names none")
+    if config.flaw is not None:
+        notes.append(f"{config.name}: {config.flaw.text}: {other.dialect.name} does not look for that")
+    return ConnectConfig(
+        name=config.name,
+        active=config.active,
+        local=local,
+        remote_address=config.remote_address,
+        remote_port=config.remote_port,
+        keep_alive_interval_s=config.keep_alive_interval_s,
+    )
+
+
+def _must_be_plain_tcp(config: ConnectConfig, description: Description, other: Project) -> None:
+    says = meaning(description)
+    found = ""
+    if says.protocol is not Protocol.TCP:
+        found = f"{says.protocol} ({description.structure.name})"
+    elif config.session is not None:
+        found = f"a secure connection ({description.structure.name})"
+    elif says.remote_name and config.remote_address == ANY_ADDRESS:
+        found = f"a partner by name ({says.remote_name})"
+    if found:
+        raise mistake(f"{other.dialect.name}: connect {config.name}", found, "plain TCP by address")

@@ -1,0 +1,331 @@
+"""One more entry for a project that is already there: read, checked and named as in its file.
+
+Rule: these are the loader's own readers, so what a file may not say, nobody may add either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from trcvtui.blocks.parameters import PINS
+from trcvtui.errors import Problem, UserError
+from trcvtui.net.connection.description import CONNECTIONS
+from trcvtui.project import parts as parts
+from trcvtui.project.combuffers import find_shared_ends, joined_up, read_combuffer
+from trcvtui.project.declared_names import WORDS, Names, find_duplicates
+from trcvtui.project.keys import KIND_OF, entry_of, forms_of, keys_of
+from trcvtui.project.project import ComBufferDecl, DataDecl, Declaration, Edit, Edits, Project
+from trcvtui.project.reader import Head, Reader
+from trcvtui.project.tables import Given, Table
+from trcvtui.project.tls_words import CertificateDecl, read_certificates
+
+# Where the entries of a kind stand in a Project, and which kinds share their names with it.
+FIELDS: Final = {
+    "connect": "connects",
+    "udp_config": "udp_configs",
+    "addr": "addrs",
+    "data": "data",
+    "instance": "instances",
+    "peer": "peers",
+    "message": "messages",
+    "sequence": "sequences",
+    "combuffer": "combuffers",
+    "certificate": "certificates",
+}
+SHARED_NAMES: Final = (("data", "instance"), ("connect", "udp_config", "peer", "combuffer"))
+CHECKS: Final[dict[str, Callable[[Names, Table], None]]] = {
+    "connect": Names.check_connect,
+    "addr": Names.check_addr,
+    "combuffer": Names.check_combuffer,
+    "instance": Names.check_instance,
+    "peer": Names.check_peer,
+    "message": Names.check_message,
+}
+_GIVEN: Final = "--set "
+CERTIFICATE: Final = "certificate"
+CERTIFICATE_REFS: Final = ("TLSServerCertRef", "TLSClientCertRef")
+MOST_UNDOABLE: Final = 20
+
+
+def read_entry(
+    kind: str, content: Mapping[str, Any], project: Project, where: str, number: int = 0
+) -> Declaration:
+    """Return the declaration of one table; raise UserError with all that is wrong with it.
+
+    `content` holds TOML values, or the text of one as Given with the key as its path. `number` is its place
+    among its kind from 1 on, 0: behind the last one.
+    """
+    problems: list[Problem] = []
+    table = Table(content, where, problems)
+    for other in _sharing(kind):
+        known = [Table({"name": name}, "", problems) for name in names_of(other, project)]
+        find_duplicates([(other, known), (kind, [table])], reserved=WORDS if kind in SHARED_NAMES[0] else ())
+        if problems:
+            break
+    if kind in CHECKS:
+        CHECKS[kind](_names(project), table)
+    if kind == "combuffer":
+        known = [Table(dict(entry_of(b)), "", problems) for b in project.combuffers]
+        find_shared_ends([*known, table])
+    decl = _read(kind, table, project, number or len(entries_of(kind, project)) + 1)
+    if problems or decl is None:
+        raise UserError(dict.fromkeys(_placed(problem, where) for problem in problems))
+    return decl
+
+
+def _sharing(kind: str) -> tuple[str, ...]:
+    return next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
+
+
+def _names(project: Project) -> Names:
+    kinds = ("data", "connect", "peer", "udp_config", "addr", "combuffer")
+    of_block = {block: _instances(block, project) for block in ("TRCV_C", "TSEND_C")}
+    ports = tuple([buffer.name for buffer in project.combuffers if buffer.serial is not None])
+    known = [*(names_of(kind, project) for kind in kinds), of_block["TRCV_C"], ports, of_block["TSEND_C"]]
+    tasks = tuple(task.name for task in project.tasks)
+    return Names(tasks, *known, describes=project.dialect.describes_connects)
+
+
+def _instances(block: str, project: Project) -> tuple[str, ...]:
+    return tuple([each.name for each in project.instances if each.block == block])
+
+
+def _read(kind: str, table: Table, project: Project, number: int) -> Declaration | None:
+    reader = Reader({}, table.where, project.base, table.problems)
+    match kind:
+        case "data":
+            return reader.data(table, project.types, _head(project))
+        case "instance":
+            blocks = tuple(block for block in project.dialect.blocks if block in PINS)
+            reader.check_pins(table, _head(project))
+            return parts.read_instance(table, blocks, project.tasks[0].name, project.rules)
+        case "connect":
+            return reader.connect(table, number, _head(project), project.certificates)
+        case "combuffer":
+            buffer = read_combuffer(table)
+            return buffer and joined_up((buffer,), project.instances)[0]
+        case "addr":
+            return reader.addr(table, _head(project))
+        case "certificate":
+            return _certificate(table, project)
+        case "peer":
+            return parts.read_peer(table, project.certificates)
+        case _:
+            return _READERS[kind](table)
+
+
+def _certificate(table: Table, project: Project) -> CertificateDecl | None:
+    """Return one certificate; its number is its name, in the line that adds it."""
+    found = next(iter(read_certificates([table], project.base).values()), None)
+    if found is not None and found.number in project.certificates:
+        table.wrong("number", f"{found.number}, which is there already", "a number of its own")
+    return found
+
+
+def structures_of(project: Project) -> tuple[str, ...]:
+    """Return the connection descriptions that the instructions of this PLC take."""
+    return project.dialect.structures or tuple(CONNECTIONS)
+
+
+_READERS: Final[dict[str, Callable[[Table], Declaration | None]]] = {
+    "udp_config": parts.read_udp_config,
+    "message": parts.read_message,
+    "sequence": parts.read_sequence,
+}
+
+
+def _head(project: Project) -> Head:
+    return Head(project.dialect, project.model, dict(project.options), project.layout)
+
+
+def _placed(problem: Problem, where: str) -> Problem:
+    """Return a problem of a given text with the place where it was given."""
+    if not problem.where.startswith(_GIVEN):
+        return problem
+    return replace(problem, where=f"{where}: {problem.where.removeprefix(_GIVEN)}")
+
+
+def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
+    """Return texts such as `LocalPort=0` as the values of a table."""
+    return {key: Given(key, text) for key, text in pairs}
+
+
+def names_of(kind: str, project: Project) -> tuple[str, ...]:
+    """Return the names of a project's entries of one kind."""
+    return tuple([entry.name for entry in entries_of(kind, project)])
+
+
+def entries_of(kind: str, project: Project) -> tuple[Declaration, ...]:
+    """Return a project's entries of one kind."""
+    found = getattr(project, FIELDS[kind])
+    return tuple(found.values()) if isinstance(found, Mapping) else found
+
+
+def entry(kind: str, name: str, project: Project) -> Declaration | None:
+    """Return the entry of a kind that has this name."""
+    return next((each for each in entries_of(kind, project) if each.name == name), None)
+
+
+def kinds_named(name: str, project: Project) -> tuple[str, ...]:
+    """Return the kinds of which an entry has this name; a certificate has a number."""
+    return tuple([kind for kind in FIELDS if kind != CERTIFICATE and name in names_of(kind, project)])
+
+
+# -- edits -----------------------------------------------------------------------------------------------
+
+
+def adding(decl: Declaration, project: Project) -> Edit:
+    """Return the edit that adds an entry as the last of its kind."""
+    kind = KIND_OF[type(decl)]
+    return Edit(kind, None, decl, len(entries_of(kind, project)))
+
+
+def changing(before: Declaration, after: Declaration | None, project: Project) -> Edit:
+    """Return the edit that puts `after` in the place of an entry; None takes the entry away."""
+    kind = KIND_OF[type(before)]
+    return Edit(kind, before, after, names_of(kind, project).index(before.name))
+
+
+def with_edits(project: Project, edits: Edits) -> Project:
+    """Return the project after these edits."""
+    for edit in edits:
+        found = [each for each in entries_of(edit.kind, project) if each.name != edit.name]
+        if edit.after is not None:
+            found.insert(edit.place, edit.after)
+        kept: Any = tuple(found)
+        if edit.kind == CERTIFICATE:
+            kept = {each.number: each for each in found if isinstance(each, CertificateDecl)}
+        changed: dict[str, Any] = {FIELDS[edit.kind]: kept}
+        project = replace(project, **changed)
+    return replace(project, combuffers=joined_up(project.combuffers, project.instances))
+
+
+def edited(project: Project, edits: Edits) -> Project:
+    """Return the project after a step of edits, which can be taken back."""
+    return replace(with_edits(project, edits), undoable=(*project.undoable, edits)[-MOST_UNDOABLE:])
+
+
+def taken_back(project: Project) -> Edits:
+    """Return the edits that take the newest step back; none where there is no step."""
+    return tuple([edit.undone for edit in reversed(project.undoable[-1])]) if project.undoable else ()
+
+
+def undone(project: Project) -> Project:
+    """Return the project without its newest step."""
+    return replace(with_edits(project, taken_back(project)), undoable=project.undoable[:-1])
+
+
+def with_entry(project: Project, decl: Declaration) -> Project:
+    """Return the project with one more entry, the last of its kind."""
+    return with_edits(project, (adding(decl, project),))
+
+
+def read_changed(decl: Declaration, pairs: Mapping[str, Any], project: Project, where: str) -> Declaration:
+    """Return a declaration with some keys changed, None as a value: no such key; raise UserError.
+
+    It is written anew in the first of its forms that says the same, and read as the file would be.
+    """
+    edit = changing(decl, None, project)
+    others = with_edits(project, (edit,))
+    first: UserError | None = None
+    for own in _forms(decl, edit, others):
+        changed = own | dict(pairs)
+        if "LocalPort" in pairs and "ListenPort" not in pairs:
+            changed.pop("ListenPort", None)  # it only says where the bench listens in place of LocalPort
+        kept = {key: value for key, value in changed.items() if value is not None}
+        try:
+            return read_entry(edit.kind, kept, others, where, edit.place + 1)
+        except UserError as wrong:
+            first = first or wrong
+    raise first or UserError([Problem(where, "an entry that cannot be written", "add and remove")])
+
+
+def keys_to_change(decl: Declaration, project: Project) -> dict[str, Any]:
+    """Return the keys of a declaration in the first form that says the same, as `read_changed` takes it."""
+    edit = changing(decl, None, project)
+    own = next(_forms(decl, edit, with_edits(project, (edit,))), dict(keys_of(decl)))
+    return {key: value for key, value in own.items() if key not in ("name", "number")}
+
+
+def _forms(decl: Declaration, edit: Edit, others: Project) -> Iterator[dict[str, Any]]:
+    for form in forms_of(decl):
+        own = {"number" if edit.kind == CERTIFICATE else "name": _called(decl), **dict(form)}
+        if _says(edit, own, others, decl):
+            yield own
+
+
+def _called(decl: Declaration) -> str | int:
+    return decl.number if isinstance(decl, CertificateDecl) else decl.name
+
+
+def _says(edit: Edit, content: Mapping[str, Any], others: Project, decl: Declaration) -> bool:
+    try:
+        return same(read_entry(edit.kind, content, others, "", edit.place + 1), decl)
+    except UserError:
+        return False
+
+
+def same(decl: Declaration, other: Declaration) -> bool:
+    """Return whether two declarations say the same; a type is laid out anew with each reading."""
+    # Who writes and feeds a ComBuffer, its neighbours tell.
+    if isinstance(decl, DataDecl | ComBufferDecl):
+        return decl.name == other.name and keys_of(decl) == keys_of(other)
+    return decl == other
+
+
+def difference(before: Project, after: Project) -> Edits:
+    """Return the edits that make the entries of one project those of another."""
+    found: list[Edit] = []
+    for kind in FIELDS:
+        old = {each.name: each for each in entries_of(kind, before)}
+        new = {each.name: each for each in entries_of(kind, after)}
+        found += [changing(each, None, before) for name, each in old.items() if name not in new]
+        for place, (name, each) in enumerate(new.items()):
+            was = old.get(name)
+            if was is None or not (was is each or same(was, each)):
+                found.append(Edit(kind, was, each, place))
+    return tuple(found)
+
+
+def users_left(edits: Edits, project: Project) -> list[tuple[Declaration, UserError]]:
+    """Return the entries that could not stand any more after these edits, each with the reason."""
+    after = with_edits(project, edits)
+    gone = {(edit.kind, edit.name) for edit in edits}
+    found = _of_certificates(edits, after)
+    for kind in FIELDS:
+        for place, each in enumerate(entries_of(kind, after), 1):
+            if (kind, each.name) in gone or not _mentions(each, [edit.name for edit in edits]):
+                continue
+            wrong = _refused(each, kind, place, after)
+            if wrong is not None and _refused(each, kind, place, project) is None:
+                found.append((each, wrong))
+    return found
+
+
+def _of_certificates(edits: Edits, after: Project) -> list[tuple[Declaration, UserError]]:
+    """Return who has a certificate in his session, which is made when he is read."""
+    numbers = {edit.name for edit in edits if edit.kind == CERTIFICATE and edit.before is not None}
+    refs = (*CERTIFICATE_REFS, "certificate", "authority")
+    having: tuple[Declaration, ...] = (*after.connects, *after.peers)
+    return [
+        (each, UserError([Problem(each.name, f"certificate {value}", "the one that it has")]))
+        for each in having
+        for key, value in forms_of(each)[-2:][0]
+        if key in refs and str(value) in numbers
+    ]
+
+
+def _mentions(decl: Declaration, names: list[str]) -> bool:
+    texts = [str(value) for _, value in keys_of(decl)]
+    return any(name in text for name in names for text in texts)
+
+
+def _refused(decl: Declaration, kind: str, number: int, project: Project) -> UserError | None:
+    others = with_edits(project, (changing(decl, None, project),))
+    try:
+        read_entry(kind, dict(entry_of(decl)), others, "", number)
+    except UserError as wrong:
+        return wrong
+    return None

@@ -1,0 +1,305 @@
+"""A project as frozen values: what stands in a project file, checked and typed (contract 4.2).
+
+Rule: whatever a pin or a TCP_CONNECTCONFIG can hold is in here unjudged; the blocks judge it by STATUS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from trcvtui.blocks.parameters import HAS_ID, PINS, Pin
+from trcvtui.blocks.rules import Rules
+from trcvtui.dialects.dialect import Dialect, SwitchValue
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.description_check import meaning
+from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
+from trcvtui.net.layer import Settings
+from trcvtui.net.results import Endpoint
+from trcvtui.net.serial_line import SerialSettings
+from trcvtui.project.tls_words import CertificateDecl, Certificates
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules
+from trcvtui.udt.type_set import TypeSet
+from trcvtui.udt.types import Type
+
+DEFAULT_INTERVAL_NS: Final = 10_000_000
+SIMULATED: Final = "sim"  # the source of a ComBuffer that bench commands feed
+SERIAL: Final = "serial"  # a real port
+DEFAULT_EVERY_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One task: its instances are called every `interval_ns`; the smallest `priority` goes first."""
+
+    name: str = "MAIN"
+    interval_ns: int = DEFAULT_INTERVAL_NS
+    priority: int = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DataDecl:
+    """One global variable: its type as written and as laid out; size in bytes.
+
+    `optimized`: it stands in a block that a PLC orders by itself, so that blocks take it as a whole.
+    `choice` is the layout of its own, None in each field: as the PLC lays it out.
+    """
+
+    name: str
+    type_name: str
+    type: Type
+    layout: Layout
+    size: int
+    optimized: bool = False
+    choice: LayoutChoice = NO_CHOICE
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceDecl:
+    """One block instance; `data` None leaves the DATA pin open. `inputs` are initial values by pin name.
+
+    `on_config`: `connect` names a UDP_CONFIG. `addr`: where datagrams go to, and come from. A block on a
+    ComBuffer has that as `connect`, and `pointers`: the variables of prefix and suffix, "" for a pointer that
+    is 0.
+    """
+
+    name: str
+    block: str
+    connect: str
+    data: str | None
+    task: str
+    inputs: tuple[tuple[str, bool | int], ...]
+    addr: str | None = None
+    on_config: bool = False
+    pointers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ComBufferDecl:
+    """One ComBuffer. `source`: `sim`, `serial`, an instance of TRCV_C, or another ComBuffer, as over a cable.
+
+    `serial`: the port of that source; simulated, the line of such a ComBuffer is fed as that of `sim`.
+    `line`: what sends what is written into this one: a ComBuffer with a port, or an instance of TSEND_C.
+
+    `size` in bytes, 0: what suits the source. `per_cycle`: how many bytes leave a written one in a scan, 0:
+    all. `is_written`: a send block fills it; `is_fed`: a TRCV_C does.
+    """
+
+    name: str
+    source: str = SIMULATED
+    size: int = 0
+    per_cycle: int = 0
+    is_written: bool = False
+    is_fed: bool = False
+    serial: SerialSettings | None = None
+    line: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PeerDecl:
+    """One partner. `end` is what an active peer connects to (`@C1`: where C1 listens), else where it listens.
+
+    `source` is the local end of an active peer, where the file gives one. The rest is what the peer does by
+    itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
+    every `every_ns`; a message is written as behind `peer P1 send`. `replies` are rules, written as behind
+    `peer P1 reply on`. With `udp` it receives datagrams at `end`
+    and sends to `remote`, None: to whoever was heard last. `choice` is the layout of the device that it
+    stands for, None in each field: as the PLC. With a `session` it speaks that on its connection.
+    """
+
+    name: str
+    active: bool
+    end: Endpoint | str
+    source: Endpoint | None = None
+    reconnect_ns: int = 0
+    says: tuple[str, ...] = ()
+    every_ns: int = DEFAULT_EVERY_NS
+    udp: bool = False
+    remote: Endpoint | str | None = None
+    replies: tuple[str, ...] = ()
+    choice: LayoutChoice = NO_CHOICE
+    session: Settings | None = None
+    tls: tuple[tuple[str, bool | int | str], ...] = ()  # what its table says of TLS, certificates by number
+
+
+@dataclass(frozen=True, slots=True)
+class MessageDecl:
+    """A named message, written as behind `peer P1 send`; with `peer` it is that one's alone."""
+
+    name: str
+    text: str
+    peer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceDecl:
+    """Messages over one connection: names, and pauses such as T#100ms between them."""
+
+    name: str
+    steps: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SimDecl:
+    """The simulated network: addresses of the PLC besides loopback, which of them are no Ethernet ports.
+
+    `names` and their addresses are what its DNS server knows; None: there is no such server.
+    """
+
+    addresses: tuple[str, ...] = ()
+    not_ethernet: tuple[str, ...] = ()
+    seed: int = 0
+    latency_ns: int = 0
+    fragment: bool = False
+    names: tuple[tuple[str, str], ...] | None = None
+
+
+Declaration = (
+    ConnectConfig
+    | UdpConfig
+    | AddrParam
+    | ComBufferDecl
+    | DataDecl
+    | InstanceDecl
+    | PeerDecl
+    | MessageDecl
+    | SequenceDecl
+    | CertificateDecl
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edit:
+    """One entry before and after; None: it was not there, it is there no more. `place` among its kind."""
+
+    kind: str
+    before: Declaration | None
+    after: Declaration | None
+    place: int
+
+    @property
+    def undone(self) -> Edit:
+        """Return the edit that takes this one back."""
+        return Edit(self.kind, self.after, self.before, self.place)
+
+    @property
+    def name(self) -> str:
+        """Return the name of the entry."""
+        decl = self.before or self.after
+        return decl.name if decl else ""
+
+
+Edits = tuple[Edit, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Project:
+    """Everything that a project file says. Instances stand in call order."""
+
+    path: Path
+    base: Path  # relative file names start here
+    dialect: Dialect
+    model: str
+    connection_limit: int
+    options: Mapping[str, SwitchValue]
+    rules: Rules
+    layout: LayoutRules
+    types: TypeSet
+    tasks: tuple[Task, ...] = (Task(),)
+    data: tuple[DataDecl, ...] = ()
+    connects: tuple[ConnectConfig, ...] = ()
+    instances: tuple[InstanceDecl, ...] = ()
+    peers: tuple[PeerDecl, ...] = ()
+    start: str = ""
+    program: str = ""  # what the PLC's program writes by itself, scan by scan
+    sim: SimDecl = SimDecl()
+    udp_configs: tuple[UdpConfig, ...] = ()
+    addrs: tuple[AddrParam, ...] = ()
+    messages: tuple[MessageDecl, ...] = ()
+    sequences: tuple[SequenceDecl, ...] = ()
+    constants: Mapping[str, int] = field(default_factory=dict)  # of the UDTs; the user's own
+    udt_files: tuple[Path, ...] = ()
+    certificates: Certificates = field(default_factory=dict)
+    combuffers: tuple[ComBufferDecl, ...] = ()
+    undoable: tuple[Edits, ...] = ()  # the newest edits since it was read, each with all that it did
+
+    def pins(self, block: str) -> tuple[Pin, ...]:
+        """Return the pins of a block, in the order of the manual."""
+        labels = self.rules.labels.get(block, {})
+        done = labels.get("DONE", "DONE")
+        return tuple(
+            [
+                replace(pin, label=labels.get(pin.name, pin.label), text=pin.text.replace("DONE", done))
+                for pin in map(self.rules.typed, PINS[block])
+                if pin.name not in self.rules.lacks
+            ]
+        )
+
+    def instance(self, name: str) -> InstanceDecl | None:
+        """Return the instance of that name."""
+        return next((i for i in self.instances if i.name == name), None)
+
+    def data_decl(self, name: str) -> DataDecl | None:
+        """Return the global variable of that name."""
+        return next((d for d in self.data if d.name == name), None)
+
+    def connect(self, name: str) -> ConnectConfig | None:
+        """Return the CONNECT of that name."""
+        return next((c for c in self.connects if c.name == name), None)
+
+    def identity(self, block: str, connect: str) -> int | None:
+        """Return what stands at the ID of a block, None where it has no such pin."""
+        config = self.connect(connect)
+        if block not in HAS_ID or config is None or config.description is None:
+            return None
+        return meaning(config.description).identity
+
+    def udp_config(self, name: str) -> UdpConfig | None:
+        """Return the UDP_CONFIG of that name."""
+        return next((u for u in self.udp_configs if u.name == name), None)
+
+    def combuffer(self, name: str) -> ComBufferDecl | None:
+        """Return the ComBuffer of that name."""
+        return next((b for b in self.combuffers if b.name == name), None)
+
+    def links(self) -> tuple[str, ...]:
+        """Return whose wires can be cut and whose calls can be made to fail: CONNECTs and UDP_CONFIGs."""
+        return tuple([c.name for c in self.connects] + [u.name for u in self.udp_configs])
+
+    def peer(self, name: str) -> PeerDecl | None:
+        """Return the peer of that name."""
+        return next((p for p in self.peers if p.name == name), None)
+
+    def beside(self, peer: str) -> Project:
+        """Return the project as a peer lays out UDTs."""
+        decl = self.peer(peer)
+        if decl is None or decl.choice == NO_CHOICE:
+            return self
+        as_peer = tuple([replace(data, choice=NO_CHOICE) for data in self.data])
+        return replace(self, layout=decl.choice.rules(self.layout), data=as_peer)
+
+    def rules_of(self, type_name: str) -> LayoutRules:
+        """Return how a UDT travels: as DATA of that type lies, where all of it has one layout of its own."""
+        choices = {d.choice for d in self.data if d.type_name.casefold() == type_name.casefold()}
+        return choices.pop().rules(self.layout) if len(choices) == 1 else self.layout
+
+    def task(self, name: str) -> Task | None:
+        """Return the task of that name."""
+        return next((t for t in self.tasks if t.name == name), None)
+
+    # -- a running PLC changes its program: another Project, the file stays as it is -------------------
+
+    def with_instance(self, decl: InstanceDecl) -> Project:
+        """Return the project with one more instance, last in the call order of its task."""
+        return replace(self, instances=(*self.instances, decl))
+
+    def without_instance(self, name: str) -> Project:
+        """Return the project without an instance."""
+        return replace(self, instances=tuple(i for i in self.instances if i.name != name))
+
+    def with_data(self, decl: DataDecl) -> Project:
+        """Return the project with another type for a global variable."""
+        return replace(self, data=tuple(decl if d.name == decl.name else d for d in self.data))

@@ -1,0 +1,239 @@
+"""One TOML table read key by key: what is wrong, missing or left over becomes a Problem, all of it at once.
+
+Rule: every key has a Kind, and a Kind reads both a TOML value and the text of `--set PATH=VALUE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Generic, TypeVar
+
+from trcvtui.errors import Problem, UserError
+from trcvtui.net.connection.config import parse_address
+from trcvtui.net.results import Endpoint
+from trcvtui.project.names import NO_HIDDEN, expected_name, hidden_in
+from trcvtui.udt.literals import parse_integer, parse_time
+
+T = TypeVar("T")
+
+LONGEST_SHOWN: Final = 60
+LEAST_INTERVAL_NS: Final = 100_000  # a scan itself takes tens of microseconds
+TRUTH_WORDS: Final = {"1": True, "0": False, "TRUE": True, "FALSE": False}
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A value that came as text, by `--set path=text`; it stands in the document in place of a TOML value."""
+
+    path: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Kind(Generic[T]):
+    """What a key may hold. Both readers answer None for what is not of this kind.
+
+    `instead`: what to write in place of a text that is refused, "" where `expected` says it.
+    """
+
+    expected: str
+    read: Callable[[Any], T | None]
+    from_text: Callable[[str], T | None]
+    instead: Callable[[str], str] = lambda text: ""
+
+    def wanted(self, value: object) -> str:
+        """Return what was expected where this stands."""
+        text = value.text if isinstance(value, Given) else value
+        return (self.instead(text) if isinstance(text, str) else "") or self.expected
+
+
+def of_text(
+    expected: str, read: Callable[[str], T | None], instead: Callable[[str], str] = lambda text: ""
+) -> Kind[T]:
+    """Return a kind that is written as a string in TOML."""
+    return Kind(expected, lambda value: read(value) if isinstance(value, str) else None, read, instead)
+
+
+def whole(least: int, most: int) -> Kind[int]:
+    """Return the kind of the whole numbers from least to most."""
+
+    def bounded(number: int | None) -> int | None:
+        return number if number is not None and least <= number <= most else None
+
+    return Kind(
+        f"a whole number from {least} to {most}",
+        lambda value: bounded(value) if isinstance(value, int) and not isinstance(value, bool) else None,
+        lambda text: bounded(parse_integer(text)),
+    )
+
+
+def one_of(*numbers: int) -> Kind[int]:
+    """Return the kind of just these whole numbers."""
+    near = whole(min(numbers), max(numbers))
+    return Kind(
+        " or ".join(map(str, numbers)),
+        lambda value: number if (number := near.read(value)) in numbers else None,
+        lambda text: number if (number := near.from_text(text)) in numbers else None,
+    )
+
+
+def _truth(value: object) -> bool | None:
+    # 1 and 0 are BOOL literals of IEC 61131-3; 1.0 and "1" are not.
+    return bool(value) if isinstance(value, int) and value in (0, 1) else None
+
+
+def _duration(text: str) -> int | None:
+    try:
+        return parse_time(text)
+    except UserError:
+        return None
+
+
+def _duration_from(least: int) -> Callable[[str], int | None]:
+    def read(text: str) -> int | None:
+        ns = _duration(text)
+        return ns if ns is not None and ns >= least else None
+
+    return read
+
+
+def _milliseconds(text: str) -> int | None:
+    """Return the ms of a TIME, as TwinCAT counts it: 32 bits without a sign."""
+    ns = int(text) * 1_000_000 if text.isascii() and text.isdigit() and len(text) < 11 else _duration(text)
+    return None if ns is None or ns % 1_000_000 or not 0 <= ns < 1_000_000 << 32 else ns // 1_000_000
+
+
+def _texts(value: object) -> tuple[str, ...] | None:
+    texts = value if isinstance(value, list) else [value]
+    read = tuple(text for text in texts if isinstance(text, str))
+    return read if len(read) == len(texts) else None
+
+
+def parse_endpoint(text: str) -> Endpoint | None:
+    """Return `127.0.0.1:2000` as an Endpoint, None when it is none."""
+    address, colon, port = text.rpartition(":")
+    parsed = parse_address(address)
+    if not colon or parsed is None or not (port.isascii() and port.isdigit() and len(port) <= 5):
+        return None
+    return Endpoint(parsed, int(port)) if int(port) <= 65535 else None
+
+
+def _addresses(value: Any) -> tuple[str, ...] | None:
+    if not isinstance(value, list):
+        return None
+    found = [parse_address(item) if isinstance(item, str) else None for item in value]
+    known = tuple([address for address in found if address is not None])
+    return known if len(known) == len(found) else None
+
+
+TRUTH: Final = Kind("true or false", _truth, lambda text: TRUTH_WORDS.get(text.upper()))
+TEXT: Final = of_text("a text in quotes", lambda text: text)
+FILE: Final = of_text(
+    "a text in quotes", lambda text: None if hidden_in(text) else text, lambda text: NO_HIDDEN
+)
+INTERVAL: Final = of_text("a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS))
+DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0))
+MILLISECONDS: Final = Kind(
+    "a TIME of whole milliseconds such as T#50ms or 50",
+    lambda value: None if isinstance(value, bool | float) else _milliseconds(str(value)),
+    _milliseconds,
+)
+ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_address)
+ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint)
+ADDRESSES: Final = Kind(
+    'a list of IPv4 addresses such as ["10.0.0.1"]', _addresses, lambda text: _addresses(text.split(","))
+)
+PORT: Final = whole(0, 65535)
+MESSAGES: Final = Kind('a list of messages such as ["hex 01 02", "random 8"]', _texts, lambda text: (text,))
+
+STEPS: Final = Kind(
+    'a list of message names and pauses such as ["hello", "T#100ms"]', _texts, lambda text: (text,)
+)
+RULES: Final = Kind('a list of rules such as ["contains hex 05 send hex 06"]', _texts, lambda text: (text,))
+
+
+class Table:
+    """One table of a document; `where` names file and table."""
+
+    def __init__(self, content: Mapping[str, Any], where: str, problems: list[Problem]) -> None:
+        self.where = where
+        self.problems = problems
+        self._content = content
+        self._known: list[str] = []
+
+    def get(self, key: str, kind: Kind[T], default: T) -> T:
+        """Return the value of an optional key; the default also where the value is wrong."""
+        found = self.read(key, kind)
+        return default if found is None else found
+
+    def must(self, key: str, kind: Kind[T]) -> T | None:
+        """Return the value of a key that must be there, None where it is missing or wrong."""
+        if key not in self._content:
+            self.wrong(key, "nothing", kind.expected)
+        return self.read(key, kind)
+
+    def read(self, key: str, kind: Kind[T]) -> T | None:
+        """Return the value of an optional key, None where it is missing or wrong."""
+        self._known.append(key)
+        if key not in self._content:
+            return None
+        value = self._content[key]
+        found = kind.from_text(value.text) if isinstance(value, Given) else kind.read(value)
+        if found is None:
+            self.wrong(key, shown(value), kind.wanted(value))
+        return found
+
+    def has(self, key: str) -> bool:
+        """Return whether the table holds the key."""
+        return key in self._content
+
+    def know(self, *keys: str) -> None:
+        """Count these keys as asked for."""
+        self._known.extend(keys)
+
+    def peek(self, key: str) -> Any:
+        """Return the value of a key as it stands, None where it is missing."""
+        return self._content.get(key)
+
+    def text(self, key: str) -> str | None:
+        """Return the text that stands at a key, None where there is none."""
+        value = self._content.get(key)
+        return value.text if isinstance(value, Given) else value if isinstance(value, str) else None
+
+    def rest(self) -> list[str]:
+        """Return the keys that nobody has asked for."""
+        return [key for key in self._content if key not in self._known]
+
+    def wrong(self, key: str, found: str, expected: str) -> None:
+        """Record a mistake at a key."""
+        self.problems.append(Problem(self.place(key), found, expected))
+
+    def place(self, key: str) -> str:
+        """Return where the value of a key stands: `bench.toml: connect C1: LocalPort`, or `--set PATH`."""
+        value = self._content.get(key)
+        return f"--set {value.path}" if isinstance(value, Given) else f"{self.where}: {key}"
+
+    def finish(self, what: str = "key") -> None:
+        """Record every key that nobody has asked for; `what` says what was expected."""
+        for key in self.rest():
+            self.wrong(key, f"an unknown {what}", expected_name(key, self._known, what))
+
+
+def shown(value: object) -> str:
+    """Return a TOML value as it is quoted in a message, cut to a readable length."""
+    match value:
+        case Given(text=text):
+            return shown(text)
+        case str():
+            return f"'{value[:LONGEST_SHOWN]}{'...' * (len(value) > LONGEST_SHOWN)}'"
+        case bool():
+            return str(value).lower()
+        case Mapping():
+            return "a table"
+        case list():
+            return "a list"
+        case int() if value.bit_length() > 128:
+            return "a number beyond any range"
+        case _:
+            return str(value)

@@ -1,0 +1,249 @@
+"""The text of a project file with more entries: comments, order, quotes and blanks stay as they are.
+
+Rule 1: an entry comes behind the last one of its kind, where tomlkit gives the text back as it was; else at
+the end of the file, which is as good to the loader.
+Rule 2: what the new text says is compared with what it shall say; a text that differs never leaves this file.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.project.keys import KIND_OF, KeyValue, entry_of, forms_of
+from trcvtui.project.project import Declaration, Edit
+from trcvtui.project.toml_file import parse_toml
+
+if TYPE_CHECKING:
+    from tomlkit import TOMLDocument
+    from tomlkit.items import AoT, Table
+
+CRLF: Final = "\r\n"
+FILES: Final = {"udt": ("file",), "certificate": ("file", "key")}  # what names a file beside the project
+
+
+def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
+    """Return the text with these entries; raise UserError when the text has no place for them."""
+    wanted = parse_toml(text, where)
+    for decl in decls:
+        entries = wanted.setdefault(KIND_OF[type(decl)], [])
+        if isinstance(entries, list):
+            entries.append(dict(entry_of(decl)))
+    return _checked(text, wanted, where, lambda plain: _in_their_places(plain, decls), _at_the_end(decls))
+
+
+def with_change(text: str, edit: Edit, form: int, where: str) -> str:
+    """Return the text with one entry changed or gone; only the keys that change are written.
+
+    `form` is the way to write it, of those that `forms_of` knows. Raise UserError when there is no place.
+    """
+    wanted = parse_toml(text, where)
+    _change(wanted, edit, form, lambda value: value)
+
+    def change(plain: str) -> str | None:
+        document = _parsed(plain)
+        if document is None or not _change(document, edit, form, _item):
+            return None
+        return document.as_string()
+
+    return _checked(text, wanted, where, change)
+
+
+def _change(document: Any, edit: Edit, form: int, item: Callable[[KeyValue], Any]) -> bool:
+    """Change the table of an entry; return whether it was found."""
+    called = "number" if edit.kind == "certificate" else "name"
+    entries = document.get(edit.kind, [])
+    place = next((n for n, each in enumerate(entries) if str(each.get(called)) == edit.name), None)
+    if place is None:
+        return False
+    if edit.after is None or edit.before is None:
+        del entries[place]
+        if not len(entries):
+            del document[edit.kind]
+        return True
+    old, new = (dict(forms_of(decl)[form]) for decl in (edit.before, edit.after))
+    for key in [key for key in old if key not in new]:
+        entries[place].pop(key, None)
+    for key, value in new.items():
+        if old.get(key) != value:
+            entries[place][key] = item(value)
+    return True
+
+
+def with_files_from(text: str, old: Path, new: Path, where: str) -> str:
+    """Return the text of a project in the folder `old` as it has to be in `new`: UDTs and
+    certificates are files beside it.
+    """
+    wanted = parse_toml(text, where)
+    ways = [
+        (kind, number, key, _way(entry[key], old, new))
+        for kind, keys in FILES.items()
+        for number, entry in enumerate(wanted.get(kind, []))
+        for key in keys
+        if key in entry
+    ]
+    if all(wanted[kind][number][key] == way for kind, number, key, way in ways):
+        return text
+    others = {wanted[kind][number][key]: way for kind, number, key, way in ways}
+    for kind, number, key, way in ways:
+        wanted[kind][number][key] = way
+    return _checked(
+        text,
+        wanted,
+        where,
+        lambda plain: _with_ways(plain, ways),
+        lambda plain: _with_texts(plain, others),
+    )
+
+
+def with_constants(text: str, constants: Mapping[str, int], where: str) -> str:
+    """Return the text with these entries in its [constants]; raise UserError when there is no place."""
+    wanted = parse_toml(text, where)
+    table = wanted.setdefault("constants", {})
+    if isinstance(table, dict):
+        table |= constants
+    lines = [f"{json.dumps(name)} = {number}\n" for name, number in constants.items()]
+    at_the_end = "\n[constants]\n" + "".join(lines)
+    return _checked(
+        text, wanted, where, lambda plain: _in_its_table(plain, constants), lambda plain: plain + at_the_end
+    )
+
+
+def _way(file: str, old: Path, new: Path) -> str:
+    if Path(file).is_absolute():
+        return file
+    try:
+        return os.path.relpath(os.path.realpath(old / file), os.path.realpath(new)).replace(os.sep, "/")
+    except ValueError:  # another drive
+        return os.path.realpath(old / file)
+
+
+def _checked(text: str, wanted: dict[str, Any], where: str, *edits: Callable[[str], str | None]) -> str:
+    """Return what the first edit makes that says what is wanted."""
+    ends = CRLF if CRLF in text else "\n"
+    plain = text.replace(CRLF, "\n")
+    if plain.replace("\n", ends) != text:
+        raise mistake(where, "lines that end in two ways", "one end of line in all of the file")
+    plain += "\n" if plain and not plain.endswith("\n") else ""
+    for edit in edits:
+        edited = edit(plain)
+        if edited is not None and _says(edited, wanted):
+            return edited.replace("\n", ends)
+    raise mistake(where, "a form that cannot be extended", "tables that begin with [[connect]] and the like")
+
+
+def _says(text: str, wanted: dict[str, Any]) -> bool:
+    try:
+        return parse_toml(text, "") == wanted
+    except UserError:
+        return False
+
+
+# -- with tomlkit ----------------------------------------------------------------------------------------
+
+
+def _parsed(plain: str) -> TOMLDocument | None:
+    """Return the document that gives this very text back, None where tomlkit would change it."""
+    import tomlkit  # read when first saved: it takes as long as two scans
+    from tomlkit.exceptions import TOMLKitError
+
+    try:
+        document = tomlkit.parse(plain)
+    except TOMLKitError:
+        return None
+    return document if document.as_string() == plain else None
+
+
+def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
+    document = _parsed(plain)
+    if document is None:
+        return None
+    from tomlkit.items import AoT
+
+    new: list[Declaration] = []
+    for decl in decls:
+        entries = document.get(KIND_OF[type(decl)])
+        if isinstance(entries, AoT) and len(entries):
+            _add_behind(entries, _table(decl))
+        else:
+            new.append(decl)
+    return _at_the_end(new)(document.as_string())
+
+
+def _in_its_table(plain: str, constants: Mapping[str, int]) -> str | None:
+    document = _parsed(plain)
+    if document is None or "constants" not in document:
+        return None
+    for name, number in constants.items():
+        document["constants"][name] = number
+    return document.as_string()
+
+
+def _add_behind(entries: AoT, table: Table) -> None:
+    """Append a table; what is behind the last one, from its first blank line on, is of what follows."""
+    from tomlkit.items import Comment, Whitespace
+
+    body = entries[-1].value.body
+    start = len(body)
+    while start and isinstance(body[start - 1][1], Comment | Whitespace):
+        start -= 1
+    blank = next((n for n in range(start, len(body)) if isinstance(body[n][1], Whitespace)), len(body))
+    behind = body[blank:]
+    del body[blank:]
+    body.append((None, Whitespace("\n")))
+    table.value.body.extend(behind)
+    entries.append(table)
+
+
+def _table(decl: Declaration) -> Table:
+    import tomlkit
+
+    table = tomlkit.table()
+    for key, value in entry_of(decl):
+        table.append(key, _item(value))
+    return table
+
+
+def _item(value: KeyValue) -> Any:
+    import tomlkit
+
+    match value:
+        case str():
+            is_literal = '"' in value and "'" not in value and value.isprintable()
+            return tomlkit.string(value, literal=is_literal)
+        case list():
+            array = tomlkit.array()
+            array.extend(map(_item, value))
+            return array
+        case _:
+            return value
+
+
+def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
+    """Return what appends the tables to a text."""
+
+    def append(plain: str) -> str:
+        tables = [f"\n[[{KIND_OF[type(decl)]}]]\n{_table(decl).as_string()}" for decl in decls]
+        return plain + "".join(tables)
+
+    return append
+
+
+def _with_texts(plain: str, others: Mapping[str, str]) -> str:
+    """Return the text with these strings in the place of others, where tomlkit cannot give it back."""
+    for old, new in others.items():
+        plain = plain.replace(f"= {json.dumps(old)}", f"= {json.dumps(new)}")
+    return plain
+
+
+def _with_ways(plain: str, ways: Sequence[tuple[str, int, str, str]]) -> str | None:
+    document = _parsed(plain)
+    if document is None:
+        return None
+    for kind, number, key, way in ways:
+        document[kind][number][key] = way
+    return document.as_string()

@@ -1,0 +1,168 @@
+"""How a project file says TLS: `[[certificate]]` by number, what a secure CONNECT refers to, peers with tls.
+
+Rule: a file that cannot be read is a mistake in the project; a number that nobody has is the block's to show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from trcvtui.net.connection.description import Description
+from trcvtui.net.connection.description_check import CHECKS_NAME, Finding, Flaw, Meaning
+from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.project.tables import FILE, TEXT, TRUTH, Table, of_text, shown, whole
+
+UNSAFE: Final = "none, this is unsafe"
+NUMBER: Final = whole(1, (1 << 32) - 1)
+VERIFY: Final = of_text(
+    f'"{UNSAFE}", or no such key: certificates are verified', lambda text: text if text == UNSAFE else None
+)
+HOST: Final = of_text("the name or address that the certificate must bear", lambda text: text or None)
+PEER_KEYS: Final = ("certificate", "authority", "client_certificate", "server_name", "verify")
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateDecl:
+    """One certificate of the CPU's certificate manager: PEM files; without a key it is one to trust."""
+
+    number: int
+    file: str
+    key: str = ""
+
+    @property
+    def name(self) -> str:
+        """Return what it is called: its number."""
+        return str(self.number)
+
+
+Certificates = Mapping[int, CertificateDecl]
+
+
+def read_certificates(tables: Iterable[Table], base: Path) -> Certificates:
+    """Return all certificates by their number."""
+    found: dict[int, CertificateDecl] = {}
+    for table in tables:
+        one = _read_certificate(table, base)
+        if one is not None and one.number in found:
+            table.wrong("number", f"{one.number} for the second time", "a number of its own")
+        elif one is not None:
+            found[one.number] = one
+    return found
+
+
+def _read_certificate(table: Table, base: Path) -> CertificateDecl | None:
+    number = table.must("number", NUMBER)
+    file = table.must("file", FILE)
+    key = table.get("key", TEXT, "")
+    table.know("name")
+    table.finish()
+    if number is None or file is None:
+        return None
+    found = CertificateDecl(
+        number, str((base / file).absolute()), str((base / key).absolute()) if key else ""
+    )
+    flaw, at = _flaw_of(found)
+    if flaw:
+        table.wrong(at, flaw, "a PEM file")
+    return found
+
+
+def _flaw_of(one: CertificateDecl) -> tuple[str, str]:
+    """Return what is wrong with the files, and at which key."""
+    from trcvtui.net.layers.tls import (
+        flaw_of_certificate,  # with the TLS library: only who has certificates waits
+    )
+
+    flaw = flaw_of_certificate(one.file, "")
+    return (flaw, "file") if flaw or not one.key else (flaw_of_certificate(one.file, one.key), "key")
+
+
+# -- a secure CONNECT ----------------------------------------------------------------------------------------
+
+
+def is_secure(description: Description) -> bool:
+    """Return whether the description asks for TLS."""
+    return bool(description.number("ActivateSecureConn"))
+
+
+def secure(
+    description: Description, says: Meaning, known: Certificates, is_unverified: bool
+) -> TlsSettings | Finding:
+    """Return what the references mean: the active end trusts TLSServerCertRef and shows TLSClientCertRef.
+
+    On the passive end it is the other way round. 0: every certificate that is here to be trusted; of the
+    active end's own: none.
+    """
+    server, client = description.number("TLSServerCertRef"), description.number("TLSClientCertRef")
+    own, trusted = (client, server) if says.is_active else (server, client)
+    for field, number, needs_key in (
+        ("TLSClientCertRef" if says.is_active else "TLSServerCertRef", own, True),
+        ("TLSServerCertRef" if says.is_active else "TLSClientCertRef", trusted, False),
+    ):
+        if number and (number not in known or (needs_key and not known[number].key)):
+            kind = "certificate with a key" if needs_key else "certificate"
+            return Finding(Flaw.CERTIFICATE, field, f"{field} is {number}, no {kind} has that number")
+    shows = known.get(own)
+    return TlsSettings(
+        certificate=shows.file if shows else "",
+        key=shows.key if shows else "",
+        authorities=_authorities(known, trusted),
+        asks_client=bool(description.number("TLSServerReqClientCert")),
+        server_name=says.remote_name or says.remote_address,
+        checks_name=bool(description.number("ExtTLSCapabilities") & CHECKS_NAME),
+        is_unverified=is_unverified,
+    )
+
+
+def _authorities(known: Certificates, number: int) -> tuple[str, ...]:
+    return (known[number].file,) if number else tuple(one.file for one in known.values() if not one.key)
+
+
+# -- a peer --------------------------------------------------------------------------------------------------
+
+
+class PeerTls(NamedTuple):
+    """What a peer's table says of TLS: as settings, and as its keys."""
+
+    settings: TlsSettings
+    keys: tuple[tuple[str, bool | int | str], ...]
+
+
+def read_peer_tls(table: Table, known: Certificates) -> PeerTls | None:
+    """Return what a peer's table says about TLS, None where it speaks plain TCP."""
+    if not table.get("tls", TRUTH, False):
+        for key in PEER_KEYS:
+            if table.has(key):
+                table.know(key)
+                table.wrong(key, "a word of TLS", "tls = true beside it")
+        return None
+    own = _known(table, "certificate", known)
+    authority = _known(table, "authority", known)
+    name = table.read("server_name", HOST)
+    if own is not None and not own.key:
+        table.wrong("certificate", f"{own.number}, which has no key", "one with a key")
+    asks_client = table.get("client_certificate", TRUTH, False)
+    verify = table.read("verify", VERIFY)
+    settings = TlsSettings(
+        certificate=own.file if own else "",
+        key=own.key if own else "",
+        authorities=_authorities(known, authority.number if authority else 0),
+        asks_client=asks_client,
+        server_name=name or "",
+        checks_name=name is not None,
+        is_unverified=verify is not None,
+    )
+    numbers = tuple(one.number if one is not None else None for one in (own, authority))
+    said = zip(PEER_KEYS, (*numbers, asks_client or None, name, verify), strict=True)
+    return PeerTls(settings, (("tls", True), *((key, value) for key, value in said if value is not None)))
+
+
+def _known(table: Table, key: str, known: Certificates) -> CertificateDecl | None:
+    number = table.read(key, NUMBER)
+    if number is not None and number not in known:
+        numbers = ", ".join(map(str, known)) or "of a [[certificate]]"
+        table.wrong(key, shown(number), f"a number {numbers}" if known else f"the number {numbers}")
+    return None if number is None else known.get(number)

@@ -1,0 +1,395 @@
+"""The bench: one PLC, its peers, one kernel and one time. `step` lets one scan pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources
+from trcvtui.net.faults import FaultPlan, FaultyKernel
+from trcvtui.net.kernel import Kernel
+from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.os.serial import OsSerialPort
+from trcvtui.net.results import Endpoint, Fault
+from trcvtui.net.serial_line import SerialPort, SerialSettings
+from trcvtui.net.serial_ports import FaultyPort, SimSerialPort
+from trcvtui.net.sim.kernel import SimKernel
+from trcvtui.net.work import Work
+from trcvtui.plc import commands
+from trcvtui.plc.ledger import BenchNote
+from trcvtui.plc.runtime import Runtime
+from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project
+from trcvtui.rig import clock
+from trcvtui.rig.bench.cable import set_link
+from trcvtui.rig.bench.program import Program, read_program
+from trcvtui.rig.commands import words as words
+from trcvtui.rig.commands.edit import edits_of
+from trcvtui.rig.commands.edit_words import MENDS, Mend
+from trcvtui.rig.commands.instances import after
+from trcvtui.rig.commands.routine import read_replies, read_routines
+from trcvtui.rig.peers.peer_links import link_of
+from trcvtui.rig.peers.routine import SelfActing
+from trcvtui.rig.peers.sequence_check import Checking
+from trcvtui.rig.peers.udp_peer import AnyPeer, new_peer
+from trcvtui.rig.snapshots import PeerSnapshot
+
+KERNELS: Final = ("sim", "live")
+
+
+class Bench:
+    """PLC and peers on one kernel; time comes in as an argument, in ns from the start of the run."""
+
+    def __init__(self, project: Project, kernel: str) -> None:
+        self.project = project
+        self.kernel_name = kernel
+        self.plan = FaultPlan()
+        self.now = 0
+        self._sim = _simulated(project) if kernel == "sim" else None
+        self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
+        self._faulty = FaultyKernel(self._kernel, self.plan)
+        now_ns = clock.now_ns if self._sim is None else lambda: self.now  # what handshakes are measured by
+        self._work, self._peers_work = Work(now_ns), Work(now_ns)
+        self._has_sessions = any(config.session is not None for config in project.connects)
+        plc_kernel = self._with_sessions() if self._has_sessions else self._faulty
+        self.runtime = Runtime(
+            project, plc_kernel, self._resources(project), self._peer_port, self._serial_port
+        )
+        self._peers_work.set_interval(self.runtime.interval_ns)
+        self.plan.fired = self._fault_fired
+        self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
+        self._links = [link_of(decl, project) for decl in project.peers]
+        self._down: set[str] = set()
+        self._checks: dict[str, Checking] = {}
+        self._self_acting = {
+            name: SelfActing(self.peers[name], routine) for name, routine in read_routines(project).items()
+        }
+        self._program = Program(read_program(project), self)
+        for rule in read_replies(project):
+            self.peers[rule.peer].replies.add(rule)
+        for peer in self.peers.values():
+            if not peer.decl.active:
+                self._must_listen(peer)
+
+    def _new_peer(self, decl: PeerDecl) -> AnyPeer:
+        small = self.project.rules.policy.small_buffers
+        return new_peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
+
+    def _with_sessions(self) -> SessionKernel:
+        """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else.
+
+        One session of each is made for nothing, so that no scan has to load the library and the certificates.
+        """
+        for config in self.project.connects:
+            if config.session is not None:
+                config.session.new(config.active)
+        return SessionKernel(self._faulty, lambda: self.now, self._of_a_session, work=self._work)
+
+    def _peer_kernel(self, decl: PeerDecl) -> Kernel:
+        if decl.session is None:
+            return self._kernel
+        return SessionKernel(
+            self._kernel, lambda: self.now, self._of_a_session, polls=False, work=self._peers_work
+        )
+
+    def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
+        port = OsSerialPort(settings) if self._sim is None else SimSerialPort()
+        return FaultyPort(port, self.plan, owner)
+
+    def _of_a_session(self, owner: str, what: str, partner: str, why: str) -> None:
+        self.note(owner, what, f"{partner}: {why}")
+
+    def _must_listen(self, peer: AnyPeer) -> None:
+        """Let a passive peer listen at load; a taken port is the user's to mend."""
+        wrong = peer.listen()
+        if wrong:
+            self.close()
+            raise mistake(f"{self.project.path}: peer {peer.decl.name}: local", wrong, "an end that is free")
+
+    def _resources(self, project: Project) -> Resources:
+        return Resources(
+            JobQueue(project.rules.queue, self.plan.take),
+            BufferPool(project.rules.buffers, self.plan.take),
+            ConnectionBudget(project.connection_limit),
+            self._work,
+        )
+
+    def _listening_end(self, connect: str) -> Endpoint | None:
+        port = self.runtime.listening_port(connect)
+        config = self.project.connect(connect) or self.project.udp_config(connect)
+        return Endpoint(config.local.address, port) if config and port is not None else None
+
+    def is_free(self, end: Endpoint) -> bool:
+        """Return whether nobody listens at an end of this machine."""
+        handle = self._kernel.socket("bench")
+        if isinstance(handle, Fault):
+            return True
+        self._kernel.set_reuse(handle)
+        failed = self._kernel.bind(handle, end)
+        self._kernel.close(handle)
+        return failed is None or failed.error != "EADDRINUSE"
+
+    def _peer_port(self, name: str) -> int | None:
+        peer = self.peers.get(name)
+        return peer.last_port if peer else None
+
+    # -- time ---------------------------------------------------------------------------------------
+
+    def step(self, now: int | None = None) -> None:
+        """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
+        self.now = self.runtime.scans * self.runtime.interval_ns if now is None else now
+        if self._sim is not None:
+            self._sim.advance(self.now)
+        self.step_peers()
+        self._program.go_on()
+        self.runtime.scan(self.now)
+        if self._checks:
+            self._check_data()
+        self.step_peers()
+
+    def _check_data(self) -> None:
+        """Let the self-checking traffic judge every frame that this scan has brought."""
+        for out in self.runtime.called if any(check.instance for check in self._checks.values()) else ():
+            for check in self._checks.values() if out.done else ():
+                decl = self.project.instance(out.instance)
+                if check.instance == out.instance and decl is not None and decl.data is not None:
+                    check.received(self.runtime.data(decl.data)[: out.rcvd_len])
+
+    def step_peers(self) -> None:
+        """Let every peer take what has arrived and send what is due."""
+        self._peers_work.begin(self.now)
+        for acting in self._self_acting.values():
+            acting.step(self.now)
+        for check in self._checks.values():
+            check.step(self.now)
+        for peer in self.peers.values():
+            peer.step(self.now)
+
+    def peer_snapshots(self) -> tuple[PeerSnapshot, ...]:
+        """Return every peer, and whether its wire is down."""
+        return tuple(
+            replace(
+                peer.snapshot(),
+                link=link,
+                silent=link in self._down,
+                check=self._checks[peer.decl.name].snapshot() if peer.decl.name in self._checks else None,
+            )
+            for peer, link in zip(self.peers.values(), self._links, strict=True)
+        )
+
+    # -- commands -------------------------------------------------------------------------------------
+
+    def do(self, command: words.BenchCommand) -> str:
+        """Carry out a command that lets no scan pass; return what is wrong, or ""."""
+        act = self._acts().get(type(command))
+        return act(command) if act else f"{type(command).__name__} lets scans pass"
+
+    def _acts(self) -> dict[type, Callable[..., str]]:
+        return {
+            words.Set: self._set,
+            words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
+            words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
+            words.Create: lambda c: self._change(c, commands.CreateInstance(c.decl)),
+            **dict.fromkeys(MENDS, self._mend),
+            words.Delete: lambda c: self._change(c, commands.DeleteInstance(c.instance)),
+            words.Download: lambda c: self._change(c, commands.DownloadInstance(c.instance)),
+            words.Resize: lambda c: self._change(c, commands.ResizeData(c.decl)),
+            words.PlcStop: lambda c: self._submit(commands.PlcStop()),
+            words.PlcRun: lambda c: self._submit(commands.PlcRun()),
+            words.PeerConnect: lambda c: self.peers[c.peer].connect(self.now),
+            words.PeerListen: lambda c: self.peers[c.peer].listen(),
+            words.PeerClose: lambda c: self.peers[c.peer].close(),
+            words.PeerRst: lambda c: self.peers[c.peer].rst(),
+            words.PeerShutdown: lambda c: self.peers[c.peer].shutdown(),
+            words.PeerStall: lambda c: self.peers[c.peer].stall(),
+            words.PeerResume: lambda c: self.peers[c.peer].resume(),
+            words.PeerSend: lambda c: self.peers[c.peer].send(c, self.now),
+            words.PeerPlay: lambda c: self.peers[c.peer].play(c, self.now),
+            words.CheckOn: self._check_on,
+            words.CheckOff: self._check_off,
+            words.TryStop: lambda c: "",  # a trial of a scenario has ended with its step
+            words.ReplyOn: lambda c: self.peers[c.peer].replies.add(c),
+            words.ReplyOff: lambda c: self.peers[c.peer].replies.remove(c.number, c.peer),
+            words.FeedLine: lambda c: self._submit(commands.FeedBuffer(c.buffer, c.payload)),
+            words.SetMark: self._set_mark,
+            words.Link: self._link,
+            words.FaultOn: self._fault,
+            words.FaultClear: self._clear_faults,
+        }
+
+    def _submit(self, command: commands.Command) -> str:
+        self.runtime.submit(command)
+        return ""
+
+    def _set_mark(self, command: words.SetMark) -> str:
+        for order in command.orders():
+            self._submit(order)
+        return ""
+
+    def _change(self, command: words.BenchCommand, change: commands.Command) -> str:
+        self.project = after(command, self.project)
+        return self._submit(change)
+
+    def _mend(self, command: Mend) -> str:
+        """Let the project be another one, and what runs with it."""
+        edited = after(command, self.project)
+        for edit in edits_of(command, self.project):
+            wrong = self._take(edit, edited)
+            if wrong:
+                return wrong
+        self.project = edited
+        if isinstance(command, words.Add | words.Change | words.Remove | words.Undo):
+            self._say_anew()
+        self.peers = {decl.name: self.peers[decl.name] for decl in edited.peers}
+        self._links = [link_of(decl, edited) for decl in edited.peers]
+        return ""
+
+    def _take(self, edit: Edit, edited: Project) -> str:
+        if edit.kind == "peer":
+            before, decl = edit.before, edit.after
+            assert isinstance(before, PeerDecl | None) and isinstance(decl, PeerDecl | None)
+            return self._take_peer(before, decl, edited)
+        change = _change_of(edit, edited)
+        if change is None:
+            self.note(*_noted(edit))
+            return ""
+        self._let_sessions_in(edit.after)
+        if edit.after is None:
+            self._down.discard(edit.name)
+        return self._submit(change)
+
+    def _take_peer(self, before: PeerDecl | None, decl: PeerDecl | None, edited: Project) -> str:
+        """Let a peer go, come, or be another; a taken port is the user's to mend."""
+        old = self.peers.get(before.name) if before is not None else None
+        if old is not None:
+            old.end()
+        wrong = self._add_peer(decl, edited) if decl is not None else ""
+        if wrong and old is not None:
+            old.listen()
+        if not wrong and before is not None:
+            self._check_off(words.CheckOff(before.name))
+            if decl is None:
+                del self.peers[before.name]
+                self._self_acting.pop(before.name, None)
+                self.note(before.name, "removed")
+        return wrong
+
+    def _say_anew(self) -> None:
+        """Let peers say messages as they are now."""
+        routines = read_routines(self.project)
+        for decl in self.project.peers:
+            if any(text.startswith("message ") for text in decl.says):
+                self._self_acting[decl.name] = SelfActing(self.peers[decl.name], routines[decl.name])
+
+    def _let_sessions_in(self, decl: object) -> None:
+        if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
+            self._has_sessions = True
+            self.runtime.stand_on(self._with_sessions())
+
+    def _add_peer(self, decl: PeerDecl, edited: Project) -> str:
+        """Let one more peer begin as those of the file do; a taken port is the user's to mend."""
+        peer = self._new_peer(decl)
+        wrong = "" if decl.active else peer.listen()
+        if wrong:
+            peer.end()
+            return wrong
+        alone = replace(edited, peers=(decl,))
+        for rule in read_replies(alone):
+            peer.replies.add(rule)
+        self._self_acting.pop(decl.name, None)
+        self._self_acting |= {n: SelfActing(peer, routine) for n, routine in read_routines(alone).items()}
+        self.peers[decl.name] = peer
+        return ""
+
+    def _set(self, command: words.Set) -> str:
+        for pin, value in command.pins:
+            if isinstance(value, str):
+                self.runtime.submit(commands.BlinkInput(command.instance, pin))
+            else:
+                self.runtime.submit(commands.SetInput(command.instance, pin, value))
+        return ""
+
+    def _check_on(self, command: words.CheckOn) -> str:
+        self._checks[command.peer] = Checking(self.peers[command.peer], command)
+        return ""
+
+    def _check_off(self, command: words.CheckOff) -> str:
+        check = self._checks.pop(command.peer, None)
+        if check is not None:
+            check.end()
+        return ""
+
+    def _link(self, command: words.Link) -> str:
+        wrong, how = set_link(self._kernel, command.connect, command.up)
+        if not wrong:
+            (self._down.discard if command.up else self._down.add)(command.connect)
+            self.note(command.connect, "link up" if command.up else "link down", how)
+        return wrong
+
+    def _fault(self, command: words.FaultOn) -> str:
+        times = None if command.times == words.FOREVER else command.times
+        self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
+        self.note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
+        return ""
+
+    def _clear_faults(self, command: words.FaultClear) -> str:
+        self.plan.clear()
+        self.note("bench", "faults cleared")
+        return ""
+
+    def _fault_fired(self, owner: str, fault: Fault) -> None:
+        self.note(owner, "fault fired", str(fault))
+
+    def note(self, subject: str, what: str, detail: str = "") -> None:
+        """Write into the ledger what came from outside of the PLC."""
+        self.runtime.ledger.write(BenchNote(subject, what, detail))
+
+    def close(self) -> None:
+        """Free every socket of the PLC and of the peers."""
+        self.runtime.close()
+        for peer in self.peers.values():
+            peer.end()
+        if isinstance(self._kernel, OsKernel):
+            self._kernel.close_all()
+
+    def leaks(self) -> tuple[str, ...]:
+        """Return a line for every handle that is still open."""
+        return self._kernel.leaks()
+
+
+def _simulated(project: Project) -> SimKernel:
+    sim = project.sim
+    names = None if sim.names is None else dict(sim.names)
+    return SimKernel(sim.seed, sim.addresses, sim.not_ethernet, sim.latency_ns, sim.fragment, names)
+
+
+def _change_of(edit: Edit, edited: Project) -> commands.Command | None:
+    """Return what an edit changes in the PLC; None: nothing, it is of the library."""
+    before, decl = edit.before, edit.after
+    if isinstance(decl, ComBufferDecl):
+        decl = edited.combuffer(decl.name)  # who writes and feeds it, its neighbours tell
+    match before, decl:
+        case (None, InstanceDecl()):
+            return commands.CreateInstance(decl, edit.place)
+        case (InstanceDecl(), None):
+            return commands.DeleteInstance(edit.name)
+        case (InstanceDecl(), InstanceDecl()):
+            return commands.Redeclare(before, decl)
+    was, now = (each if isinstance(each, commands.Part) else None for each in (before, decl))
+    if now is None:
+        return commands.Withdraw(was) if was is not None else None
+    return commands.Declare(now) if was is None else commands.Redeclare(was, now)
+
+
+def _noted(edit: Edit) -> tuple[str, str]:
+    """Return what the ledger says of an edit in the library."""
+    is_certificate = edit.kind == "certificate"
+    subject = f"certificate {edit.name}" if is_certificate else edit.name
+    if edit.after is None:
+        return subject, "removed"
+    if edit.before is not None:
+        return subject, "declared anew"
+    return subject, "added" if is_certificate else "in the library"

@@ -1,0 +1,1 @@
+"""The bench commands: one line of text to a frozen command and back."""

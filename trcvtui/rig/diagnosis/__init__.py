@@ -1,0 +1,1 @@
+"""Why a block shows what it shows, and what to check next."""

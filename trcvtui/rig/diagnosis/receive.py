@@ -1,0 +1,293 @@
+"""What the bytes of a receive block prove: armed, filling or stuck, and what is wrong with LEN or the stream.
+
+Each rule takes the evidence and answers one sentence, or "" where it does not apply.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.rig.diagnosis.evidence import Evidence
+from trcvtui.rig.history.facts import PAUSE_SCANS, Drop
+from trcvtui.rig.wording import SECOND, age, count, rate, times
+
+QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
+SLOW: Final = 2  # so many of a sender's longest pauses are waited for
+RUNS: Final = frozenset({Condition.RECEIVING, Condition.RECEIVING_PART, Condition.RUNNING})
+ARMED, FILLING, STUCK = "armed", "filling", "stuck"
+CURE: Final = "COM_RST (or CONT 0, then 1) puts it back in step"
+
+
+# -- how a job stands -----------------------------------------------------------------------------------
+
+
+def state(e: Evidence) -> str:
+    """Return armed (nothing came yet), filling (bytes arrive) or stuck (some are here, and no more come)."""
+    if not e.have:
+        return ARMED
+    patience = max(QUIET_NS, SLOW * e.facts.longest_gap_ns)
+    return STUCK if e.quiet_ns is not None and e.quiet_ns >= patience else FILLING
+
+
+def is_stuck(e: Evidence) -> bool:
+    """Return whether a static frame has begun and its sender seems to have no more."""
+    is_running = e.condition in RUNS
+    return is_running and not e.adhoc and not e.is_message and not e.is_datagram and state(e) == STUCK
+
+
+def how_it_stands(e: Evidence) -> str:
+    """Return what a job that receives has, wants, and since when nothing came."""
+    wanted = f"up to {count(e.need, 'byte')} ({_pin(e)})" if e.adhoc else count(e.need, "byte")
+    if e.is_past:
+        return f"{e.have} of {wanted} were here"
+    since = "" if e.quiet_ns is None else f"{age(e.quiet_ns)} ago"
+    if not e.have:
+        before = f"; the last byte before them came {since}" if since else ""
+        return f"{ARMED} for {wanted}: none is here yet{before}{_since_up(e)}"
+    if e.have >= e.need and not e.adhoc:
+        return f"complete: all {wanted} are here, DONE comes with the next scan"
+    came = f", the last one came {since}" if since else ""
+    return f"{state(e)}: {e.have} of {wanted} are here{came}{_rate(e)}"
+
+
+def _pin(e: Evidence) -> str:
+    """Return what makes a job ad hoc: a pin, or a LEN of 0 where there is none."""
+    return "ADHOC" if e.has_adhoc else "LEN 0 is ad hoc"
+
+
+def _switch(e: Evidence) -> str:
+    """Return what would make it ad hoc."""
+    return "ADHOC=1" if e.has_adhoc else "LEN=0, which is ad hoc here,"
+
+
+def _name(e: Evidence) -> str:
+    return "ADHOC" if e.has_adhoc else "LEN 0"
+
+
+def _since_up(e: Evidence) -> str:
+    up = e.facts.up_since
+    if e.quiet_ns is not None or up is None:
+        return ""
+    return f"; the link is up since scan {up.scan}, {age(e.age_of(up))}"
+
+
+def _rate(e: Evidence) -> str:
+    began = e.facts.job_began
+    if state(e) != FILLING or began is None or e.last_bytes_ns is None:
+        return ""
+    lasted = e.last_bytes_ns - began.t_ns
+    return f", {rate(e.have, lasted)}" if lasted >= 2 * e.interval_ns else ""
+
+
+# -- who sends, and in which sizes ------------------------------------------------------------------------
+
+
+def limit(e: Evidence) -> str:
+    """Return what decides how many bytes a frame takes: `LEN is 96`, `LEN is 0 and DATA has 96 bytes`."""
+    length = e.pin("LEN")
+    if length == 0 or (length is None and e.need == e.data_size):
+        return f"LEN is 0 and DATA ({e.data}) has {count(e.data_size, 'byte')}"
+    return f"LEN is {e.need}"
+
+
+def _last(e: Evidence) -> str:
+    """Return whose messages, and how many of them, the sizes are known of."""
+    known = len(e.facts.messages.last)
+    return f"{e.facts.sender}'s {'only message' if known == 1 else f'last {known} messages'}"
+
+
+def _were(e: Evidence, size: int) -> str:
+    return f"{_last(e)} {'was' if len(e.facts.messages.last) == 1 else 'were'} {count(size, 'byte')}"
+
+
+def _cut_at(e: Evidence) -> int:
+    """Return how many bytes of a message lie before the frame that begins in it; 0: none, or not known."""
+    message, first = e.facts.begins_in, e.facts.job_offset
+    return first - message.offset if message is not None and first is not None else 0
+
+
+# -- the rules --------------------------------------------------------------------------------------------
+
+
+def shifted_by_a_drop(e: Evidence) -> str:
+    """A frame was given up in its middle, and the bytes behind it begin the next one."""
+    drop, facts = e.facts.drop, e.facts
+    if drop is None or e.adhoc or facts.up_since is None:
+        return ""
+    if not facts.messages.count:
+        return f"{_drop(drop)}: unless the sender had ended a message there, the stream is shifted; {CURE}"
+    message, cut = facts.begins_in, _cut_at(e)
+    if message is None or not cut:
+        return ""
+    begins = f"this frame begins with byte {cut} of {facts.sender}'s message {message.number}"
+    return f"{_drop(drop)}, and {begins}: the stream is shifted; {CURE}"
+
+
+def _drop(drop: Drop) -> str:
+    collected = f"{drop.have} of {count(drop.need, 'byte')} collected"
+    return f"{drop.reason} in scan {drop.at.scan} with {collected}; they were dropped"
+
+
+def shifted(e: Evidence) -> str:
+    """The running job begins inside a message, and no dropped frame tells why."""
+    message, cut = e.facts.begins_in, _cut_at(e)
+    if e.adhoc or message is None or not cut or e.facts.drop is not None or _fits(e):
+        return ""
+    return (
+        f"this frame begins with byte {cut} of {e.facts.sender}'s message "
+        f"{message.number} ({count(message.size, 'byte')}): frames and messages are shifted"
+    )
+
+
+def _fits(e: Evidence) -> bool:
+    """Return whether frames longer or shorter than the messages already explain where a frame begins."""
+    only = e.facts.messages.only
+    return only is not None and only != e.need
+
+
+def too_short_a_sender(e: Evidence) -> str:
+    """Every message is shorter than the frame, and no whole number of them fills it."""
+    size = e.facts.messages.only
+    if size is None or not size < e.need or e.need % size == 0 or e.adhoc:
+        return ""
+    missing = e.need - size
+    numbers = (
+        f"{limit(e)}, {_were(e, size)}: LEN or DATA is {count(missing, 'byte')} too large for this sender"
+    )
+    return numbers + _held_back(e, size, missing)
+
+
+def _held_back(e: Evidence, size: int, missing: int) -> str:
+    if len(e.facts.messages.last) > 1 and e.done_scan is not None:
+        return f"; each frame takes {count(missing, 'byte')} of the next message, so the values wander"
+    whole = e.have and e.have % size == 0
+    waits = f"; {count(e.need - e.have, 'byte')} stay missing"
+    return waits if whole and not e.is_past else ""
+
+
+def several_messages_a_frame(e: Evidence) -> str:
+    """A whole number of messages fills a frame."""
+    size = e.facts.messages.only
+    if size is None or e.adhoc or not size < e.need or e.need % size:
+        return ""
+    frame = f"{limit(e)}, {_were(e, size)}: one frame takes {e.need // size} of them"
+    return f"{frame}, {e.have // size} are here" if e.have else frame
+
+
+def too_long_a_sender(e: Evidence) -> str:
+    """Every message is longer than the frame."""
+    size = e.facts.messages.only
+    if size is None or not e.need or size <= e.need:
+        return ""
+    if e.adhoc:
+        return (
+            f"{_were(e, size)}, {_name(e)} takes at most {e.need} at once: "
+            f"one message comes as {-(-size // e.need)} frames"
+        )
+    rest = size % e.need
+    if not rest:
+        return f"{_were(e, size)}, {limit(e)}: one message comes as {size // e.need} frames"
+    return (
+        f"{_were(e, size)}, {limit(e)}: {count(rest, 'byte')} of each message begin a next frame, "
+        "so the values wander; LEN or DATA is too small for this sender"
+    )
+
+
+def one_odd_message(e: Evidence) -> str:
+    """The newest message has another size than the frame, which all before it filled."""
+    sizes = e.facts.messages.last
+    if e.adhoc or len(sizes) < 2 or not e.need or sizes[-1] == e.need or set(sizes[:-1]) != {e.need}:
+        return ""
+    odd = sizes[-1] - e.need
+    which = (
+        f"{count(-odd, 'byte')} short of a frame" if odd < 0 else f"{count(odd, 'byte')} more than a frame"
+    )
+    return f"{e.facts.sender}'s newest message was {sizes[-1]} bytes, those before it {e.need}: it is {which}"
+
+
+def messages_of_many_sizes(e: Evidence) -> str:
+    """Messages differ in size, and a static frame has one."""
+    sizes = e.facts.messages.last
+    if e.adhoc or not sizes or e.facts.messages.only is not None or not e.need or one_odd_message(e):
+        return ""
+    return (
+        f"{_last(e)} had {min(sizes)} to {max(sizes)} bytes, a static frame has always {e.need}: "
+        f"{_switch(e)} takes what is there, or one job reads the header and one the rest"
+    )
+
+
+def bursts_do_not_fill(e: Evidence) -> str:
+    """Of a partner whose messages nobody knows: what comes between two pauses has another size."""
+    facts = e.facts
+    size = facts.bursts.only
+    if facts.messages.count or size is None or e.adhoc or not e.need or size == e.need:
+        return ""
+    if e.config is None:
+        return ""  # a datagram is whole, whatever its size
+    if e.need % size == 0 and state(e) != STUCK:
+        return ""
+    if facts.bursts.count == 1 and size > e.need and _goes_on(e):
+        return f"{count(size, 'byte')} came without a pause: a stream does not show where a message ends"
+    each = "" if facts.bursts.count == 1 else "each time "
+    came = f"bytes came {times(facts.bursts.count)}, {each}{size}: if that is the sender's message,"
+    if size < e.need:
+        return f"{limit(e)}, {came} LEN or DATA is {e.need - size} too large"
+    if size % e.need:
+        return f"{limit(e)}, {came} its last {count(size % e.need, 'byte')} begin a next frame"
+    return f"{limit(e)}, {came} it comes as {size // e.need} frames"
+
+
+def _goes_on(e: Evidence) -> bool:
+    """Return whether bytes still come: no pause has shown yet that would end a burst."""
+    return e.quiet_ns is not None and e.quiet_ns <= PAUSE_SCANS * e.interval_ns
+
+
+def ad_hoc_hint(e: Evidence) -> str:
+    """Static, stuck, and nothing tells whether more will come."""
+    if e.adhoc or state(e) != STUCK or not e.have:
+        return ""
+    here = count(e.have, "byte")
+    return f"{_switch(e)} would have delivered these {here} at once (read when EN_R rises again)"
+
+
+def parts_of_a_message(e: Evidence) -> str:
+    """ADHOC delivers what is there: that may be a part of a message, or several."""
+    size = e.facts.messages.only
+    length = e.cause.have
+    if not e.adhoc or size is None or not length or length == size or size > e.need:
+        return ""
+    if e.condition != "received":
+        return ""
+    what = f"{length} of them are a part of one" if length < size else f"{length} are more than one"
+    return f"{_were(e, size)}: {what}; {_name(e)} delivers what is there, not messages"
+
+
+def nothing_sent(e: Evidence) -> str:
+    """The partner is a peer of this bench, and has sent nothing on this connection."""
+    if e.have or e.facts.bursts.count or e.is_past or e.link is None or e.facts.up_since is None:
+        return ""
+    for peer in e.peers:
+        if peer.state == "connected" and (peer.local, peer.remote) == (e.link.remote, e.link.local):
+            return f"{peer.name} has sent nothing on this connection: `peer {peer.name} send hex 01`"
+    return "the partner has sent nothing since the link is up: is its send call enabled?"
+
+
+def at_rest(e: Evidence) -> str:
+    """Between two frames that came well, armed is the normal state."""
+    if e.have or e.done_scan is None or not e.done_len or e.is_past or e.facts.drop is not None:
+        return ""
+    return (
+        f"not stuck: the last frame ({count(e.done_len, 'byte')}) was delivered in scan {e.done_scan}, "
+        "the next one has not begun"
+    )
+
+
+RECEIVING: Final = (
+    shifted_by_a_drop, shifted, too_short_a_sender, several_messages_a_frame, too_long_a_sender,
+    one_odd_message, messages_of_many_sizes, bursts_do_not_fill, ad_hoc_hint, nothing_sent, at_rest,
+)  # fmt: skip
+RECEIVED: Final = (
+    shifted_by_a_drop, shifted, too_short_a_sender, too_long_a_sender, one_odd_message,
+    messages_of_many_sizes, parts_of_a_message,
+)  # fmt: skip

@@ -1,0 +1,387 @@
+"""What the screen may say and see: one line in, one answer out; one request in, one picture out.
+
+Rule: a scenario gets a fresh bench in place of the present one; when it is left, the project that was opened
+gets a fresh one too. There is always exactly one bench.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.net.results import Endpoint
+from trcvtui.project.project import Project
+from trcvtui.rig.bench.bench import KERNELS, Bench
+from trcvtui.rig.bench.conditions import found, holds
+from trcvtui.rig.bench.remarks import remark_on
+from trcvtui.rig.bench.split_test import Trials
+from trcvtui.rig.commands import words as words
+from trcvtui.rig.commands.edit import port_text
+from trcvtui.rig.commands.edit import told as told_of
+from trcvtui.rig.commands.edit_words import Mend
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.on_the_way import ends_of, free_port
+from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.engine.project_edits import Edits
+from trcvtui.rig.engine.trigger_watch import Watching
+from trcvtui.rig.history.job_history import JobHistory
+from trcvtui.rig.history.reader import HistoryReader
+from trcvtui.rig.history.waveform_delta import WaveNews
+from trcvtui.rig.history.waves import Waves
+from trcvtui.rig.scenario.player import Player, refuse_too_many_steps
+from trcvtui.rig.scenario.recorded_session import Session
+from trcvtui.rig.scenario.scenario import load_scenario, start_steps
+from trcvtui.rig.snapshots import Answer, EngineTiming
+from trcvtui.rig.wording import count
+
+MOST_ANSWERS: Final = 64
+MOST_DATA: Final = (
+    65_536  # of one variable in a picture: as much as a job can write; more would block the pipe
+)
+SCAN_CONTROL: Final = ("hold", "go")
+MARK: Final = "mark"
+SAVE: Final = "save"
+UDT: Final = "udt"
+FRAMING: Final = "framing"
+SAVE_LINES: Final = "save scenario FILE, or save project [FILE] [!]"
+TRIGGER: Final = "trigger"
+SCENARIO: Final = "scenario"
+PROJECT: Final = "project"
+SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
+
+
+def fresh_bench(project: Project, kernel: str) -> Bench:
+    """Return a bench before its first scan; the commands of `start` act in that one."""
+    bench = Bench(project, kernel)
+    for step in start_steps(project):
+        bench.do(step.command)
+    return bench
+
+
+class Console:
+    """The bench as the screen drives it. While `holding`, only the scans in `wanted` or of a step pass."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.player: Player | None = None
+        self.holding = False
+        self.wanted = 0
+        self._trials = Trials()
+        self.session = Session(bench)
+        self._watching = Watching(bench)
+        self._waves = Waves(bench.runtime.ledger, bench.project)
+        self._jobs = JobHistory(bench)
+        self._history = HistoryReader(self._jobs)
+        self._saved: set[str] = set()  # real paths of the files that were written from here
+        self._told = ""
+        self._edits = Edits(bench.project)
+        self._home_kernel = bench.kernel_name
+        self._begun_with = 0  # so many additions stood on the bench before its first scan
+        self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
+        self._bench_number = 0
+        self._project = bench.project
+        self._project_number = 0
+
+    # -- lines -----------------------------------------------------------------------------------------
+
+    def take(self, number: int, line: str) -> None:
+        """Carry out one line; its answer is in the next picture."""
+        self._told = ""
+        wrong = self._carry_out(line.strip())
+        self._answers.append(Answer(number, line, wrong, self._told))
+
+    def _carry_out(self, line: str) -> str:
+        if line in SCAN_CONTROL:
+            self.holding, self.wanted = line == "hold", 0
+            return ""
+        try:
+            verb, _, rest = line.partition(" ")
+            if verb == SCENARIO:
+                return self._scenario(rest.strip())
+            if verb == TRIGGER:
+                self._told = self._watching.arm(rest, "prompt")
+                return ""
+            if line == MARK:
+                return self._mark()
+            if verb == SAVE:
+                return self._save(rest.strip())
+            if verb == UDT:
+                return self._udt(rest)
+            if verb == FRAMING:
+                return self._framing(rest)
+            command = parse_line(line, self.bench.project, "prompt")
+        except UserError as error:
+            return error.lines()[0]
+        if command is None:
+            return ""
+        if isinstance(command, words.Add) and command.port:
+            command = self._at_a_free_port(command)
+            line = to_line(command)
+        wrong = self._act(command)
+        if not wrong:
+            self.session.note(command, line)
+        return wrong
+
+    def _act(self, command: words.BenchCommand) -> str:
+        match command:
+            case words.RunScans(scans):
+                return self._pass(scans)
+            case words.RunFor(ns):
+                return self._pass(ns // self.bench.runtime.interval_ns)
+            case words.Expect(condition, None):
+                return "" if holds(self.bench, condition) else f"found {found(self.bench, condition)}"
+            case words.TrySplits():
+                return self._trials.begin(self.bench, command)
+            case words.TryStop():
+                return self._trials.stop()
+            case words.Add() | words.AddData() | words.Change() | words.Remove() | words.Undo():
+                return self._mend(command)
+            case words.Wait() | words.Expect() | words.ExpectTrace():
+                return "waits and traces belong into a scenario file"
+            case words.Set() | words.Pulse():
+                remark = remark_on(command, self.bench.runtime.snapshot())
+                wrong = self.bench.do(command)
+                self._told = "" if wrong else remark
+                return wrong
+            case _:
+                return self.bench.do(command)
+
+    def _at_a_free_port(self, command: words.Add) -> words.Add:
+        """Return the command with the next port of this machine at which nobody else listens."""
+        [end] = ends_of(command.with_it)[:1]
+        port = command.port
+        while not self.bench.is_free(Endpoint(end.address, port)):
+            port = free_port(self.bench.project, port)
+        typed = command.text.removesuffix(port_text(command.port))
+        other = parse_line(typed + port_text(port), self.bench.project, "prompt")
+        assert isinstance(other, words.Add)
+        return other
+
+    def _mend(self, command: Mend) -> str:
+        """Edit the bench and the project; the bench of a scenario is nobody's project."""
+        told = told_of(command, self.bench.project)
+        mine = None
+        if self.player is None:
+            try:
+                mine = self._edits.check(command)
+            except UserError as error:
+                return error.lines()[0]
+        wrong = self.bench.do(command)
+        if not wrong:
+            self._told = told
+            if mine is not None:
+                self._edits.note(mine)
+        return wrong
+
+    def _udt(self, rest: str) -> str:
+        """Read the UDTs again; what is in DATA stays as it is."""
+        from trcvtui.rig.engine.project_types import read_again  # read when first asked for
+
+        if self.player is not None:
+            return "the UDTs of a scenario are those of its own project"
+        fresh, given, self._told = read_again(rest, self.bench.project, "prompt")
+        self.bench.project = fresh
+        self._edits.take_types(fresh, given)
+        return ""
+
+    def _framing(self, rest: str) -> str:
+        """Tell how the bytes of a ComBuffer may be cut, or set an instance so."""
+        from trcvtui.rig.framing_advice import command as framing  # read when first asked for
+
+        name, buffer, number = framing.read_framing(rest, self.bench.project, "prompt")
+        recording = self.bench.runtime.recording(buffer)
+        if not number:
+            self._told = framing.told(recording)
+            return ""
+        lines = framing.chosen_lines(recording, self.bench.project, name, number, "prompt")
+        wrong = next(filter(None, map(self._carry_out, lines)), "")
+        self._told = "; ".join(lines)
+        return wrong
+
+    def _pass(self, scans: int) -> str:
+        if not self.holding:
+            return "scans are passing already; `hold` stops them"
+        self.wanted += scans
+        return ""
+
+    # -- the session ------------------------------------------------------------------------------------
+
+    def _mark(self) -> str:
+        self.session.mark()
+        self._told = f"marked after scan {self.session.marked_at}"
+        return ""
+
+    def _save(self, rest: str) -> str:
+        """Write the project, or what was done here as a scenario; of others' files none is written over."""
+        from trcvtui.rig.scenario.session_file import (  # read when first asked for
+            scenario_text,
+            target,
+            write_new,
+        )
+
+        what, _, name = rest.partition(" ")
+        if what != PROJECT and (what != SCENARIO or not name.strip()):
+            raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_LINES)
+        if self.player is not None:
+            raise mistake(
+                "prompt", "a scenario on the bench", "a session of your own: leave the scenario first"
+            )
+        if what == PROJECT:
+            self._told = self._edits.save(name)
+            saved = self._edits.project
+            self.bench.project = replace(self.bench.project, path=saved.path, base=saved.base)
+            return ""
+        before = None
+        if self._edits.saved != self._begun_with:
+            before = self._edits.before
+            if before is None:
+                found = "a session that began with additions which were in no file"
+                raise mistake("prompt", found, "a session begun after `save project`: open the file again")
+        path = target(name, "prompt")
+        text = scenario_text(self.session, self.bench, path, before)
+        self._saved.add(write_new(path, text, self._saved, "prompt"))
+        size = f"{count(self.session.commands, 'command')}, {count(self.bench.runtime.scans, 'scan')}"
+        self._told = f"{size} in {path.absolute()}{self.session.outsiders().told}"
+        return ""
+
+    # -- a scenario ------------------------------------------------------------------------------------
+
+    def _scenario(self, rest: str) -> str:
+        if rest in ("step", "run"):
+            return self._play(rest)
+        if rest == "stop":
+            if self.player is not None:
+                self._go_home()
+            return ""
+        file, _, kernel = rest.removeprefix("load ").rpartition(" ")
+        if not rest.startswith("load ") or not file.strip() or kernel not in KERNELS:
+            raise mistake("prompt", f"'{SCENARIO} {rest}'", f"{SCENARIO} {SCENARIO_LINES}")
+        self._load(file.strip(), kernel)
+        return ""
+
+    def _play(self, how: str) -> str:
+        if self.player is None:
+            return f"no scenario is loaded; `{SCENARIO} load FILE.toml sim` does it"
+        if self.player.is_finished:
+            return "the scenario is over; loading it again begins anew"
+        self.player.run() if how == "run" else self.player.step()
+        return ""
+
+    def _load(self, file: str, kernel: str) -> None:
+        """Put a scenario on a bench of its own; with a mistake in the file the present bench stays."""
+        scenario = load_scenario(Path(file))
+        refuse_too_many_steps(file, scenario)
+        self.bench.close()  # first: both may want the same port
+        try:
+            self._enter(Bench(scenario.project, kernel))
+        except UserError:
+            self._go_home()
+            raise
+        self.player, self.holding = Player(file, scenario, self.bench), True
+
+    def _go_home(self) -> None:
+        self.bench.close()
+        self._enter(fresh_bench(self._edits.project, self._home_kernel))
+        self._begun_with = self._edits.done
+        self._edits.begin()
+
+    def _enter(self, bench: Bench) -> None:
+        self.bench, self.player, self.session = bench, None, Session(bench)
+        self._watching = Watching(bench)
+        self._waves = Waves(bench.runtime.ledger, bench.project)
+        self._jobs = JobHistory(bench)
+        self._history = HistoryReader(self._jobs)
+        self.holding, self.wanted = False, 0
+        self._trials = Trials()
+        self._bench_number += 1
+
+    # -- scans -----------------------------------------------------------------------------------------
+
+    @property
+    def hurries(self) -> bool:
+        """Return whether scans shall pass as fast as they can: a simulated scenario on its way to the end."""
+        player = self.player
+        simulated = self.bench.kernel_name == "sim"
+        return player is not None and simulated and player.is_to_end and player.wants_scan
+
+    def scan(self, now: int | None = None) -> bool:
+        """Let the next scan pass, if it may; return whether it has."""
+        if not self._may_scan():
+            return False
+        self.bench.step(now)
+        self._waves.read(self.bench.project)
+        self._jobs.scanned()
+        self.session.scanned()
+        fired = self._watching.scanned()
+        if fired is not None and fired.holds:
+            self.holding, self.wanted = True, 0
+        if self.player is not None:
+            self.player.scanned()
+        self._trials.scanned()
+        return True
+
+    def _may_scan(self) -> bool:
+        """Return whether the next scan may pass, and count it."""
+        if not self.holding or (self.player is not None and self.player.wants_scan):
+            return True
+        if self.wanted == 0:
+            return False
+        self.wanted -= 1
+        return True
+
+    def rest(self) -> None:
+        """Let the peers go on while no scan passes; on the simulated network time stands then."""
+        if self.bench.kernel_name == "live":
+            self.bench.step_peers()
+
+    # -- pictures --------------------------------------------------------------------------------------
+
+    def picture(self, request: PictureRequest, timing: EngineTiming, most_lines: int) -> Picture:
+        """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
+        runtime = self.bench.runtime
+        known = request.bench == self._bench_number
+        since = request.since_seq if known else 0
+        fresh = runtime.ledger.last_seq - since
+        lines = runtime.ledger.since(since, min(most_lines, request.most_lines))
+        answers = tuple(self._answers)
+        self._answers.clear()
+        self._count_project()
+        picture = Picture(
+            snapshot=runtime.snapshot(tuple(str(fault) for fault in self.bench.plan.entries())),
+            lines=lines,
+            lines_skipped=max(0, fresh - len(lines)),
+            data=tuple((name, runtime.data(name)[:MOST_DATA]) for name in request.data if known),
+            partial=tuple((name, runtime.partial(name)) for name in request.partial_of if known),
+            peers=self.bench.peer_snapshots(),
+            answers=answers,
+            timing=timing,
+            holding=self.holding,
+            kernel=self.bench.kernel_name,
+            bench=self._bench_number,
+            project_number=self._project_number,
+            project=None if request.project == self._project_number else self._project,
+            player=self.player.snapshot() if self.player is not None else None,
+            trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
+            waves=self._wave_news(request.waves, known),
+            history=self._history.window(request.history) if request.history and known else None,
+            unsaved=self._edits.unsaved,
+            unsaved_word=self._edits.unsaved_word,
+            recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
+        )
+        return self._watching.completed(picture, request.partial_of, since) if known else picture
+
+    def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveNews, ...]:
+        ledger = self.bench.runtime.ledger
+        now = ledger.scan, ledger.t_ns
+        news = (self._waves.news(name, number if known else 0, now) for name, number in asked)
+        return tuple(fresh for fresh in news if fresh is not None)
+
+    def _count_project(self) -> None:
+        """Give the project another number when it has become another: by a fresh bench, or on the way."""
+        if self._project is not self.bench.project:
+            self._project = self.bench.project
+            self._project_number += 1

@@ -1,0 +1,170 @@
+"""How a screen drives the bench: lines out, pictures in, the engine in a process of its own.
+
+Rule: importing this costs next to nothing, because nothing else happens before the engine is started.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from trcvtui.errors import UserError
+
+if TYPE_CHECKING:
+    from trcvtui.project.project import Project
+    from trcvtui.rig.picture import Picture, PictureRequest
+
+LAST_WORDS_S: Final = 2.0
+
+
+class EngineStopped(Exception):
+    """The engine process has ended; its last words say why."""
+
+
+class Driver(Protocol):
+    """What a screen may do with a bench."""
+
+    def submit(self, line: str) -> int:
+        """Send one bench command line; return the number under which its answer comes."""
+        ...
+
+    def request(self, request: PictureRequest) -> None:
+        """Ask for a picture; at most one request is outstanding."""
+        ...
+
+    def picture(self) -> Picture | None:
+        """Return the newest picture that has arrived since the last call."""
+        ...
+
+    def restart(self) -> None:
+        """Start the bench anew from its file, after it has ended."""
+        ...
+
+    def close(self) -> None:
+        """End the bench."""
+        ...
+
+
+class EngineDriver:
+    """The bench in a process of its own; start it before the screen library is imported."""
+
+    def __init__(
+        self,
+        path: Path,
+        kernel: str,
+        overrides: Sequence[str] = (),
+        netns: bool = False,
+        read_only: bool = False,
+    ) -> None:
+        self._asked = path, kernel, tuple(overrides), netns, read_only
+        self._number = 0
+        self._start()
+
+    def _start(self) -> None:
+        # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
+        from trcvtui.rig.engine.process import engine_main
+
+        context = multiprocessing.get_context("spawn")
+        self._channel, theirs = context.Pipe()
+        self._process = context.Process(target=engine_main, args=(theirs, *self._asked), daemon=True)
+        self._process.start()
+        theirs.close()
+        self._outstanding = False
+        self._project: Project | None = None
+
+    def restart(self) -> None:
+        """Start the engine anew; the project that it reads comes with the first picture."""
+        self.close()
+        self._start()
+
+    @property
+    def pid(self) -> int | None:
+        """Return the number of the engine's process."""
+        return self._process.pid
+
+    def project(self) -> Project:
+        """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
+        if self._project is None:
+            message = self._message()
+            if isinstance(message, UserError):
+                raise message
+            self._project = _not_last_words(message)
+        return self._project
+
+    def submit(self, line: str) -> int:
+        """Send one bench command line."""
+        self._number += 1
+        self._send((self._number, line))
+        return self._number
+
+    def request(self, request: PictureRequest) -> None:
+        """Ask for a picture, unless one is on its way."""
+        if not self._outstanding:
+            self._outstanding = True
+            self._send(request)
+
+    def wait(self, seconds: float) -> None:
+        """Wait until a picture has arrived, at most so long."""
+        self._channel.poll(seconds)
+
+    def picture(self) -> Picture | None:
+        """Return the newest picture that has arrived."""
+        newest = None
+        while self._channel.poll():
+            newest = self._receive() or newest
+        return newest
+
+    def _receive(self) -> Picture | None:
+        """Return the next picture; None where it is the project that comes before them."""
+        message = _not_last_words(self._message())
+        if self._project is None:
+            self._project = message
+            return None
+        self._outstanding = False
+        picture: Picture = message
+        return picture
+
+    def _message(self) -> Any:
+        try:
+            return self._channel.recv()
+        except (EOFError, OSError):
+            raise EngineStopped("the engine has ended without a word") from None
+
+    def _send(self, message: object) -> None:
+        try:
+            self._channel.send(message)
+        except OSError:
+            self._raise_last_words()
+
+    def _raise_last_words(self) -> None:
+        while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
+            self._receive()
+        raise EngineStopped("the engine has ended without a word")
+
+    def close(self) -> None:
+        """Close the channel, which ends the engine, and wait for it."""
+        self._channel.close()
+        self._process.join(LAST_WORDS_S)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join()
+
+
+def _not_last_words(message: Any) -> Any:
+    match message:
+        case UserError():
+            raise EngineStopped(message.lines()[0])
+        case str():
+            raise EngineStopped(message)
+    return message
+
+
+def start_engine(path: Path, kernel: str, netns: bool = False, read_only: bool = False) -> EngineDriver:
+    """Start the engine on a project file; `project()` tells what it has read, or what is wrong with it.
+
+    With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
+    it opens no file but those of the project.
+    """
+    return EngineDriver(path, kernel, netns=netns, read_only=read_only)

@@ -1,0 +1,1 @@
+"""Recorded bytes to proposals how to cut them into frames."""

@@ -1,0 +1,1 @@
+"""What has come and gone: received bytes, frames, counters, waveforms."""

@@ -1,0 +1,381 @@
+"""The facts that outlive a flood: small counters of each CONNECT, written along with the ledger's lines.
+
+Rule 1: a screen gets a bounded number of lines, the book reads every one; nothing in it grows with them.
+Rule 2: what is dropped from the ledger before the book has read it is missing here, and nothing is guessed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any, Final
+
+from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.net.events import BytesReceived, ConnectionNote, What
+from trcvtui.net.layers.iso_on_tcp import NO_SUCH_TSAP
+from trcvtui.net.layers.shared_listener import DROPPED
+from trcvtui.net.layers.shared_listener import ENDED as SESSION_ENDED
+from trcvtui.plc.ledger import BenchNote, Event, Line, PeerSent, StatusEdge
+from trcvtui.rig.history.facts import (
+    NOT_BUILT,
+    PAUSE_SCANS,
+    Attempt,
+    Drop,
+    Dropped,
+    Facts,
+    Failures,
+    Loss,
+    Message,
+    Moment,
+    Sizes,
+    TurnedAway,
+)
+
+KEPT_SIZES: Final = 40
+KEPT_MESSAGES: Final = 512
+KEPT_ENDS: Final = 256  # pairs of ends whose messages are known
+KEPT_ERRORS: Final = 8
+KEPT_GAPS: Final = 8
+IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
+
+ENDINGS: Final = frozenset(
+    {What.PARTNER_CLOSED, What.LOST, What.DISCONNECTED, What.RESET, What.STOPPED, What.REPLACED}
+)
+TURNED_AWAY: Final = {What.WRONG_PARTNER: "wrong_partner", What.SECOND_CLIENT: "second_client"}
+
+Stamped = tuple[int, int, Event]
+
+
+class _Sent:
+    """The messages of one peer on one connection."""
+
+    def __init__(self) -> None:
+        self.peer = ""
+        self.count = 0
+        self.sizes: deque[int] = deque(maxlen=KEPT_SIZES)
+        self.newest: deque[tuple[int, int, int]] = deque(maxlen=KEPT_MESSAGES)  # number, offset, size
+
+    def at(self, place: int) -> Message | None:
+        """Return the message that holds a byte of the stream, None where it is not known."""
+        for number, offset, size in reversed(self.newest):
+            if offset <= place:
+                return Message(number, offset, size) if place < offset + size else None
+        return None
+
+
+class _Bursts:
+    """What arrived between two pauses, whoever sent it."""
+
+    def __init__(self) -> None:
+        self.count = self.size = self.scan = self.t_ns = 0
+        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
+        self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
+
+    def note(self, scan: int, t_ns: int, size: int) -> None:
+        if self.size and scan - self.scan <= PAUSE_SCANS:
+            self.size += size
+        else:
+            if self.size:
+                self.last.append(self.size)
+                self.gaps.append(t_ns - self.t_ns)
+            self.count, self.size = self.count + 1, size
+        self.scan, self.t_ns = scan, t_ns
+
+    @property
+    def sizes(self) -> Sizes:
+        """Return the sizes, that of the burst under way included."""
+        last = (*self.last, self.size) if self.size else ()
+        return Sizes(self.count, last[-KEPT_SIZES:])
+
+
+class _Link:
+    """One CONNECT."""
+
+    def __init__(self) -> None:
+        self.incarnation = 0
+        self.ends = ("", "")  # the partner's, then ours
+        self.up_since: Moment | None = None
+        self.down_since: Moment | None = None
+        self.failures: dict[str, Failures] = {}
+        self.listening = ""  # where it listens, shared or not
+        self.attempt: Attempt | None = None
+        self.dropped: Dropped | None = None
+        self.said: Dropped | None = None  # of the handshake that ends next
+        self.turned: dict[str, TurnedAway] = {}
+        self.loss: Loss | None = None
+        self.losses = 0
+        self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
+        self.begin_stream()
+
+    def forget_failures(self) -> None:
+        """Forget what failed: it stands, or waits for whoever comes."""
+        self.failures.clear()
+        self.attempt = self.dropped = self.said = None
+
+    def is_built(self) -> None:
+        """Forget what kept it from having a socket."""
+        for error in [error for error in self.failures if error.partition(" ")[0] in NOT_BUILT]:
+            del self.failures[error]
+        if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
+            self.attempt = None
+
+    def begin_stream(self) -> None:
+        """Begin with a new connection: offsets count from 0 again."""
+        self.bursts = _Bursts()
+        self.received = 0
+        self.drop: Drop | None = None
+        self.drops = 0
+
+
+class _Datagrams:
+    """What came to one UDP socket: a recv call is a datagram."""
+
+    def __init__(self, at: Moment) -> None:
+        self.open_since = at
+        self.count = 0
+        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
+
+    @property
+    def sizes(self) -> Sizes:
+        """Return the sizes."""
+        return Sizes(self.count, tuple(self.last))
+
+
+class FactBook:
+    """Reads the ledger as it is written; `facts` answers for one instance."""
+
+    def __init__(self) -> None:
+        self._links: dict[str, _Link] = {}
+        self._jobs: dict[str, tuple[int, int, JobStarted]] = {}
+        self._sent: dict[tuple[str, str], _Sent] = {}
+        self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
+        self._idle: set[str] = set()
+        self._asked: dict[str, Moment] = {}  # since when each instance has not been idle
+        self._takers: dict[type, Callable[[int, int, Any], None]] = {
+            PeerSent: self._message,
+            BytesReceived: self._bytes,
+            JobStarted: self._job_started,
+            JobEnded: self._job_ended,
+            ConnectionNote: self._connection,
+            StatusEdge: self._status,
+            BenchNote: self._note,
+        }
+
+    def take(self, stamped: Iterable[Stamped]) -> None:
+        """Read what was written, oldest first: scan, time in ns, event."""
+        takers = self._takers
+        for scan, t_ns, event in stamped:
+            taker = takers.get(type(event))
+            if taker is not None:
+                taker(scan, t_ns, event)
+
+    # -- what is written --------------------------------------------------------------------------------
+
+    def _message(self, scan: int, t_ns: int, event: PeerSent) -> None:
+        ends = event.local, event.remote
+        sent = self._sent.get(ends)
+        if sent is None or event.offset == 0:  # the same ends again are another connection
+            self._sent.pop(ends, None)
+            if len(self._sent) >= KEPT_ENDS:
+                del self._sent[next(iter(self._sent))]
+            sent = self._sent[ends] = _Sent()
+        sent.peer, sent.count = event.peer, sent.count + 1
+        sent.sizes.append(event.size)
+        sent.newest.append((event.message, event.offset, event.size))
+
+    def _bytes(self, scan: int, t_ns: int, event: BytesReceived) -> None:
+        link = self._links.get(event.connection) or self._link(event.connection)
+        link.received = event.offset + event.size
+        if link.datagrams is not None:
+            link.datagrams.count += 1
+            link.datagrams.last.append(event.size)
+        bursts = link.bursts
+        if bursts.scan == scan:
+            bursts.size += event.size
+        else:
+            bursts.note(scan, t_ns, event.size)
+
+    def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
+        self._jobs[event.instance] = scan, t_ns, event
+
+    def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
+        if event.done or not event.size:
+            return
+        link, (_, _, started) = self._link(event.connection), self._jobs.get(event.instance, _NO_JOB)
+        if started.adhoc or event.incarnation != link.incarnation or link.up_since is None:
+            return
+        link.drops += 1
+        end = event.offset + event.size
+        at = Moment(scan, t_ns)
+        link.drop = Drop(at, event.instance, event.reason, event.size, started.length, end)
+
+    def _connection(self, scan: int, t_ns: int, event: ConnectionNote) -> None:
+        link, at = self._link(event.connection), Moment(scan, t_ns)
+        if event.what is What.CONNECTED:
+            link.incarnation, link.ends = event.incarnation, (event.peer, event.local)
+            link.up_since, link.down_since = at, None
+            link.forget_failures()
+            link.turned.clear()
+            link.begin_stream()
+        elif event.what in ENDINGS:
+            self._ended(link, at, event)
+        elif event.what in (What.ATTEMPT_FAILED, What.ACCEPT_FAILED):
+            self._failed(link, at, event)
+        elif event.what in TURNED_AWAY:
+            before = link.turned.get(TURNED_AWAY[event.what])
+            count = before.count + 1 if before else 1
+            link.turned[TURNED_AWAY[event.what]] = TurnedAway(count, event.peer, at)
+        elif event.what is What.LISTENING:  # a new endpoint: one that lost its partner has its listener
+            link.forget_failures()
+            link.listening, link.down_since = event.local, at
+            if event.detail == "UDP":
+                link.datagrams, link.down_since = _Datagrams(at), None
+        elif event.what is What.CONNECTING:
+            link.down_since = link.down_since or at
+            link.is_built()
+
+    def _ended(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
+        if event.what in (What.DISCONNECTED, What.STOPPED):
+            link.down_since, link.listening = None, ""
+        if link.up_since is None:
+            return  # an attempt was given up
+        fault = event.fault
+        up_ns = at.t_ns - link.up_since.t_ns
+        error, injected = (fault.error, fault.injected) if fault else ("", False)
+        link.loss = Loss(at, str(event.what), event.peer, error, injected, up_ns)
+        link.losses += 1
+        goes_on = event.what not in (What.DISCONNECTED, What.STOPPED)
+        link.up_since, link.down_since = None, at if goes_on else None
+
+    def _failed(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
+        link.down_since = link.down_since or at
+        fault = event.fault
+        error = f"{fault.call} {fault.error}" if fault else str(event.what)
+        before = link.failures.pop(error, None)
+        if len(link.failures) >= KEPT_ERRORS:
+            del link.failures[next(iter(link.failures))]
+        count = before.count + 1 if before else 1
+        injected = fault.injected if fault else False
+        link.failures[error] = Failures(error, count, at, injected, event.peer)
+        said, link.said = link.said, None
+        if fault is None or fault.call != "session":
+            said = None
+        peer = event.peer or (said.peer if said else "")
+        cause = cause_of(fault, peer) if fault else Cause(Why.WAITING, str(event.what), peer=peer)
+        link.attempt = Attempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
+        link.dropped = None
+
+    def _note(self, scan: int, t_ns: int, event: BenchNote) -> None:
+        """Keep what became of a handshake; who names a TSAP that nobody has, asked all who listen there."""
+        link = self._links.get(event.subject)
+        if link is None or event.what not in (DROPPED, SESSION_ENDED):
+            return
+        peer, _, why = event.detail.partition(": ")
+        said = Dropped(Moment(scan, t_ns), peer, why)
+        if event.what == SESSION_ENDED:
+            link.said = said
+            return
+        for one in self._links.values() if why.startswith(NO_SUCH_TSAP) else (link,):
+            if one is link or (one.listening and one.listening == link.listening):
+                one.said = one.dropped = said
+
+    def _status(self, scan: int, t_ns: int, event: StatusEdge) -> None:
+        if event.error:
+            self._refusals[event.instance] = event
+        if event.condition in IDLE:
+            self._idle.add(event.instance)
+        elif event.instance not in self._asked or event.instance in self._idle:
+            self._idle.discard(event.instance)
+            self._asked[event.instance] = Moment(scan, t_ns)
+
+    def _link(self, connect: str) -> _Link:
+        link = self._links.get(connect)
+        if link is None:
+            link = self._links[connect] = _Link()
+        return link
+
+    # -- what is read -----------------------------------------------------------------------------------
+
+    def facts(self, instance: str, connect: str) -> Facts:
+        """Return what is known of an instance on a CONNECT."""
+        link = self._links.get(connect)
+        if link is None:
+            return Facts()
+        bursts, datagrams = link.bursts, link.datagrams
+        known = Facts(
+            datagrams=datagrams.sizes if datagrams is not None else Sizes(),
+            open_since=datagrams.open_since if datagrams is not None else None,
+            bursts=bursts.sizes,
+            longest_gap_ns=max(bursts.gaps, default=0),
+            received=link.received,
+            drop=link.drop,
+            drops=link.drops,
+            up_since=link.up_since,
+            down_since=_later(link.down_since, self._asked.get(instance)),
+            attempt=self._attempt(link, instance),
+            dropped=link.dropped,
+            failures=tuple(link.failures.values()),
+            wrong_partner=link.turned.get("wrong_partner"),
+            second_client=link.turned.get("second_client"),
+            loss=link.loss,
+            losses=link.losses,
+        )
+        return self._with_messages(self._with_job(known, link, instance), link)
+
+    def _attempt(self, link: _Link, instance: str) -> Attempt | None:
+        """Return the last attempt that failed, with the code that the instance showed for it."""
+        attempt, shown = link.attempt, self._refusals.get(instance)
+        if attempt is None or link.up_since is not None:
+            return None
+        if shown is None or (shown.cause.call, shown.cause.error) != (
+            attempt.cause.call,
+            attempt.cause.error,
+        ):
+            return attempt
+        cause = replace(attempt.cause, peer=attempt.cause.peer or shown.cause.peer)
+        return replace(attempt, cause=cause, status=shown.status, condition=shown.condition)
+
+    def _with_job(self, known: Facts, link: _Link, instance: str) -> Facts:
+        scan, t_ns, job = self._jobs.get(instance, _NO_JOB)
+        if job.incarnation != link.incarnation:
+            return known
+        return replace(known, job_offset=job.offset, job_began=Moment(scan, t_ns), job_adhoc=job.adhoc)
+
+    def _with_messages(self, known: Facts, link: _Link) -> Facts:
+        sent = self._sent.get(link.ends)
+        if sent is None:
+            return known
+        sizes = Sizes(sent.count, tuple(sent.sizes))
+        begins_in = None if known.job_offset is None else sent.at(known.job_offset)
+        known = replace(known, sender=sent.peer, messages=sizes, begins_in=begins_in)
+        if link.drop is None:
+            return known
+        behind = sent.at(link.drop.end)
+        cuts = behind is not None and behind.offset < link.drop.end
+        return replace(known, drop_cuts=cuts, behind_drop=behind)
+
+
+def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, Moment]:
+    """Return what was known while an edge of the past showed, and the scan up to which it did."""
+    kept = list(lines)
+    following = next((known for known in kept if known.seq > line.seq and _is_next(known, edge)), None)
+    shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]
+    book = FactBook()
+    book.take((known.scan, known.t_ns, known.event) for known in shown)
+    last = shown[-1] if shown and shown[-1].seq > line.seq else line
+    return book.facts(edge.instance, connect), Moment(last.scan, last.t_ns)
+
+
+def _later(one: Moment | None, other: Moment | None) -> Moment | None:
+    """Return the later of the two; a connection that does not wait has no moment since when."""
+    return other if one is not None and other is not None and other.scan > one.scan else one
+
+
+def _is_next(line: Line, edge: StatusEdge) -> bool:
+    return isinstance(line.event, StatusEdge) and line.event.instance == edge.instance
+
+
+_NO_JOB: Final = 0, 0, JobStarted("", 0, "", -1, 0, 0, False)

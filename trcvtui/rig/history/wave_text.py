@@ -1,0 +1,244 @@
+"""The drawing of waves in characters: levels, edges, labelled segments. Each sign differs without colour.
+
+▁ 0   ▔ 1   █ 1 for one scan   ╱ ╲ one edge inside the column   ┃ a pulse or more inside it   ░ not known
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import groupby
+from typing import Final, NamedTuple
+
+from trcvtui.blocks.parameters import PINS, SHOWS
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.rig.history.pin_waveform import Column, Lane, Window
+from trcvtui.rig.history.wave import Wave
+
+LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"
+CODES: Final = "codes"
+WATCH: Final = "watch "  # before the pin that a watch table shows
+WIDTHS: Final = {"BYTE": 8, "WORD": 16, "UINT": 16, "DINT": 32, "UDINT": 32, "TIME": 32}  # bits
+WORDS: Final = {  # pins that are numbers, with their bits
+    pin.name: WIDTHS[pin.iec_type] for pins in PINS.values() for pin in pins if not pin.is_bool
+}
+TICK: Final = 20
+LABEL_WIDTH: Final = 5  # of a code with its edge
+ORDER: Final = (
+    "STATUS", CODES, "EN_R", "REQ", "DONE", f"{WATCH}STATUS", f"{WATCH}DONE", "ERROR", "BUSY", "CONT",
+    "RCVD_LEN", "LEN", "ADHOC", "COM_RST",
+    "DataReceived", "StringReceived", "ByteReceived", "ReceivedByte", "Error", "busy", "Busy", "RxTimeout",
+    "LenReceiveData", "watch DataReceived", "watch StringReceived", "watch ByteReceived", "watch Error",
+    "EN", "Length", "SendByte", "LenPrefix", "LenSuffix", "SizeReceiveData", "Timeout", "Reset",
+)  # fmt: skip
+
+Piece = tuple[str, str]  # characters, and what they are: high, pulse, gap, error, done, busy or ""
+
+
+class Mark(NamedTuple):
+    """Something in one scan that is drawn into the ruler."""
+
+    scan: int
+    sign: str
+
+
+def row_names(wave: Wave) -> list[str]:
+    """Return the rows of an instance, what matters most first."""
+    pins = set(wave.lanes)
+    rows = {f"{WATCH}{pin}" for pin in wave.watched} | ({CODES} if "STATUS" in pins else set())
+    return [name for name in ORDER if name in pins | rows] + sorted(pins - set(ORDER))
+
+
+def pin_of(name: str) -> str:
+    """Return the pin that a row is about."""
+    return "STATUS" if name == CODES else name.removeprefix(WATCH)
+
+
+def value_text(pin: str, value: int | None) -> str:
+    """Return a value as it is written: STATUS in hex, other numbers in decimals."""
+    if value is None:
+        return "?"
+    return f"{value:04X}" if pin == "STATUS" else str(value)
+
+
+def lane_of(wave: Wave, name: str) -> Lane:
+    """Return the lane of a row."""
+    return wave.polled(pin_of(name)) if name.startswith(WATCH) else wave.lane(pin_of(name))
+
+
+def drawn(wave: Wave, name: str, window: Window) -> list[Piece]:
+    """Return one row of an instance, as wide as the window."""
+    if name == CODES:
+        return _codes(wave, window)
+    columns = wave.columns(lane_of(wave, name), window)
+    if name == "RCVD_LEN":
+        return list(_lengths(wave, window, columns))
+    if pin_of(name) in WORDS:
+        return list(_segments(wave, name, window, columns))
+    return _merged(_level(wave, window, columns, x) for x in range(window.width))
+
+
+# -- levels -----------------------------------------------------------------------------------------------
+
+
+def _level(wave: Wave, window: Window, columns: list[Column | None], x: int) -> Piece:
+    column = columns[x]
+    if column is None:
+        return " ", ""
+    if wave.gaps and wave.is_gap(*window.scans_of(x)):
+        return (GAP, "gap") if column.is_level else ("▒", "pulse")
+    if column.low is None:
+        return NOT_YET, ""
+    if column.is_level:
+        if not column.low:
+            return LOW, ""
+        alone = window.zoom == 1 and _is_low(columns, x - 1) and _is_low(columns, x + 1)
+        return (ONE_SCAN, "pulse") if alone else (HIGH, "high")
+    if column.changes == 1:
+        return (RISE if column.end else FALL), "high"
+    return INSIDE, "pulse"
+
+
+def _is_low(columns: list[Column | None], x: int) -> bool:
+    column = columns[x] if 0 <= x < len(columns) else None
+    return column is not None and column.high == 0
+
+
+# -- numbers ----------------------------------------------------------------------------------------------
+
+
+def _segments(wave: Wave, name: str, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+    """Yield segments of one value with that value in them; what changes inside a column is a stroke."""
+    pin, x = pin_of(name), 0
+    keys = (_segment_key(wave, window, columns[x], x) for x in range(len(columns)))
+    for (kind, value), run in groupby(keys):
+        width = sum(1 for _ in run)
+        last = window.scans_of(x + width - 1)[1]
+        x += width
+        if kind != "level":
+            sign = {"none": " ", "gap": GAP, "inside": INSIDE}[kind]
+            yield sign * width, "pulse" if kind == "inside" else kind if kind == "gap" else ""
+            continue
+        label = value_text(pin, value) if value is not None else ""
+        edge = "│" if value is not None else NOT_YET
+        text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
+        is_word = SHOWS.get(pin) == "status" and not name.startswith(WATCH)
+        style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
+        yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
+
+
+def _segment_key(wave: Wave, window: Window, column: Column | None, x: int) -> tuple[str, int | None]:
+    if column is None:
+        return "none", None
+    if wave.gaps and wave.is_gap(*window.scans_of(x)):
+        return "gap", None
+    return ("level", column.low) if column.is_level else ("inside", None)
+
+
+def _edge_kind(line: Line | None) -> str:
+    edge = line.event if line is not None else None
+    if not isinstance(edge, StatusEdge):
+        return ""
+    return "error" if edge.error else "done" if edge.done else "busy" if edge.busy else ""
+
+
+def _lengths(wave: Wave, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
+    """Yield RCVD_LEN, which is 0 but for one scan: its values where there is room up to the next one."""
+    pulses = [x for x, column in enumerate(columns) if column is not None and column.high]
+    nexts = dict(zip(pulses, [*pulses[1:], window.width], strict=False))
+    x = 0
+    while x < window.width:
+        column = columns[x]
+        text = f"╵{column.high}" if column is not None and column.high else ""
+        if text and len(text) <= nexts[x] - x:
+            yield text, "done"
+            x += len(text)
+        else:
+            yield _level(wave, window, columns, x) if not text else (INSIDE, "pulse")
+            x += 1
+
+
+# -- codes that have no room in their segment -------------------------------------------------------------
+
+RANK: Final = {"error": 0, "done": 1, "busy": 2, "": 3}
+
+
+def _codes(wave: Wave, window: Window) -> list[Piece]:
+    """Return the codes of segments too narrow for a label, errors first, as far as there is room."""
+    columns = wave.columns(wave.lane("STATUS"), window)
+    found = []
+    for x, column in enumerate(columns):
+        if column is not None and column.changes and _is_narrow(columns, x):
+            edges = wave.edges_in(*window.scans_of(x))[:64]
+            if edges:
+                best = min(edges, key=lambda line: RANK[_edge_kind(line)])
+                found.append((RANK[_edge_kind(best)], x, best, len({_status(line) for line in edges}) > 1))
+    taken: dict[int, tuple[str, str]] = {}
+    free = [True] * (window.width + 1)
+    for _, x, line, more in sorted(found, key=lambda place: place[:2]):
+        text = f"╵{value_text('STATUS', _status(line))}" + "+" * more
+        end = x + len(text)
+        if end <= window.width and all(free[x : end + 1]):
+            free[x:end] = [False] * len(text)
+            taken[x] = text, _edge_kind(line)
+    return _placed(taken, window.width)
+
+
+def _status(line: Line) -> int:
+    return line.event.status if isinstance(line.event, StatusEdge) else 0
+
+
+def _is_narrow(columns: list[Column | None], x: int) -> bool:
+    """Return whether the segment that begins here has no room for its label."""
+    here = columns[x]
+    if here is None or not here.is_level:
+        return True
+    ahead = columns[x + 1 : x + LABEL_WIDTH]
+    return not all(c is not None and c.is_level and c.low == here.low and not c.changes for c in ahead)
+
+
+def _placed(taken: dict[int, tuple[str, str]], width: int) -> list[Piece]:
+    pieces: list[Piece] = []
+    x = 0
+    for at in sorted(taken):
+        text, kind = taken[at]
+        pieces += [(" " * (at - x), ""), (text, kind)]
+        x = at + len(text)
+    return [*pieces, (" " * (width - x), "")]
+
+
+# -- ruler ------------------------------------------------------------------------------------------------
+
+
+def ruler(window: Window, until: int, marks: Iterable[Mark]) -> list[Piece]:
+    """Return the scans as ticks, and the marks over them."""
+    signs = [" "] * window.width
+    for x in range(-window.first % TICK, window.width, TICK):
+        first = window.scans_of(x)[0]
+        for offset, sign in enumerate(f"╷{first}" if 0 < first <= until else ""):
+            if x + offset < window.width:
+                signs[x + offset] = sign
+    pieces: list[Piece] = [(sign, "") for sign in signs]
+    for mark in marks:
+        x = window.column_of(mark.scan)
+        if 0 <= x < window.width:
+            pieces[x] = mark.sign, "mark"
+    return _merged(pieces)
+
+
+def split_at(pieces: list[Piece], x: int, restyle: Callable[[str], str]) -> list[Piece]:
+    """Return the pieces with the one character in column x restyled."""
+    out: list[Piece] = []
+    left = 0
+    for text, kind in pieces:
+        here = x - left
+        left += len(text)
+        if 0 <= here < len(text):
+            parts = (text[:here], kind), (text[here], restyle(kind)), (text[here + 1 :], kind)
+            out += [part for part in parts if part[0]]
+        else:
+            out.append((text, kind))
+    return out
+
+
+def _merged(pieces: Iterable[Piece]) -> list[Piece]:
+    return [("".join(text for text, _ in run), kind) for kind, run in groupby(pieces, key=lambda p: p[1])]

@@ -1,0 +1,1 @@
+"""The partners of the PLC: what they send, answer and have received."""

@@ -1,0 +1,1 @@
+"""Scenarios: read, played, judged, reported; sessions kept as scenarios; the dialect race."""

@@ -1,0 +1,88 @@
+"""`trcvtui scenario`: run files one after the other and say how they ended."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from trcvtui.errors import UserError
+from trcvtui.files import refuse_input, replacing
+from trcvtui.rig.bench import cable as wire
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.scenario.report import FORMATS, Document
+from trcvtui.rig.scenario.runner import Pace, Runner, VirtualPace
+from trcvtui.rig.scenario.scenario import Scenario, load_scenario
+
+HELD, FAILED, WRONG_FILE = 0, 1, 2
+
+
+def run_files(
+    paths: Sequence[Path],
+    kernel: str,
+    form: str,
+    out: Path | None,
+    overrides: Sequence[str],
+    netns: bool = False,
+) -> int:
+    """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
+
+    With `netns` each file runs in a fresh network of this process's own.
+    """
+    if netns:
+        wire.enter_own_network(kernel)
+    if out is None:
+        return _run_all(paths, kernel, form, sys.stdout.write, overrides, lambda: None)
+    where = f"--out {out}"
+    refuse_input(out, where, paths)
+    with replacing(out, where) as file:
+        loaded = partial(refuse_input, out, where)
+        return _run_all(paths, kernel, form, lambda text: file.write(text.encode()), overrides, loaded)
+
+
+def _run_all(
+    paths: Sequence[Path],
+    kernel: str,
+    form: str,
+    write: Callable[[str], object],
+    overrides: Sequence[str],
+    loaded: Callable[[], None],
+) -> int:
+    document = FORMATS[form](write)
+    worst = HELD
+    for path in paths:
+        try:
+            scenario = load_scenario(path, overrides)
+        except UserError as error:
+            worst = _wrong(document, path, error)
+            continue
+        loaded()  # raises through: no later file makes the target right
+        try:
+            held = _run_one(path, scenario, kernel, document)
+            worst = max(worst, HELD if held else FAILED)
+        except UserError as error:
+            worst = _wrong(document, path, error)
+    document.end()
+    return worst
+
+
+def _wrong(document: Document, path: Path, error: UserError) -> int:
+    document.wrong(path, error)
+    sys.stderr.write("".join(line + "\n" for line in error.lines()))
+    return WRONG_FILE
+
+
+def _run_one(path: Path, scenario: Scenario, kernel: str, document: Document) -> bool:
+    if wire.is_own_network():
+        wire.enter_own_network(kernel, scenario.project.sim)
+    bench = Bench(scenario.project, kernel)
+    report = document.begin(path, scenario, bench.runtime.interval_ns)
+    pace: Pace = LivePace() if kernel == "live" else VirtualPace()
+    try:
+        verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
+    finally:
+        bench.close()
+    report.verdict(verdict)
+    return verdict.passed

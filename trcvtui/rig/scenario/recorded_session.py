@@ -1,0 +1,290 @@
+"""What was done on a bench and what was seen of it, kept so that it can be written as a scenario.
+
+Rule 1: only commands that were carried out are kept, each with the number of scans that had passed before it.
+Rule 2: a mark begins the expectations anew; the commands before it stay, for they made what stands there.
+Rule 3: a command before the first scan comes after those of the project's `start`, which are not kept.
+Rule 4: on real sockets a peer acts by the clock, and the scans by their own: how often a job is done between
+two events is not expected there, only that it is.
+Bounds: MOST_COMMANDS commands of MOST_CHARACTERS characters; of each trace its first and its newest runs.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.errors import mistake
+from trcvtui.net.events import ConnectionNote, What
+from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import BenchNote
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.commands import words as words
+from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.trace_pattern import ANY, Atom, Scan
+from trcvtui.rig.history.waveform_delta import OUTPUTS
+
+MOST_COMMANDS: Final = 5000
+MOST_CHARACTERS: Final = 4_000_000
+FIRST_RUNS: Final = 150
+NEWEST_RUNS: Final = 50
+# How many scans these go on is the wire's to say, not the block's: any number from one on is expected.
+OF_THE_WIRE: Final = (
+    Condition.ESTABLISHING,
+    Condition.CONNECTED,
+    Condition.SENDING,
+    Condition.RECEIVING,
+)
+ANYTHING: Final = str(ANY)
+SIMULATED: Final = "sim"
+MOST_NAMED: Final = 3
+MOST_FRAMES: Final = 200  # that are expected one by one; behind them the trace alone
+MOST_FRAME: Final = 256  # bytes of each
+OUTSIDE: Final = " A partner outside the bench took part ("
+# What a TRCV_C shows by turns while frames come.
+BY_TURNS: Final = (Condition.CONNECTED, Condition.RECEIVING, Condition.RECEIVED)
+
+
+class Seen:
+    """The STATUS of one instance, scan by scan, as a pattern: its first and its newest runs."""
+
+    def __init__(self, of_the_wire: frozenset[int] = frozenset()) -> None:
+        self._of_the_wire = of_the_wire
+        self._first: list[Scan] = []
+        self._newest: deque[Scan] = deque(maxlen=NEWEST_RUNS)
+        self._is_cut = False
+        self._long: set[int] = set()  # the places of runs that are longer than one scan
+        self._scan: Scan | None = None
+        self._count = 0
+
+    def add(self, scan: Scan) -> None:
+        """Append one called scan."""
+        if scan == self._scan:
+            self._long.add(self._count)
+            return
+        self._scan = scan
+        self._count += 1
+        if len(self._first) < FIRST_RUNS:
+            self._first.append(scan)
+            return
+        if len(self._newest) == NEWEST_RUNS:
+            self._is_cut = True
+            self._long.discard(self._count - NEWEST_RUNS)
+        self._newest.append(scan)
+
+    def pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
+        """Return what was seen in the notation of a pattern, "" where nothing was.
+
+        Behind a first `done` any number of scans `by_turns` may follow.
+        """
+        newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
+        atoms = [*self._atoms(self._first, 1), *[ANY] * self._is_cut, *newest]
+        return " ".join(map(str, _any_number(atoms, by_turns, done) if by_turns else atoms))
+
+    def _atoms(self, scans: list[Scan] | deque[Scan], place: int) -> list[Atom]:
+        return [self._atom(scan, at) for at, scan in enumerate(scans, place)]
+
+    def _atom(self, scan: Scan, at: int) -> Atom:
+        return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
+
+
+def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
+    """Yield a pattern in which each stretch of scans by turns ends behind its first `done` with anything."""
+    is_open = False
+    for atom in atoms:
+        if is_open and (atom is ANY or (atom.scan is not None and atom.scan[0] in by_turns)):
+            continue
+        yield atom
+        is_open = atom is ANY
+        if atom.scan is not None and atom.scan[0] in done:
+            yield ANY
+            is_open = True
+
+
+@dataclass(frozen=True, slots=True)
+class Outsiders:
+    """Partners that are no peers of the bench, and the CONNECTs that they were on: nobody can replay them."""
+
+    partners: tuple[str, ...] = ()
+    connects: frozenset[str] = frozenset()
+
+    @property
+    def about(self) -> str:
+        """Return what the file has to say of them."""
+        if not self.partners:
+            return ""
+        who, where = ", ".join(self.partners[:MOST_NAMED]), ", ".join(sorted(self.connects))
+        return f"{OUTSIDE}{who}): nothing is expected on {where}."
+
+    @property
+    def told(self) -> str:
+        """Return what the answer has to say of them."""
+        found = ", ".join(self.partners[:MOST_NAMED])
+        return f"; {found} is no peer of this bench and will not be replayed" if found else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line, and how many scans had passed before it. `traced`: it is the expectation of an instance.
+
+    `is_frame`: it expects what a frame has brought in this very scan.
+    """
+
+    scans: int
+    line: str
+    traced: str = ""
+    is_frame: bool = False
+
+
+class Session:
+    """One bench from its first scan on; `note` what was carried out, `scanned` after each scan."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        rules = bench.project.rules
+        codes = (rules.status, *rules.status_of.values())
+        self._of_the_wire = frozenset(code[each] for code in codes for each in OF_THE_WIRE if each in code)
+        self._turns = {code[each] for code in codes for each in BY_TURNS if each in code}
+        self._done = {code[Condition.RECEIVED] for code in codes if Condition.RECEIVED in code}
+        self._peers_by_the_clock = False  # by commands; those of the project are known from it
+        self._entries: list[Entry] = []
+        self._characters = self._frames = 0
+        self._seen: dict[str, Seen] = {}
+        self.commands = 0
+        self.marked_at = 0
+
+    def note(self, command: words.BenchCommand, line: str) -> None:
+        """Keep a command that was carried out."""
+        if isinstance(command, words.RunScans | words.RunFor):
+            return
+        if isinstance(command, words.Delete):
+            self._expect(command.instance)  # afterwards nobody knows its name any more
+        self.commands += 1
+        self._peers_by_the_clock |= _goes_on(command)
+        text = _kept_text(command, line)
+        self._characters += len(text)
+        if not self.is_overfull:
+            self._add(text)
+
+    def _add(self, line: str, traced: str = "", is_frame: bool = False) -> None:
+        self._entries.append(Entry(self._bench.runtime.scans, line, traced, is_frame))
+
+    def _expect(self, instance: str) -> None:
+        seen = self._seen.pop(instance, None)
+        if seen is not None:
+            self._add(self._trace(instance, seen, self.outsiders().connects), instance)
+
+    @property
+    def is_by_the_clock(self) -> bool:
+        """Return whether peers acted at times of a clock that is not the scans'."""
+        peers = self._bench.project.peers
+        acts = self._peers_by_the_clock or any(peer.says or peer.reconnect_ns for peer in peers)
+        return acts and self._bench.kernel_name != SIMULATED
+
+    def outsiders(self) -> Outsiders:
+        """Return the partners that are no peers of this bench, as far back as the ledger goes."""
+        ledger = self._bench.runtime.ledger
+        ours, calls = set(), []
+        for _, _, event in ledger.stamped_since(0):
+            if isinstance(event, BenchNote) and event.what == "connected":
+                ours.add(event.detail.partition(" to ")[0])
+            elif isinstance(event, ConnectionNote) and event.what is What.CONNECTED:
+                calls.append(event)
+        strange = [call for call in calls if call.peer not in ours]
+        partners = tuple(dict.fromkeys(call.peer for call in strange))
+        return Outsiders(partners, frozenset(call.connection for call in strange))
+
+    def _trace(self, instance: str, seen: Seen, outside: frozenset[str]) -> str:
+        decl = self._bench.project.instance(instance)
+        is_outside = decl is not None and decl.connect in outside
+        return f"expect {instance} trace {ANYTHING if is_outside else self._pattern(seen)}"
+
+    def _pattern(self, seen: Seen) -> str:
+        return seen.pattern(self._turns, self._done) if self.is_by_the_clock else seen.pattern()
+
+    @property
+    def is_overfull(self) -> bool:
+        """Return whether there were more commands than are kept."""
+        return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
+
+    def scanned(self) -> None:
+        """Keep what the scan that has just passed shows."""
+        for out in self._bench.runtime.called:
+            seen = self._seen.get(out.instance)
+            if seen is None:
+                seen = self._seen[out.instance] = Seen(self._of_the_wire)
+            seen.add((out.status, out.error))
+            if out.done and out.block in OUTPUTS:
+                self._expect_frame(out)
+
+    def _expect_frame(self, out: Outputs) -> None:
+        """Keep what a frame has brought: outputs, and its first bytes; in real time the scan is another."""
+        decl = self._bench.project.instance(out.instance)
+        if self._frames >= MOST_FRAMES or self._bench.kernel_name != SIMULATED or decl is None:
+            return
+        self._frames += 1
+        shown = ((pin, getattr(out, field)) for pin, field in OUTPUTS[out.block])
+        pins = " ".join(f"{pin}={int(value)}" for pin, value in shown if value is not None)
+        self._add(f"expect {out.instance} {pins}", is_frame=True)
+        content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data else b""
+        size = content.find(0) + 1 if out.rcvd_len is None else out.rcvd_len  # a text: with its byte 00
+        if content[:size]:
+            self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", is_frame=True)
+
+    def mark(self) -> None:
+        """Begin the expectations anew from here."""
+        here = [instance.name for instance in self._bench.project.instances]
+        kept = [e for e in self._entries if e.traced not in here and not e.is_frame]
+        self._entries, self._frames = [_without_judgement(e) for e in kept], 0
+        for instance in here:
+            self._add(f"expect {instance} trace {ANYTHING}", instance)
+        self._seen.clear()
+        self.marked_at = self._bench.runtime.scans
+
+    def steps(self) -> Iterator[str]:
+        """Yield the steps of a scenario that does it all again; raise UserError when not all is kept."""
+        if self.is_overfull:
+            found = f"{self.commands} commands of {self._characters} characters"
+            expected = f"at most {MOST_COMMANDS} of {MOST_CHARACTERS}; a session begins with a fresh bench"
+            raise mistake("save scenario", found, expected)
+        passed = 0
+        for entry in self._entries:
+            yield from _let_pass(entry.scans - passed)
+            passed = entry.scans
+            yield entry.line
+        yield from _let_pass(self._bench.runtime.scans - passed)
+        outside = self.outsiders().connects
+        for instance, seen in self._seen.items():
+            yield self._trace(instance, seen, outside)
+
+
+def _let_pass(scans: int) -> Iterator[str]:
+    if scans:
+        yield f"run {scans}"
+
+
+def _without_judgement(entry: Entry) -> Entry:
+    return replace(entry, line=f"expect {entry.traced} trace {ANYTHING}") if entry.traced else entry
+
+
+def _goes_on(command: words.BenchCommand) -> bool:
+    """Return whether a command lets a peer send at later times."""
+    match command:
+        case words.PeerSend():
+            return command.repeat > 1 or bool(command.gap_ns or command.gaps_ns)
+        case words.PeerPlay() | words.CheckOn():
+            return True
+        case _:
+            return False
+
+
+def _kept_text(command: words.BenchCommand, line: str) -> str:
+    """Return the line as it was typed; bytes of a file as hex, for the file may be another one tomorrow."""
+    from_file = isinstance(command, words.PeerSend) and command.text.startswith("file")
+    if line.isprintable() and not from_file:
+        return line
+    return to_line(
+        replace(command, text="") if isinstance(command, words.PeerSend | words.Write) else command
+    )

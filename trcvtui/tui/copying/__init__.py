@@ -1,0 +1,1 @@
+"""From the screen into the user's hands: what is copied, and into what."""

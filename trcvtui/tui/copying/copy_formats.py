@@ -1,0 +1,166 @@
+"""What can be yanked, and how it is written: pure functions, what is shown goes in, text comes out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.errors import UserError
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.project.project import DataDecl, Project
+from trcvtui.tui.formatting import moment, plain, status_word
+from trcvtui.tui.view_model.explain import why
+from trcvtui.udt.byte_forms import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
+from trcvtui.udt.command.table_forms import csv_lines, markdown, member_rows
+from trcvtui.udt.layout.decode import decode_leaves
+from trcvtui.udt.report import json_value
+
+if TYPE_CHECKING:
+    from trcvtui.tui.view_model.view_model import Scene
+
+MOST_MEMBERS: Final = 70_000
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What stands under the eyes: an instance, bytes with their name and type, its past, a command."""
+
+    project: Project
+    instance: InstanceSnapshot | None
+    name: str  # of the bytes, as a variable may be called
+    content: bytes
+    declared: DataDecl | None
+    edges: tuple[Line, ...]
+    peer: str
+    line: str  # the bench command that the peer's composer makes
+
+
+def subject_of(scene: Scene, of_job: bool, line: str | None) -> Subject:
+    """Return what is selected: bytes of the job or of DATA; with a `line`, what the peer has received."""
+    name, content, declared = scene.selected, scene.partial, scene.declaration
+    if not of_job and declared is not None:
+        name, content = declared.name, scene.data
+    peer = scene.peer_snapshot
+    if line is not None and peer is not None and peer.last_received:
+        name, content, declared = peer.name, peer.last_received, None
+    edges = tuple(scene.history.of(scene.selected))
+    return Subject(scene.project, scene.instance, name, content, declared, edges, scene.peer, line or "")
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """One way to write it; `letter` chooses it, `suffix` is that of its file."""
+
+    letter: str
+    name: str
+    write: Callable[[Subject], str]
+    suffix: str = ".txt"
+
+
+# -- the block ---------------------------------------------------------------------------------------------
+
+
+def _call(of: Subject) -> str:
+    from trcvtui.rig.st_call import st_text  # read when first asked for
+
+    if of.instance is None:
+        return ""
+    try:
+        return st_text(of.project, [of.instance.name], {of.instance.name: dict(of.instance.inputs)})
+    except UserError:  # deleted a moment ago
+        return ""
+
+
+def _commands(of: Subject) -> str:
+    """Return the lines that bring the inputs, the bytes and the message about again."""
+    lines = []
+    if of.instance is not None and of.instance.inputs:
+        pins = " ".join(f"{name}={int(value)}" for name, value in of.instance.inputs)
+        lines.append(f"set {of.instance.name} {pins}")
+    if of.line:
+        lines.append(of.line)
+    elif of.content and of.peer:
+        lines.append(f"peer {of.peer} send hex {of.content.hex(' ')}")
+    return "\n".join(lines)
+
+
+def _history(of: Subject) -> str:
+    rows = [("scan", "t in s", "STATUS", "lamp", "why")]
+    for line in of.edges:
+        if isinstance(line.event, StatusEdge):
+            word = f"{status_word(line.event.status)} {of.project.dialect.label(line.event.condition)}"
+            reason = plain(why(line.event))
+            rows.append((str(line.scan), moment(line.t_ns), word, _lamp(line.event), reason))
+    return "\n".join(_columns(rows)) if len(rows) > 1 else ""
+
+
+def _lamp(edge: StatusEdge) -> str:
+    lit = (("ERROR", edge.error), ("DONE", edge.done), ("BUSY", edge.busy))
+    return " ".join([name for name, on in lit if on][: 2 if edge.error and edge.done else 1])
+
+
+def _columns(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+
+
+# -- bytes -------------------------------------------------------------------------------------------------
+
+
+def _bytes(form: Callable[[bytes, str], str]) -> Callable[[Subject], str]:
+    def write(of: Subject) -> str:
+        return form(of.content, of.name)
+
+    return write
+
+
+# -- members -----------------------------------------------------------------------------------------------
+
+
+def _members(of: Subject) -> Iterator[tuple[str, ...]]:
+    if of.declared is not None and of.content:
+        layout, name = of.declared.layout, of.declared.name
+        yield from member_rows(layout, of.content, name, missing="", most=MOST_MEMBERS)
+
+
+def _markdown(of: Subject) -> str:
+    return "\n".join(markdown(_members(of)))
+
+
+def _csv(of: Subject) -> str:
+    return "".join(f"{line}\n" for line in csv_lines(_members(of)))
+
+
+def _json(of: Subject) -> str:
+    if of.declared is None or not of.content:
+        return ""
+    layout = of.declared.layout
+    stop = min(layout.leaf_count, MOST_MEMBERS)
+    pairs = zip(layout.page(0, stop).leaves, decode_leaves(layout, of.content, 0, stop), strict=False)
+    values = {leaf.path or of.declared.name: json_value(value) for leaf, value in pairs}
+    head = {"type": layout.name, "size": layout.size, "complete": len(of.content) >= layout.size}
+    return json.dumps({**head, "values": values}, indent=2, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+FORMATS: Final = (
+    Format("c", "the call in Structured Text", _call, ".st"),
+    Format("b", "bench commands that do it again", _commands),
+    Format("h", "bytes as hex", _bytes(hex_lines)),
+    Format("i", "bytes as 16#.. list", _bytes(iec_list)),
+    Format("a", "bytes as ST array initialiser", _bytes(st_array), ".st"),
+    Format("r", "bytes as C array", _bytes(c_array), ".c"),
+    Format("p", "bytes as Python bytes", _bytes(python_bytes), ".py"),
+    Format("6", "bytes as base64", _bytes(base64_text)),
+    Format("m", "members as Markdown", _markdown, ".md"),
+    Format("v", "members as CSV", _csv, ".csv"),
+    Format("j", "members as JSON", _json, ".json"),
+    Format("s", "STATUS history as text", _history),
+)
+# What the pane with the focus is about; the menu begins there.
+FIRST_OF_PANE: Final = {
+    "data": "h", "job": "h", "udt": "m", "history": "s", "status": "s", "peers": "b", "payload": "b",
+}  # fmt: skip

@@ -1,0 +1,1 @@
+"""Forms: what is added, changed, chosen, composed."""

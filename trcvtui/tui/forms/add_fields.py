@@ -1,0 +1,187 @@
+"""What can be added to a project, as the fields of a form; together they are one `add` command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from trcvtui.plc.wired_pins import buffer_pin
+from trcvtui.project.edit import SHARED_NAMES, names_of
+from trcvtui.project.project import Project
+from trcvtui.tui.forms.add_buffered import block_field, buffered_fields, combuffer_fields, last_of
+from trcvtui.tui.forms.add_described import BOOLS, AddField, connect_fields
+
+TITLES: Final = {
+    "instance": "an instance",
+    "connect": "a connection (CONNECT)",
+    "data": "a DATA variable",
+    "peer": "a peer",
+    "message": "a message of the library",
+    "sequence": "a sequence of messages",
+    "udp_config": "a UDP_CONFIG",
+    "addr": "an ADDR of UDP",
+    "certificate": "a certificate of TLS",
+    "combuffer": "a ComBuffer",
+}
+KINDS: Final = tuple(TITLES)
+RECEIVER: Final = "TRCV_C"
+NAMES: Final = {"connect": "C", "combuffer": "B", "udp_config": "U", "addr": "A", "data": "rx", "peer": "P"}
+BARE: Final = frozenset({"inputs", "type", "text", "steps"})  # they stand without a key
+QUOTED: Final = frozenset({"says", "bytes", "local_tsap", "remote_tsap", "LocalTSelector", "RemoteTSelector"})
+
+
+def kinds_of(project: Project) -> tuple[str, ...]:
+    """Return what can be added: a ComBuffer where the dialect has blocks for it."""
+    has_buffers = any(buffer_pin(block) for block in project.dialect.blocks)
+    return KINDS if has_buffers else tuple(kind for kind in KINDS if kind != "combuffer")
+
+
+def fields_of(kind: str, project: Project, block: str = "") -> tuple[AddField, ...]:
+    """Return the fields of a kind behind its name; those of an instance are its block's."""
+    chosen = block or first_block(project)
+    if kind == "instance" and buffer_pin(chosen):
+        return tuple(buffered_fields(project, chosen))
+    return tuple(_FIELDS[kind](project))
+
+
+def first_block(project: Project) -> str:
+    """Return the block that the form begins with: on an empty bench one that receives from anybody."""
+    if not project.instances and RECEIVER in project.dialect.blocks:
+        return RECEIVER
+    return project.dialect.blocks[0]
+
+
+def first_name(kind: str, project: Project) -> str:
+    """Return a name that is free."""
+    if kind == "certificate":
+        return str(max(project.certificates, default=0) + 1)
+    sharing = next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
+    taken = {name for each in sharing for name in names_of(each, project)}
+    start = f"{first_block(project)}_" if kind == "instance" else NAMES.get(kind, kind)
+    return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
+
+
+def line_of(kind: str, name: str, texts: Mapping[str, str]) -> str:
+    """Return the command that the fields make; an empty field says nothing."""
+    from trcvtui.rig.commands.member_values import quoted  # read when first asked for
+
+    words = ["add", kind, name.strip()]
+    for key, text in texts.items():
+        value = text.strip()
+        if value:
+            shown = quoted(value) if key in QUOTED else value
+            words.append(shown if key in BARE else f"{key}={shown}")
+    return " ".join(words)
+
+
+def _instance(project: Project) -> Sequence[AddField]:
+    connects, data = names_of("connect", project), names_of("data", project)
+    blocks = (first_block(project), *project.dialect.blocks)
+    fields = [
+        block_field(project, next(block for block in blocks if not buffer_pin(block))),
+        AddField("connect", *_or_made("a CONNECT", connects), last_of(connects)),
+    ]
+    if project.udp_configs:
+        fields.append(AddField("config", "of a UDP block", names_of("udp_config", project)))
+    if project.addrs:
+        fields.append(AddField("addr", "of a UDP block", names_of("addr", project)))
+    return [
+        *fields,
+        AddField("data", *_or_made("a DATA variable", data), last_of(data)),
+        AddField("task", "a task", tuple(task.name for task in project.tasks), project.tasks[0].name),
+        AddField("inputs", "such as CONT=1 EN_R=1"),
+    ]
+
+
+def _or_made(what: str, names: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+    """Return hint and choices of what is made on the way where nothing is chosen."""
+    return f"{what}; empty: one is made", names
+
+
+def _connect(project: Project) -> Sequence[AddField]:
+    if project.dialect.describes_connects:
+        return connect_fields(project)
+    ends = tuple(f"@{name}" for kind in ("peer", "connect") for name in names_of(kind, project))
+    return [
+        AddField("ActiveEstablished", "true: the PLC connects", BOOLS, "false"),
+        AddField("LocalAddress", "an address of this machine", first="127.0.0.1"),
+        AddField("LocalPort", "0: a free one", first="0"),
+        AddField("RemoteAddress", "0.0.0.0: anybody"),
+        AddField("RemotePort", "a port, or @NAME", ends),
+        AddField("SendDelayOpt", "true: Nagle off", BOOLS),
+        AddField("KeepAliveTimeInterval", "seconds, 0: 10 s"),
+    ]
+
+
+def _sessions(project: Project) -> Sequence[AddField]:
+    """Return what a peer may speak on its connection, where the PLC speaks more than plain TCP."""
+    if not project.dialect.describes_connects:
+        return ()
+    return (
+        AddField("iso", "true: it speaks ISO-on-TCP", BOOLS),
+        AddField("local_tsap", "its own: 16#E001, E0.01 or TCP-1"),
+        AddField("remote_tsap", "that of the PLC"),
+        AddField("tls", "true: it speaks TLS", BOOLS),
+        AddField("certificate", "the number of its own, with a key", _numbers(project, with_key=True)),
+        AddField("authority", "the number of whom it trusts", _numbers(project)),
+    )
+
+
+def _peer(project: Project) -> Sequence[AddField]:
+    links = tuple(f"@{name}" for kind in ("connect", "udp_config") for name in names_of(kind, project))
+    return [
+        AddField("active", "true: it connects to remote", BOOLS[::-1], "true" if links else "false"),
+        AddField("remote", "address:port, or @NAME", links, last_of(links)),
+        AddField("local", "where it listens, 127.0.0.1:0"),
+        AddField("udp", "true: datagrams, no active", BOOLS),
+        AddField("reconnect", "after so long, such as T#1s"),
+        AddField("says", "a message, such as hex 01 02"),
+        AddField("every", "T#1s"),
+        *_sessions(project),
+    ]
+
+
+def _numbers(project: Project, with_key: bool = False) -> tuple[str, ...]:
+    known = project.certificates.values()
+    return tuple(str(each.number) for each in known if each.key or not with_key)
+
+
+def _message(project: Project) -> Sequence[AddField]:
+    return [
+        AddField("peer", "one peer's alone, or nobody's", names_of("peer", project)),
+        AddField("text", "as after `send`: hex 01 02 split=1"),
+    ]
+
+
+def _fixed(*fields: AddField) -> Callable[[Project], Sequence[AddField]]:
+    return lambda project: fields
+
+
+_LOCAL: Final = (
+    AddField("LocalAddress", "0.0.0.0", first="127.0.0.1"),
+    AddField("LocalPort", "0", first="0"),
+)
+_REMOTE: Final = (AddField("RemoteAddress", "0.0.0.0", first="127.0.0.1"), AddField("RemotePort", "or @NAME"))
+
+
+def _addr(project: Project) -> Sequence[AddField]:
+    if not project.dialect.describes_connects:
+        return _REMOTE
+    return (
+        AddField("rem_ip_addr", "0.0.0.0: a receiver writes it", first="127.0.0.1"),
+        AddField("rem_port_nr", "a port, or @NAME", tuple(f"@{name}" for name in names_of("peer", project))),
+    )
+
+
+_FIELDS: Final[dict[str, Callable[[Project], Sequence[AddField]]]] = {
+    "instance": _instance,
+    "connect": _connect,
+    "data": _fixed(AddField("type", "an IEC type or a UDT", first="ARRAY[0..99] OF BYTE")),
+    "peer": _peer,
+    "message": _message,
+    "sequence": _fixed(AddField("steps", "message names and pauses: hello T#100ms bye")),
+    "udp_config": _fixed(*_LOCAL),
+    "addr": _addr,
+    "combuffer": combuffer_fields,
+    "certificate": _fixed(AddField("file", "a PEM file"), AddField("key", "of one's own: its PEM file")),
+}

@@ -1,0 +1,199 @@
+"""A form for what is added to the project: fields, what may stand in them, and the command that they make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar, Final, cast
+
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.screen import ModalScreen
+from textual.widget import Widget
+from textual.widgets import Input, Static
+
+from trcvtui.project.project import Project
+from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.forms.add_described import AddField
+from trcvtui.tui.forms.add_fields import TITLES, fields_of, first_name, kinds_of, line_of
+from trcvtui.tui.view_model.validity import fault_of, said_before
+from trcvtui.tui.widgets.keystrokes import TypedField
+
+HINT: Final = 30
+
+
+class ChoiceField(TypedField):
+    """One field; up and down walk through what is known to fit."""
+
+    BINDINGS: ClassVar = [
+        Binding("up", "choose(-1)", show=False),
+        Binding("down", "choose(1)", show=False),
+    ]
+
+    def __init__(self, key: str, choices: tuple[str, ...], value: str) -> None:
+        super().__init__(value)
+        self.key = key
+        self._choices = choices
+
+    async def action_submit(self) -> None:
+        """Take the form."""
+        cast("AddScreen", self.screen).take()
+
+    async def follow(self) -> None:
+        """Let the form have the fields that this one asks for."""
+        await cast("AddScreen", self.screen).follow(self)
+
+    def action_choose(self, step: int) -> None:
+        """Take the next known value, the first one where something else stands."""
+        if not self._choices:
+            return
+        known = self.value in self._choices
+        at = (self._choices.index(self.value) + step) % len(self._choices) if known else 0
+        self.value = self._choices[at]
+        self.cursor_position = len(self.value)
+
+
+class AddScreen(ModalScreen[str]):
+    """Ends with the command, "" when it is left."""
+
+    TAKES: ClassVar = "add"
+    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
+    DEFAULT_CSS = """
+    AddScreen { align: center middle; background: $background 60%; }
+    AddScreen #form {
+        width: 76; max-width: 100%; height: auto; max-height: 100%; border: round $border; padding: 0 1;
+        background: $surface; border-subtitle-color: $text-muted;
+    }
+    AddScreen VerticalScroll { height: auto; max-height: 100%; }
+    AddScreen Horizontal { height: 1; }
+    AddScreen .name { width: 23; }
+    AddScreen .hint { width: 30; color: $text-muted; padding: 0 0 0 1; }
+    AddScreen ChoiceField { width: 1fr; background: $panel; padding: 0 1; }
+    AddScreen ChoiceField:focus { background: $panel; background-tint: $primary 18%; }
+    AddScreen ChoiceField.-bad { color: $error; text-style: underline; }
+    AddScreen #form-line { height: auto; min-height: 3; color: $text-muted; margin: 1 0 0 0; }
+    AddScreen #form-line.-bad { color: $error; }
+    AddScreen:ansi ChoiceField { text-style: underline; }
+    """
+
+    def __init__(self, project: Callable[[], Project], kind: str, given: Mapping[str, str]) -> None:
+        super().__init__()
+        self._project = project
+        self._given = given
+        self.kind = kind
+        self._kind_field = ChoiceField("kind", kinds_of(project()), kind)
+        self._block = given.get("block", "")
+        self._fields: list[ChoiceField] = []
+        self._rows = VerticalScroll(can_focus=False)
+        self._line = Static("", markup=False, id="form-line")
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the kind, a line a field, and the command below."""
+        with Vertical(id="form") as form:
+            form.border_subtitle = f"tab field · ↑↓ choose · enter {self.TAKES} · esc leave"
+            yield from self._first_rows()
+            yield self._rows
+            yield self._line
+
+    def _first_rows(self) -> Iterator[Widget]:
+        yield _row("add", self._kind_field, "↑↓ another kind")
+
+    async def on_mount(self) -> None:
+        """Begin with the first field of the kind."""
+        await self._lay_out()
+        self.set_focus(self._fields[0])
+
+    async def _lay_out(self) -> None:
+        """Put the fields of the kind there."""
+        specs = self._specs(self._project())
+        self._fields = [ChoiceField(s.key, s.choices, self._given.get(s.key, s.first)) for s in specs]
+        self.query_one("#form").border_title = plain(self._heading())
+        rows = [_row(s.key, field, _hint(s)) for s, field in zip(specs, self._fields, strict=True)]
+        await self._rows.remove_children()
+        await self._rows.mount_all(rows)
+        self._judge()
+
+    def _specs(self, project: Project) -> list[AddField]:
+        """Return the fields, what stands in them at first with them."""
+        name = AddField("name", "a name of its own", first=first_name(self.kind, project))
+        return [name, *fields_of(self.kind, project, self._block)]
+
+    def _heading(self) -> str:
+        return f"Add {TITLES[self.kind]}"
+
+    @property
+    def name_of_part(self) -> str:
+        """Return the name of what the command is about."""
+        return self._fields[0].value.strip()
+
+    @property
+    def line(self) -> str:
+        """Return the command that the fields make."""
+        name, *others = self._fields
+        return line_of(self.kind, name.value, {field.key: field.value for field in others})
+
+    def _judge(self) -> None:
+        """Show the command, or what is wrong with it and in which field."""
+        fault = fault_of(self.line, self._project()) if self.line else ""
+        place = fault.removeprefix(f"{self.kind} {self.name_of_part}: ")
+        for field in self._fields:
+            field.set_class(place.startswith((f"{field.key}:", f"found '{field.key}=")), "-bad")
+        self._line.update(f"✗ {plain(fault)}" if fault else "\n".join(map(plain, self._said())))
+        self._line.set_class(bool(fault), "-bad")
+
+    def _said(self) -> list[str]:
+        """Return the command, and what it would do beside what can be seen in it."""
+        made = said_before(self.line, self._project())
+        return [f"▸ {self.line}{made and f' · {made}'}"]
+
+    async def on_input_changed(self, event: Input.Changed) -> None:
+        """Judge while typing."""
+        event.stop()
+        if isinstance(event.input, ChoiceField) and event.input.is_attached:
+            await self.follow(event.input)
+            self._judge()
+
+    async def follow(self, field: ChoiceField) -> None:
+        """Lay out other fields for another kind, or another block; what has been typed stays."""
+        project = self._project()
+        if field is self._kind_field:
+            if field.value in kinds_of(project) and field.value != self.kind:
+                self.kind, self._given, self._block = field.value, {}, ""
+                await self._lay_out()
+        elif self._asks_otherwise(field, project):
+            self._given = {field.key: field.value for field in self._fields}
+            self._block = field.value
+            at = field.cursor_position
+            await self._lay_out()
+            block = next(field for field in self._fields if field.key == "block")
+            block.cursor_position = at
+            self.set_focus(block)
+
+    def _asks_otherwise(self, field: ChoiceField, project: Project) -> bool:
+        """Return whether the block that has just been chosen has other fields."""
+        if field.key != "block" or field.value not in project.dialect.blocks:
+            return False
+        before, self._block = self._block, field.value
+        keys = [spec.key for spec in self._specs(project)]
+        self._block = before
+        return keys != [shown.key for shown in self._fields]
+
+    def take(self) -> None:
+        """Give the command, where it would be taken."""
+        if not self.line or not fault_of(self.line, self._project()):
+            self.dismiss(self.line)
+
+    def action_leave(self) -> None:
+        """Leave everything as it is."""
+        self.dismiss("")
+
+
+def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:
+    return Horizontal(
+        Static(name, markup=False, classes="name"),
+        field,
+        Static(clip(plain(hint), HINT - 1), markup=False, classes="hint"),
+    )
+
+
+def _hint(field: AddField) -> str:
+    return f"↑↓ {', '.join(field.choices)}" if field.choices else field.hint

@@ -1,0 +1,129 @@
+"""A connection description byte for byte: what the DB holds, and what a CPU finds wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar
+
+from textual.binding import Binding
+from textual.screen import ModalScreen
+from textual.widget import Widget
+
+from trcvtui.project.connect_view import ConnectConfig, description_view
+from trcvtui.project.initial_values import declaration
+from trcvtui.tui.formatting import plain
+from trcvtui.tui.forms.description_lines import description_rows
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.udt.byte_forms import hex_lines
+
+
+class DescriptionText(LineView):
+    """The fields of one description, as many lines as they need."""
+
+    def __init__(self) -> None:
+        super().__init__(id="description")
+        self.config: ConnectConfig | None = None
+        self._listens = ""
+        self._rows: list[Row] = []
+
+    def draw(self, config: ConnectConfig, listens: str) -> None:
+        """Show another one from its beginning; `listens`: the end where it listens now."""
+        self.config, self._listens = config, listens
+        self.scroll_to(y=0, animate=False)
+        self._break()
+
+    def on_resize(self) -> None:
+        """Break the lines anew."""
+        self._break()
+
+    def _break(self) -> None:
+        view = description_view(self.config, self._listens) if self.config is not None else None
+        self._rows = description_rows(view, max(40, self.line_width - 1)) if view is not None else []
+        self.resize_rows()  # also while it has no height yet
+        self.refresh()
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        return self._rows[y] if y < len(self._rows) else EMPTY
+
+
+class DescriptionScreen(ModalScreen[None]):
+    """Closed by escape; ← → walk the other descriptions of the project."""
+
+    BINDINGS: ClassVar = [
+        Binding("right", "other(1)", show=False),
+        Binding("left", "other(-1)", show=False),
+        Binding("y", "yank", show=False),
+        Binding("s", "source", show=False),
+        Binding("escape,q,C", "leave", show=False),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    DEFAULT_CSS = """
+    DescriptionScreen { align: center middle; background: $background 60%; }
+    DescriptionScreen DescriptionText {
+        width: 100; max-width: 100%; height: auto; max-height: 100%; border: round $border; padding: 0 1;
+        border-subtitle-color: $foreground;
+    }
+    """
+
+    def __init__(self, configs: Sequence[ConnectConfig], name: str, listens: Mapping[str, str]) -> None:
+        super().__init__()
+        self._configs = configs
+        self._listens = listens  # by name: where they listen now
+        self._place = next((n for n, each in enumerate(configs) if each.name == name), 0)
+        self._text = DescriptionText()
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the text."""
+        yield self._text
+
+    def on_mount(self) -> None:
+        """Show the first one."""
+        self._draw()
+
+    @property
+    def _config(self) -> ConnectConfig:
+        return self._configs[self._place]
+
+    def _draw(self) -> None:
+        config, many = self._config, len(self._configs) > 1
+        size = len(config.description.data) if config.description is not None else 0
+        which = f" {self._place + 1}/{len(self._configs)}" if many else ""
+        self._text.set_title(None, plain(config.name), f"{size} bytes{which}")
+        self._text.draw(config, self._listens.get(config.name, ""))
+        self._tell("y hex  s SCL  " + ("← → other CONNECT  " if many else "") + "esc")
+
+    def _tell(self, words: str) -> None:
+        self._text.border_subtitle = plain(words).replace("[", "\\[")
+
+    def action_other(self, step: int) -> None:
+        """Show another CONNECT of the project."""
+        self._place = (self._place + step) % len(self._configs)
+        self._draw()
+
+    def action_yank(self) -> None:
+        """Take the bytes as hex, as the project file takes them back."""
+        description = self._config.description
+        if description is not None:
+            self._take("the description as hex", hex_lines(description.data, self._config.name), ".txt")
+
+    def action_source(self) -> None:
+        """Take the fields as the initial values of a DB."""
+        if self._config.description is not None:
+            self._take("the description in SCL", declaration(self._config) + "\n", ".scl")
+
+    def _take(self, name: str, text: str, suffix: str) -> None:
+        from trcvtui.tui.copying.copy_formats import Format
+        from trcvtui.tui.copying.taking import take  # read when first asked for
+
+        form = Format("h", name, lambda of: text, suffix)
+        self.run_worker(take(self.app, form, text, self._tell, self._tell))
+
+    def action_leave(self) -> None:
+        """Go back."""
+        self.dismiss(None)

@@ -1,0 +1,163 @@
+"""A UDT as a form: its members as fields, each judged while it is typed; together they are the payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar, Final, cast
+
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.screen import ModalScreen
+from textual.widget import Widget
+from textual.widgets import Input, Static
+
+from trcvtui.errors import UserError
+from trcvtui.project.project import Project
+from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.peer_commands import UDT
+from trcvtui.tui.view_model.validity import fault_of
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.keystrokes import TypedField
+from trcvtui.udt.layout.layout import Layout, lay_out
+from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.types import Text, type_text
+
+MOST_FIELDS: Final = 64  # more are written by hand
+NAME, TYPE = 24, 14
+KEYS_LINE: Final = "tab member · enter take · esc leave"
+
+
+class MemberField(TypedField):
+    """One member; what it holds is written into the payload, nothing where it is empty."""
+
+    def __init__(self, leaf: Leaf, value: str) -> None:
+        super().__init__(value, placeholder="''" if isinstance(leaf.type, Text) else "0")
+        self.leaf = leaf
+
+    async def action_submit(self) -> None:
+        """Take the form."""
+        cast("UdtForm", self.screen).take()
+
+    @property
+    def written(self) -> str:
+        """Return `path=value` as the payload has it, "" where the field is empty."""
+        from trcvtui.rig.commands.member_values import quoted  # read when first asked for
+
+        text = self.value.strip()
+        if not text:
+            return ""
+        is_bare = isinstance(self.leaf.type, Text) and text[0] not in "'\""
+        return f"{self.leaf.path}={quoted(text) if is_bare else text}"
+
+
+class UdtForm(ModalScreen[str]):
+    """Ends with the payload of `send udt`, "" when it is left."""
+
+    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
+    DEFAULT_CSS = """
+    UdtForm { align: center middle; background: $background 60%; }
+    UdtForm #form {
+        width: 84; max-width: 100%; height: auto; max-height: 90%; border: round $border; padding: 0 1;
+        background: $surface; border-subtitle-color: $text-muted;
+    }
+    UdtForm VerticalScroll { height: auto; max-height: 100%; }
+    UdtForm Horizontal { height: 1; }
+    UdtForm .name { width: 24; }
+    UdtForm .type { width: 14; color: $text-muted; }
+    UdtForm MemberField { width: 1fr; background: $panel; padding: 0 1; }
+    UdtForm MemberField:focus { background: $panel; background-tint: $primary 18%; }
+    UdtForm MemberField.-bad { color: $error; text-style: underline; }
+    UdtForm #form-line { height: 2; color: $text-muted; }
+    UdtForm #form-line.-bad { color: $error; }
+    """
+
+    def __init__(
+        self, project: Project, peer: str, name: str, layout: Layout, values: dict[str, str]
+    ) -> None:
+        super().__init__()
+        self._project = project
+        self._peer = peer
+        self._name = name
+        leaves = list(layout.leaves(0, MOST_FIELDS))
+        self._more = layout.leaf_count - len(leaves)
+        self._fields = [MemberField(leaf, values.get(leaf.path, "")) for leaf in leaves]
+        self._line = Static("", markup=False, id="form-line")
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose a line a member, and the payload below."""
+        with Vertical(id="form") as form:
+            form.border_title = f"{self._name}: {len(self._fields)} members"
+            form.border_subtitle = KEYS_LINE
+            with VerticalScroll(can_focus=False):
+                for field in self._fields:
+                    with Horizontal():
+                        yield Static(clip(plain(field.leaf.path), NAME - 1), markup=False, classes="name")
+                        yield Static(
+                            clip(plain(type_text(field.leaf.type)), TYPE - 1), markup=False, classes="type"
+                        )
+                        yield field
+            yield self._line
+
+    def on_mount(self) -> None:
+        """Begin in the first member."""
+        self._judge()
+        if self._fields:
+            self.set_focus(self._fields[0])
+
+    @property
+    def payload(self) -> str:
+        """Return what stands behind `send udt`."""
+        return self._payload([field.written for field in self._fields])
+
+    def _payload(self, members: list[str]) -> str:
+        return f"{self._name} {{{', '.join(member for member in members if member)}}}"
+
+    def _fault(self, payload: str) -> str:
+        return fault_of(f"peer {self._peer} send udt {payload}", self._project)
+
+    def _judge(self) -> None:
+        """Mark the members whose value would not be taken, and show the payload or the first mistake."""
+        faults = [self._fault(self._payload([field.written])) for field in self._fields]
+        for field, fault in zip(self._fields, faults, strict=True):
+            field.set_class(bool(fault), "-bad")
+        first = next(filter(None, faults), "")
+        more = f" · {self._more} more members, not shown" if self._more else ""
+        self._line.update(f"✗ {plain(first)}" if first else f"▸ udt {plain(self.payload)}{more}")
+        self._line.set_class(bool(first), "-bad")
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Judge while typing."""
+        event.stop()
+        self._judge()
+
+    def take(self) -> None:
+        """Take the payload, where every member may stand so."""
+        if not self._fault(self.payload):
+            self.dismiss(self.payload)
+
+    def action_leave(self) -> None:
+        """Leave the payload as it was."""
+        self.dismiss("")
+
+
+def form_of(text: str, mode: str, scene: Scene) -> UdtForm | None:
+    """Return the form of the UDT that a payload names, else of DATA, else of the first; None without UDTs."""
+    types, declared = scene.project.types, scene.declaration
+    first = text.split("{")[0].strip() if mode == UDT else ""
+    names = [first, declared.type_name if declared else "", *types.names()]
+    name = next((name for name in names if name.casefold() in types.types), "")
+    if not name:
+        return None
+    layout = lay_out(types.named(name), scene.project.rules_of(name), name)
+    values = _values(text, scene) if mode == UDT and name == first else {}
+    return UdtForm(scene.project, scene.peer, name, layout, values)
+
+
+def _values(text: str, scene: Scene) -> dict[str, str]:
+    """Return the members that a payload sets, as it writes them; none where it cannot be read."""
+    from trcvtui.rig.commands.member_values import members_of  # read when first asked for
+
+    try:
+        return dict(members_of(text[text.index("{") :].strip(), "form"))
+    except (UserError, ValueError):
+        return {}

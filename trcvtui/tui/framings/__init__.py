@@ -1,0 +1,1 @@
+"""The framing advice on the screen."""

@@ -1,0 +1,234 @@
+"""Framing advice: how the bytes of a ComBuffer may be cut, why, what it would give; enter sets a block so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import ClassVar, Final
+
+from textual.binding import Binding
+from textual.screen import ModalScreen
+from textual.widget import Widget
+
+from trcvtui.errors import UserError
+from trcvtui.plc.wired_pins import buffer_pin, mark_pins
+from trcvtui.project.project import Project
+from trcvtui.rig.commands.reader import parse_script
+from trcvtui.rig.framing_advice.advice import advise
+from trcvtui.rig.framing_advice.lines import lines_for
+from trcvtui.rig.framing_advice.proposal import FramingAdvice, Proposal, ShownFrame
+from trcvtui.tui.formatting import clip, pad, plain, wrapped
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.byte_classes import CLASS_OF, HEX_OF
+from trcvtui.tui.widgets.frame_marks import marked
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row, ruled
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+
+GOOD: Final = ("suffix", "size reached")
+LABEL: Final = 9
+
+
+def buffer_for(scene: Scene) -> str:
+    """Return the ComBuffer that is looked at: that of the selected instance, the one it feeds, or any."""
+    project, instance = scene.project, scene.instance
+    if instance is not None and buffer_pin(instance.block):
+        return instance.connect
+    names = [b.name for b in project.combuffers]
+    fed = [b.name for b in project.combuffers if instance is not None and b.source == instance.name]
+    return next(iter((*fed, *names)), "")
+
+
+def framed_by(buffer: str, scene: Scene) -> str:
+    """Return the block that is set: the selected one, or the first that cuts this ComBuffer's bytes."""
+    readers = [i.name for i in scene.project.instances if i.connect == buffer and mark_pins(i.block)]
+    return scene.selected if scene.selected in readers else next(iter(readers), "")
+
+
+class FramingList(LineView):
+    """The proposals; below them evidence, preview and lines of the one under the cursor."""
+
+    def __init__(self, instance: str, project: Callable[[], Project]) -> None:
+        super().__init__(id="framings")
+        self.advice: FramingAdvice | None = None
+        self.cursor = 0
+        self.problem = ""
+        self._instance = instance
+        self._project = project
+        self._rows: list[Row] = []
+
+    @property
+    def chosen(self) -> Proposal | None:
+        """Return the proposal under the cursor."""
+        proposals = self.advice.proposals if self.advice is not None else ()
+        return proposals[self.cursor] if self.cursor < len(proposals) else None
+
+    def lines(self) -> tuple[str, ...]:
+        """Return the bench lines that set the block so; raise UserError where it cannot be."""
+        chosen = self.chosen
+        return lines_for(chosen, self._project(), self._instance) if chosen is not None else ()
+
+    def draw(self) -> None:
+        """Make the rows anew."""
+        self._rows = self._all_rows()
+        self.resize_rows()  # also while it has no height yet
+        self.refresh()
+
+    def on_resize(self) -> None:
+        """Break the lines anew."""
+        self.draw()
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        return self._rows[y] if y < len(self._rows) else EMPTY
+
+    def _all_rows(self) -> list[Row]:
+        if self.advice is None:
+            return [row(("the recording is on its way …", "dim"))]
+        rows = [row((clip(plain(self.advice.said), self._width), "dim"))]
+        rows += [self._proposal(n, each) for n, each in enumerate(self.advice.proposals)]
+        chosen = self.chosen
+        return [*rows, *self._details(chosen)] if chosen is not None else rows
+
+    @property
+    def _width(self) -> int:
+        return max(40, self.line_width)
+
+    def _proposal(self, number: int, proposal: Proposal) -> Row:
+        chosen = number == self.cursor
+        told = f"{proposal.frames} of {proposal.of_frames} frames end well"
+        room = self._width - len(told) - 7
+        title = plain(proposal.title) + self._alike(number, proposal)
+        parts: list[Part] = [
+            ("▸ " if chosen else "  ", "key"),
+            (f"{number + 1} ", "dim"),
+            (pad(clip(title, room), room + 1), "strong" if proposal.can_be_set else "dim"),
+            (told, "on" if proposal.frames == proposal.of_frames else "warn"),
+        ]
+        return row(*parts, style="cursor" if chosen else "")
+
+    def _alike(self, number: int, proposal: Proposal) -> str:
+        """Return which earlier one cuts alike; the numbers are those of `framing RD apply 1`."""
+        proposals = self.advice.proposals if self.advice is not None else ()
+        first = next(n for n, each in enumerate(proposals) if each.rank == proposal.rank)
+        return f" · cuts as {first + 1} does" if first != number else ""
+
+    def _details(self, chosen: Proposal) -> list[Row]:
+        rows = [ruled(self._width, ("── why ", "dim"))]
+        rows += self._told("for", chosen.evidence, "")
+        rows += self._told("but", chosen.doubt, "warn")
+        rows += self._told("instead", [chosen.instead] if chosen.instead else [], "strong")
+        rows.append(ruled(self._width, ("── the bytes cut so ", "dim")))
+        rows += [self._frame(frame, chosen) for frame in chosen.preview]
+        return [*rows, ruled(self._width, ("── enter does ", "dim")), *self._does()]
+
+    def _does(self) -> list[Row]:
+        if self.problem:
+            return self._told("✗", [self.problem], "error")
+        if not self._instance:
+            return self._told(
+                "✗", ["no ReceiveData or ReceiveString reads this ComBuffer: A adds one"], "error"
+            )
+        try:
+            return self._told("", self.lines(), "")
+        except UserError as wrong:
+            return self._told("✗", [wrong.lines()[0]], "error")
+
+    def _told(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
+        rows: list[Row] = []
+        for text in texts:
+            for line in wrapped(text, self._width - LABEL):
+                rows.append(row((("" if rows else label).ljust(LABEL), "label"), (line, style)))
+        return rows
+
+    def _frame(self, frame: ShownFrame, chosen: Proposal) -> Row:
+        """Return a frame of the preview, its marks told apart as in the hex view."""
+        framing = chosen.framing
+        prefix = min(frame.size, len(framing.prefix)) if framing is not None else 0
+        suffix = len(framing.suffix) if framing is not None and frame.ending == "suffix" else 0
+        marks = marked(0, frame.size, prefix, suffix)
+        head = f"{frame.start:>6} {frame.size:>5} B "
+        room = (self._width - len(head) - len(frame.ending) - 4) // 3
+        parts: list[Part] = [(head, "dim")]
+        for place, byte in enumerate(frame.content[:room]):
+            parts.append((marks.sign(place) or " ", "key"))
+            parts.append((HEX_OF[byte], marks.style(place) or CLASS_OF[byte]))
+        tail = "…" if frame.size > min(room, len(frame.content)) else ""
+        return row(*parts, (f"{tail}  {frame.ending}", "dim" if frame.ending in GOOD else "warn"))
+
+    def action_move(self, rows: int) -> None:
+        """Choose another proposal."""
+        count = len(self.advice.proposals) if self.advice is not None else 0
+        self.cursor = max(0, min(count - 1, self.cursor + rows))
+        self.problem = ""
+        self.scroll_to(y=0, animate=False)
+        self.draw()
+
+
+class FramingScreen(ModalScreen[tuple[str, ...]]):
+    """Answers with the bench lines to give, none when it is left."""
+
+    BINDINGS: ClassVar = [
+        Binding("enter", "apply", show=False),
+        Binding("r", "again", show=False),
+        Binding("escape,q,B", "leave", show=False),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    DEFAULT_CSS = """
+    FramingScreen { align: center middle; background: $background 60%; }
+    FramingScreen FramingList {
+        width: 110; max-width: 100%; height: auto; max-height: 100%; border: round $border; padding: 0 1;
+        border-subtitle-color: $foreground;
+    }
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__()
+        self._scene = scene
+        self.buffer = buffer_for(scene)
+        self.instance = framed_by(self.buffer, scene)
+        self.list = FramingList(self.instance, lambda: scene.project)
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the list."""
+        self.list.set_title(None, "Framing advice", f"{self.buffer} → {self.instance or 'no block'}")
+        self.list.border_subtitle = "↑↓ choose · enter sets it · r: read again · page up, down · esc"
+        yield self.list
+
+    def on_mount(self) -> None:
+        """Ask for the recording."""
+        self.action_again()
+
+    def action_again(self) -> None:
+        """Take the bytes as they are now."""
+        self._scene.recordings_wanted = (self.buffer,)
+        self.list.draw()
+
+    def show(self) -> None:
+        """Look at the recording once it is here."""
+        picture = self._scene.live
+        found = dict(picture.recordings).get(self.buffer) if picture is not None else None
+        if found is None or not self._scene.recordings_wanted:
+            return
+        self._scene.recordings_wanted = ()
+        self.list.advice, self.list.cursor, self.list.problem = advise(found), 0, ""
+        self.list.draw()
+
+    def action_apply(self) -> None:
+        """Answer with the lines, if all of them can be carried out."""
+        try:
+            lines = self.list.lines() if self.instance else ()
+            parse_script("\n".join(lines), self._scene.project, "framing")
+        except UserError as wrong:
+            self.list.problem = wrong.lines()[0]
+            self.list.draw()
+            return
+        if lines:
+            self.dismiss(lines)
+
+    def action_leave(self) -> None:
+        """Set nothing."""
+        self._scene.recordings_wanted = ()
+        self.dismiss(())

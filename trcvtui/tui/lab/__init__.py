@@ -1,0 +1,1 @@
+"""The UDT lab on the screen."""

@@ -1,0 +1,258 @@
+"""Panes 2 to 4 of the lab: the bytes with the gaps drawn, the profiles that fit, the cure as source text."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding
+
+from trcvtui.tui.formatting import clip, plain, wrapped
+from trcvtui.tui.lab_model.collapsible_tree import TreeRow
+from trcvtui.tui.lab_model.compare_tree import Place
+from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab
+from trcvtui.tui.lab_model.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
+from trcvtui.tui.messages import FitWanted
+from trcvtui.tui.widgets.hex_view import HexView, merged
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.compare.fit_report import named, same_words
+from trcvtui.udt.layout.layout import Layout
+
+GAP: Final = "░"
+THEIR_GAP: Final = "▒"
+MOST_REASONS: Final = 12
+MOST_KEPT: Final = 64  # rows of gaps
+MOST_CURED: Final = 20_000  # leaves of a type whose cure is written unasked
+
+
+class LabHex(HexView):
+    """Bytes; in the text column stands a sign where ours has padding, another where only theirs has."""
+
+    KEYS: ClassVar = (("hjkl", "byte"), ("b", "which bytes"), ("[ ]", "message"))
+
+    def __init__(self, lab: Lab) -> None:
+        super().__init__("lab-hex", of_job=False)
+        self._lab = lab
+        self.their_link = range(0)
+        self._gaps: dict[tuple[int, int, int], dict[int, str]] = {}
+        self._revision = -1
+
+    def show(self) -> None:
+        """Repaint the lines that differ."""
+        if self._revision != self._lab.revision:
+            self._revision = self._lab.revision
+            self._gaps.clear()
+        super().show()
+
+    def show_row(self, found: TreeRow | None) -> None:
+        """Show the bytes, those of a row of the tree marked on either side."""
+        lab = self._lab
+        sizes = [layout.size for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
+        row = found if found is not None and found.key else None
+        self.link = _bytes_of(row.ours) if row is not None else range(0)
+        theirs = _bytes_of(row.theirs) if row is not None and lab.layout(THEIRS) else range(0)
+        self.their_link = theirs if theirs != self.link else range(0)
+        self.show_bytes(lab.bytes.content, max(sizes, default=0), frozenset())
+
+    @property
+    def linked(self) -> str:
+        """Return in words which bytes are marked."""
+        sides = (("", self.link), ("theirs ", self.their_link))
+        return "".join(f"{side}{link.start}-{link.stop - 1} · " for side, link in sides if link)
+
+    def _signs(self, start: int, stop: int) -> dict[int, str]:
+        """Return the signs of padding in a row."""
+        key = start, stop, self._lab.revision
+        if key not in self._gaps:
+            if len(self._gaps) > MOST_KEPT:
+                self._gaps.clear()
+            ours, theirs = self._lab.layout(OURS), self._lab.layout(THEIRS)
+            signs = {place: THEIR_GAP for place in range(start, stop) if _is_gap(theirs, place)}
+            self._gaps[key] = signs | {place: GAP for place in range(start, stop) if _is_gap(ours, place)}
+        return self._gaps[key]
+
+    def _style_of(self, offset: int) -> str:
+        style = super()._style_of(offset)
+        row_start = offset // self.per_row * self.per_row
+        if self._signs(row_start, row_start + self.per_row).get(offset) == GAP:
+            style = style.replace("null", "ghost")
+        return style + (" match" if offset in self.their_link else "")
+
+    def _text(self, start: int, styles: list[str]) -> list[Part]:
+        bar, *rest = super()._text(start, styles)
+        signs = self._signs(start, start + self.per_row)
+        text = "".join(part for part, _ in rest)
+        marked = [
+            (signs.get(start + n, c), style) for n, (c, style) in enumerate(zip(text, styles, strict=True))
+        ]
+        return [bar, *merged(marked)]
+
+
+def _bytes_of(place: Place) -> range:
+    return range(place.offset, place.offset + place.size)
+
+
+def _is_gap(layout: Layout | None, place: int) -> bool:
+    return layout is not None and place < layout.size and layout.leaf_at(place) is None
+
+
+class FitList(LineView):
+    """Profiles, the best first; below the chosen one its reasons."""
+
+    KEYS: ClassVar = (("↑↓", "profile"), ("enter", "as theirs"), ("f", "judge again"))
+    BINDINGS: ClassVar = [Binding("enter,space", "apply", show=False)]
+
+    def __init__(self, lab: Lab) -> None:
+        super().__init__(id="lab-fit")
+        self._lab = lab
+        self.cursor = 0
+        self._rows: list[tuple[Row, int | None]] = []
+        self._drawn: tuple[object, ...] = ()
+
+    def show(self) -> None:
+        """Repaint what changed."""
+        self._draw()
+        super().show()
+
+    def on_resize(self) -> None:
+        """Break the lines anew."""
+        self.show()
+
+    def _draw(self) -> None:
+        fits, width = self._lab.fits, max(20, self.line_width)
+        known = id(fits), self._lab.fitted, self.cursor, self.has_focus, width, len(fits)
+        if known == self._drawn:
+            return
+        self._drawn = known
+        self.cursor = max(0, min(self.cursor, len(fits) - 1))
+        said = self._lab.judgement or "f judges which profile fits the bytes at hand, and says why"
+        self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrapped(said, width)]
+        for number, found in enumerate(fits):
+            chosen = number == self.cursor
+            style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
+            text = clip(named(found), width - 12)
+            parts = [("▸" if chosen else " ", "key"), (f"{found.rank:>2} ", "dim")]
+            self._rows.append(
+                (row(*parts, (f"{found.score:+6.1f}  ", "strong"), (text, ""), style=style), number)
+            )
+            if chosen and found.same:
+                twins = wrapped(f"no byte tells it from {same_words(found)}", width - 5)
+                self._rows += [(row((f"     {line}", "warn")), number) for line in twins]
+            for reason in found.reasons[:MOST_REASONS] if chosen else ():
+                self._rows += self._reason(reason.points, reason.path, reason.text, width, number)
+
+    def _reason(
+        self, points: float, path: str, text: str, width: int, number: int
+    ) -> list[tuple[Row, int | None]]:
+        sign, style = ("+", "done") if points > 0 else ("-", "error")
+        head = f"     {sign}{abs(points):.1f} "
+        said = text if text.startswith(path) else f"{plain(path)}: {text}"
+        first, *rest = wrapped(said, width - len(head))
+        lines = [row((head, style), (first, ""))] + [row((" " * len(head) + line, "")) for line in rest]
+        return [(line, number) for line in lines]
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        return self._rows[y][0] if y < len(self._rows) else EMPTY
+
+    def action_move(self, rows: int) -> None:
+        """Choose another profile."""
+        self.cursor = max(0, min(len(self._lab.fits) - 1, self.cursor + rows))
+        self.show()
+        mine = [y for y, (_, number) in enumerate(self._rows) if number == self.cursor]
+        for y in (mine[-1:] + mine[:1]) if mine else []:
+            self.keep_in_view(y)
+
+    def action_apply(self) -> None:
+        """Take the profile as theirs."""
+        if self._lab.fits:
+            self.post_message(FitWanted(self.cursor))
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose a profile; the chosen one is taken."""
+        place = self.place_of(event)
+        number = self._rows[place[1]][1] if place is not None and place[1] < len(self._rows) else None
+        if number is None:
+            return
+        if number == self.cursor:
+            self.action_apply()
+        self.cursor = number
+        self.show()
+
+
+def _broken(line: str, width: int) -> list[str]:
+    """Return a line of source in pieces that fit; what is yanked is not broken."""
+    if len(line) <= width:
+        return [line]
+    inner = " " * min(width // 2, len(line) - len(line.lstrip()) + 4)
+    first, *rest = wrapped(line.lstrip(), width - len(inner))
+    return [line[: len(line) - len(line.lstrip())] + first, *(inner + part for part in rest)]
+
+
+class CureText(LineView):
+    """The corrective type or the swap code, as it can be pasted."""
+
+    KEYS: ClassVar = (("c", "type | swap"), ("d", "ST | SCL"), ("y", "yank"))
+
+    def __init__(self, lab: Lab) -> None:
+        super().__init__(id="lab-cure")
+        self._lab = lab
+        self.kind = RECEIVER
+        self.language = LANGUAGES[0]
+        self.asked = False
+        self.found = Cure((), "")
+        self._lines: list[tuple[str, str]] = []
+        self._known: tuple[object, ...] = ()
+
+    def show(self) -> None:
+        """Write it anew where something has changed, and repaint."""
+        known = self._lab.revision, self.kind, self.language, self.asked, self.line_width
+        if known != self._known and self.size.height:
+            self._known = known
+            self._write()
+        super().show()
+
+    def write(self) -> Cure:
+        """Return it, also while the pane is out of sight."""
+        ours, theirs = self._lab.layout(OURS), self._lab.layout(THEIRS)
+        if ours is None or theirs is None:
+            return Cure(("both sides have to be laid out first",), "")
+        return cure(ours, theirs, self.kind, self.language)
+
+    def _write(self) -> None:
+        title = TITLES[self.kind] + f", {self.language.upper()}"
+        self.set_title(4, "Cure", title)
+        ours = self._lab.layout(OURS)
+        if not self.asked and ours is not None and ours.leaf_count > MOST_CURED:
+            self._lines = [("c writes it: the type is large", "dim")]
+            return
+        self.found = self.write()
+        width = max(20, self.line_width)
+        comments = [f"// {line}" for line in self.found.comments]
+        self._lines = [(line, "dim") for text in comments for line in wrapped(text, width)]
+        source = [plain(line) for line in self.found.text.rstrip("\n").split("\n")]
+        self._lines += [(part, "") for line in source for part in _broken(line, width)]
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._lines)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        return row(self._lines[y]) if y < len(self._lines) else EMPTY
+
+    def next_kind(self) -> None:
+        """Write the next kind of cure."""
+        self.kind = KINDS[(KINDS.index(self.kind) + 1) % len(KINDS)]
+        self.asked = True
+        self.show()
+
+    def next_language(self) -> None:
+        """Write it in the other language."""
+        self.language = LANGUAGES[1 - LANGUAGES.index(self.language)]
+        self.asked = True
+        self.show()

@@ -1,0 +1,414 @@
+"""The UDT lab: a type laid out in two profiles on the same bytes, which profile fits, and what cures it.
+
+Rule: the lab looks. Only R and what `save project` keeps go to the bench, as commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import ClassVar, Final
+
+from textual import events
+from textual.app import SystemCommand
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.screen import Screen
+from textual.widget import Widget
+
+from trcvtui.errors import UserError
+from trcvtui.tui import messages
+from trcvtui.tui.formatting import plain
+from trcvtui.tui.lab.head import LabHead
+from trcvtui.tui.lab.lab_copy import text_of
+from trcvtui.tui.lab.panes import CureText, FitList, LabHex
+from trcvtui.tui.lab.tree import ColumnHead, LabTree
+from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab
+from trcvtui.tui.lab_model.lab_bytes import HEX
+from trcvtui.tui.lab_model.lab_choices import Choice, bytes_of, layouts_of, types_of
+from trcvtui.tui.lab_model.lab_keys import ACTIONS, COMMANDS, KEYS
+from trcvtui.tui.lab_model.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
+from trcvtui.tui.lab_words import UDT, is_for_lab
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.ask_line import AskLine
+from trcvtui.tui.widgets.header_line import HeaderLine
+from trcvtui.tui.widgets.key_line import KeyLine
+from trcvtui.tui.widgets.line_view import LineView, pane_title
+from trcvtui.tui.widgets.outcome_line import OutcomeLine
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.tab_line import TabLine
+
+LEAST_WIDTH, LEAST_HEIGHT = 120, 30
+TABS: Final = "-tabs"
+LOOK_S: Final = 1.0  # between two looks at the files
+TREE, BYTES, FIT, CURE = 1, 2, 3, 4
+NAMES: Final = ((TREE, "Members"), (BYTES, "Bytes"), (FIT, "Fit"), (CURE, "Cure"))
+PANES: Final = {"tree": TREE, "hex": BYTES, "fit": FIT, "cure": CURE}
+PANES_BY_DIGIT: Final = {digit: name for name, digit in PANES.items()}
+
+
+class LabScreen(Screen[None]):
+    """Hands what changed to the panes, and what they ask for to the lab."""
+
+    BINDINGS: ClassVar = [
+        *[Binding(str(digit), f"pane({digit})", show=False) for digit, _ in NAMES],
+        *[
+            Binding(key, action, show=False)
+            for _, key, action in COMMANDS
+            if len(key) == 1 and key not in ":?"
+        ],
+        Binding("N", "difference(-1)", show=False),
+        Binding("left_square_bracket", "message(-1)", show=False),
+        Binding("right_square_bracket", "message(1)", show=False),
+        Binding("colon", "ask('udt ')", show=False),
+        Binding("question_mark,f1", "help", show=False),
+        Binding("escape,q,L", "leave", show=False),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    CSS_PATH = "lab.tcss"
+
+    def __init__(self, scene: Scene, lab: Lab, say: Callable[[str], int | None]) -> None:
+        super().__init__()
+        self._scene, self.lab, self._say = scene, lab, say
+        self._asked: set[int] = set()
+        self._trouble = self._told = ""
+        self._open = TREE
+        self.header = HeaderLine(scene)
+        self.tabs = TabLine(NAMES, TREE)
+        self.head = LabHead(lab)
+        self.columns = ColumnHead(lab)
+        self.tree_view = LabTree(lab)
+        self.hex = LabHex(lab)
+        self.fit = FitList(lab)
+        self.cure = CureText(lab)
+        self.outcome = OutcomeLine()
+        self.ask = AskLine(self.obey)
+        self.key_line = KeyLine(KEYS, ACTIONS)
+        self._members = Vertical(id="lab-members")
+        self._side = Vertical(id="lab-side")
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose header, the tree beside bytes, fit and cure, outcome, keys."""
+        yield self.header
+        yield self.tabs
+        yield self.head
+        with Horizontal(id="stage"):
+            with self._members:
+                yield self.columns
+                yield self.tree_view
+            with self._side:
+                yield self.hex
+                yield self.fit
+                yield self.cure
+        yield self.outcome
+        yield self.ask
+        yield self.key_line
+
+    def on_mount(self) -> None:
+        """Begin in the tree; look at the files once a second."""
+        self.fit.set_title(FIT, "Which profile fits?", "enter: as theirs")
+        self.set_focus(self.tree_view)
+        self.set_interval(LOOK_S, self.look)
+        self._ask_constants()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Put everything side by side where there is room for it."""
+        small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
+        self.set_class(small, TABS)
+        self._arrange()
+        self.call_after_refresh(self.show)
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Let every pane repaint what changed."""
+        self.lab.follow()
+        self._scene.past_wanted = self.lab.bytes.request()
+        self._hear_answers()
+        self.header.show()
+        self.head.show()
+        self.columns.show()
+        self.tree_view.show()
+        self.hex.show_row(self.tree_view.chosen)
+        self.fit.show()
+        self.cure.show()
+        self._titles()
+        self._say_what_is()
+        focused = self.focused
+        self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
+
+    def _titles(self) -> None:
+        self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
+        self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
+
+    def _hear_answers(self) -> None:
+        for number, answer in self._scene.answers.items():
+            if number in self._asked:
+                self._asked.discard(number)
+                self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
+
+    def _say_what_is(self) -> None:
+        self.outcome.say(*said_below(self.lab, self._trouble, self._told))
+
+    def look(self) -> None:
+        """Look whether a file has changed."""
+        if self.lab.look():
+            self._trouble = self._told = ""
+            self._ask_constants()
+            self.show()
+
+    # -- lines --------------------------------------------------------------------------------------
+
+    def obey(self, line: str) -> None:
+        """Carry out a line of the lab; any other goes to the bench."""
+        self._trouble = self._told = ""
+        if not is_for_lab(line):
+            self._send(line)
+            return
+        try:
+            pane = obey_line(line, self.lab)
+        except UserError as wrong:
+            self._trouble = wrong.lines()[0]
+        else:
+            if pane:
+                self.action_pane(PANES[pane])
+            if for_engine(line):
+                self._send(line)
+            self._ask_constants()
+        self.show()
+
+    def _send(self, line: str) -> None:
+        number = self._say(line)
+        if number is not None:
+            self._asked.add(number)
+
+    # -- what the panes say -------------------------------------------------------------------------
+
+    def on_row_selected(self) -> None:
+        """Show the bytes of a row."""
+        found = self.tree_view.chosen
+        if found is not None and found.key:
+            self.hex.go_to(found.ours.offset)
+        self.show()
+
+    def on_byte_selected(self, message: messages.ByteSelected) -> None:
+        """Show the row of a byte."""
+        ours = self.lab.layout(OURS)
+        leaf = ours.leaf_at(message.offset) if ours is not None and message.offset >= 0 else None
+        if leaf is not None:
+            self.tree_view.show_leaf(leaf)
+        self.show()
+
+    def on_fit_wanted(self, message: messages.FitWanted) -> None:
+        """Take a profile of the ranking as theirs."""
+        found = self.lab.fits[message.number]
+        profile = found.profile
+        text = profile.text or self.lab.profiles[THEIRS].text
+        self.obey(f"udt theirs {profile.layout} {profile.byte_order} {text}")
+        beside = f"; beside it: {found.cause}" if found.cause.kind else ""
+        self._told = f"theirs is {profile} now{beside}; 4 or c: the cure"
+        self.show()
+
+    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
+        """Open a tab by mouse."""
+        self.action_pane(message.digit)
+
+    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
+        """Do what the key does."""
+        await self.run_action(message.action)
+
+    def on_descendant_focus(self, event: events.DescendantFocus) -> None:
+        """Open the tab that has the focus."""
+        for digit, pane in self._panes().items():
+            if event.widget is pane:
+                self._open = digit
+        self._arrange()
+        self.show()
+
+    def _panes(self) -> dict[int, LineView]:
+        return {TREE: self.tree_view, BYTES: self.hex, FIT: self.fit, CURE: self.cure}
+
+    def _arrange(self) -> None:
+        alone = self.has_class(TABS)
+        self._members.display = not alone or self._open == TREE
+        self._side.display = not alone or self._open != TREE
+        for digit in (BYTES, FIT, CURE):
+            self._panes()[digit].display = not alone or self._open == digit
+        self.tabs.mark(self._open)
+
+    # -- actions ------------------------------------------------------------------------------------
+
+    def action_pane(self, digit: int) -> None:
+        """Go to a pane."""
+        self._open = digit
+        self._arrange()
+        self.set_focus(self._panes()[digit])
+
+    def action_type(self) -> None:
+        """Choose another type."""
+        self._choose(types_of(self.lab))
+
+    def action_profile(self, side: str) -> None:
+        """Choose the layout of one side."""
+        self._choose(layouts_of(self.lab, side))
+
+    def action_bytes(self) -> None:
+        """Choose the bytes to look at."""
+        self._choose(bytes_of(self.lab))
+
+    def _choose(self, choice: Choice) -> None:
+        from trcvtui.tui.widgets.choice_screen import ChoiceScreen  # read when first asked for
+
+        def take(name: str | None) -> None:
+            if choice.is_bytes and name == HEX:
+                self.action_ask(f"{UDT} {HEX} ")
+            elif name is not None:
+                self.obey(choice.line.format(name))
+
+        self.app.push_screen(ChoiceScreen(choice.title, choice.rows, choice.now), take)
+
+    def action_order(self, side: str) -> None:
+        """Read one side in the other byte order."""
+        self._do(lambda: self.lab.swap_order(side))
+
+    def action_text(self, side: str) -> None:
+        """Read the STRINGs of one side in the next form."""
+        self._do(lambda: self.lab.next_text(side))
+
+    def action_exchange(self) -> None:
+        """Let ours be theirs."""
+        self._do(self.lab.exchange)
+
+    def action_message(self, step: int) -> None:
+        """Look at an older or newer message."""
+        self._do(lambda: self.lab.bytes.step(step))
+
+    def _do(self, change: Callable[[], None]) -> None:
+        self._trouble = self._told = ""
+        change()
+        self.show()
+
+    def action_fit(self) -> None:
+        """Rank the profiles."""
+        self.fit.cursor = 0
+        self.obey("udt fit")
+
+    def action_cure(self) -> None:
+        """Show the cure; there, the next kind of it."""
+        if self.focused is self.cure:
+            self.cure.next_kind()
+        self.cure.asked = True
+        self.action_pane(CURE)
+        self.show()
+
+    def action_language(self) -> None:
+        """Write the cure in the other language."""
+        self.cure.next_language()
+
+    def action_difference(self, step: int) -> None:
+        """Go to the next row that differs."""
+        found = self.tree_view.chosen
+        at = found.leaf if found is not None and found.key else -1
+        leaf = self.lab.next_difference(at, step) if step > 0 or at >= 0 else None
+        if leaf is None:
+            self._told = "no further member differs"
+            self.show()
+            return
+        self.action_pane(TREE)
+        self.tree_view.show_leaf(leaf, opens=True)
+
+    def action_fold_all(self) -> None:
+        """Fold everything, open everything."""
+        self.tree_view.action_fold_all()
+
+    def action_ask(self, text: str) -> None:
+        """Open the command line."""
+        self.ask.open(text or "udt ")
+
+    def action_constants(self) -> None:
+        """Ask for the constants that no file declares."""
+        self.lab.asked_for = ()
+        if self.lab.files.unknown_constants:
+            self._ask_constants()
+        else:
+            self._told = "every constant is known"
+            self.show()
+
+    def _ask_constants(self) -> None:
+        """Ask once for each set of unknown constants."""
+        names = self.lab.files.unknown_constants
+        if not names or names == self.lab.asked_for:
+            return
+        from trcvtui.tui.lab.constants_form import ConstantsForm  # read when first asked for
+
+        self.lab.asked_for = names
+        self.app.push_screen(ConstantsForm(names, self.lab.files.name), self._constants_given)
+
+    def _constants_given(self, given: dict[str, int] | None) -> None:
+        if given:
+            pairs = " ".join(f"{name}={number}" for name, number in given.items())
+            self.obey(f"{UDT} {CONSTANT} {pairs}")
+
+    def action_problems(self) -> None:
+        """Show what is wrong in the files."""
+        from trcvtui.tui.lab.problems_screen import ProblemsScreen  # read when first asked for
+
+        lines = [str(problem) for problem in self.lab.files.problems]
+        self.app.push_screen(ProblemsScreen(lines or ["nothing is wrong in the files"]))
+
+    def action_into_data(self) -> None:
+        """Let the PLC have the changed type: its types are read again, and DATA is resized."""
+        declared = self._scene.declaration
+        if self.lab.opened is not None or declared is None:
+            self._trouble = "R is for DATA and the project's own files"
+        else:
+            self._send(f"{UDT} {RELOAD}")
+            self._send(f"resize {declared.name} {declared.type_name}")
+        self.show()
+
+    def action_data_as_theirs(self) -> None:
+        """Let DATA lie as theirs does: another cure, where the PLC can declare it so."""
+        from trcvtui.rig.diagnosis.data_view import chosen, view_line
+
+        declared, theirs = self._scene.declaration, self.lab.profiles["theirs"]
+        if self.lab.opened is not None or declared is None:
+            self._trouble = "V is for DATA and the project's own types"
+        elif line := view_line(declared, chosen(theirs.layout, theirs.byte_order, theirs.text)):
+            self._send(line)
+            self._told = f"{declared.name} lies as theirs: {line}"
+        else:
+            self._told = f"{declared.name} lies as theirs already"
+        self.show()
+
+    def action_yank(self) -> None:
+        """Yank what the pane shows: to the clipboard, and always into a file."""
+        from trcvtui.tui.copying.taking import take
+
+        found = text_of(PANES_BY_DIGIT[self._open], self.lab, self.cure)
+        if found is None:
+            self._trouble = "nothing is there to yank"
+            self.show()
+            return
+        self.run_worker(take(self.app, *found, self._tell, partial(self._tell, is_wrong=True)))
+
+    def _tell(self, text: str, is_wrong: bool = False) -> None:
+        self._told, self._trouble = ("", plain(text)) if is_wrong else (plain(text), "")
+        self.show()
+
+    def action_help(self) -> None:
+        """Open the help."""
+        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
+
+        self.app.push_screen(HelpScreen(self._scene, self.focused))
+
+    def action_leave(self) -> None:
+        """Go back to the bench; the lab keeps what was chosen."""
+        self.dismiss()
+
+    def commands(self) -> Iterator[SystemCommand]:
+        """Yield what can be done here, for the palette."""
+        for title, key, action in COMMANDS:
+            yield SystemCommand(title, f"key {key}", partial(self._act, action))
+
+    def _act(self, action: str) -> None:
+        self.run_worker(self.run_action(action))

@@ -1,0 +1,311 @@
+"""Pane 1 of the lab: the type as a tree, ours beside theirs; only the rows in view are decoded.
+
+A row that differs has the mark `≠`: in its place, its size, its type or its value.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final, NamedTuple
+
+from textual import events
+from textual.binding import Binding
+
+from trcvtui.tui.formatting import cells, clip, pad, plain
+from trcvtui.tui.lab_model.collapsible_tree import Key, TreeRow
+from trcvtui.tui.lab_model.compare_tree import Place
+from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab
+from trcvtui.tui.messages import RowSelected
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.layout.decode import decode_leaves
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.report import leaf_type_text
+
+MARK, OPEN, CLOSED, DIFFERS = 2, "▾ ", "▸ ", "≠"
+LEAST, WIDE_PLACE = 4, 8  # columns of an offset
+SIZE: Final = 5
+NARROW: Final = 90  # columns, below which nothing is wasted
+
+
+class Cell(NamedTuple):
+    """One side of a leaf: the type that decides its bytes, its value, whether it is wholly there."""
+
+    type: str
+    value: str
+    is_there: bool
+
+
+class Columns(NamedTuple):
+    """How wide the columns are."""
+
+    name: int
+    type: int
+    offset: int
+    size: int
+    value: int
+
+
+def columns(width: int, lab: Lab) -> Columns:
+    """Return the columns of a pane of that width: offsets and sizes take what the type needs."""
+    layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
+    digits = len(str(max((layout.size for layout in layouts), default=0)))
+    bits = 2 if any(layout.rules.bits & {"BOOL"} or layout.rules.takes_pack for layout in layouts) else 0
+    offset = max(LEAST if width < NARROW else WIDE_PLACE, digits + bits + 1)
+    size, type_ = max(SIZE, digits + 1), 11 if width < NARROW else 16
+    left = width - MARK - type_ - 2 * (offset + size)
+    name = max(12, min(44, left * 2 // 5))
+    return Columns(name, type_, offset, size, max(6, (left - name) // 2))
+
+
+class ColumnHead(LineView, can_focus=False):
+    """What stands in the columns."""
+
+    DEFAULT_CSS = "ColumnHead { height: 1; }"
+
+    def __init__(self, lab: Lab) -> None:
+        super().__init__(id="lab-columns")
+        self._lab = lab
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the heads."""
+        if y:
+            return EMPTY
+        width = columns(self.line_width, self._lab)
+        text = " " * MARK + pad("member", width.name) + pad("type", width.type)
+        offset = "offset " if width.offset > len("offset") else "at "
+        for side in (OURS, THEIRS):
+            text += pad(offset, width.offset, right=True) + pad("size ", width.size, right=True)
+            text += pad(side, width.value)
+        return row((text, "dim"))
+
+
+class LabTree(LineView):
+    """Rows of the tree; `decoded` counts the leaves that were decoded, for whoever asks what it costs."""
+
+    KEYS: ClassVar = (("↑↓", "row"), ("space", "fold"), ("z", "all"), ("n N", "≠"))
+    BINDINGS: ClassVar = [
+        Binding("right,l", "fold(True)", show=False),
+        Binding("left,h", "fold(False)", show=False),
+        Binding("space,enter", "toggle_branch", show=False),
+        Binding("z", "fold_all", show=False),
+    ]
+
+    def __init__(self, lab: Lab) -> None:
+        super().__init__(id="lab-tree")
+        self._lab = lab
+        self.cursor = 0
+        self.decoded = 0
+        self._rows: dict[int, TreeRow] = {}
+        self._cells: dict[tuple[str, int], Cell] = {}
+        self._shown: tuple[object, ...] = ()
+        self._revision = -1
+        self._folds = 0
+        self._all_open: bool | None = None
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Decode the leaves in view and repaint the rows that changed."""
+        if self._revision != self._lab.revision:
+            self._revision = self._lab.revision
+            self._all_open = None
+        self.cursor = max(0, min(self.cursor, self.row_count() - 1))
+        self._look(self.scroll_offset.y)
+        super().show()
+
+    def row_count(self) -> int:
+        """Return the number of rows."""
+        tree = self._lab.tree
+        return tree.row_count if tree is not None else 0
+
+    def _look(self, top: int) -> None:
+        """Find the rows in view, and decode their leaves, neighbours together."""
+        tree, content = self._lab.tree, self._lab.bytes.content
+        known = self._lab.revision, self._folds, content, top, self.size.height
+        if known == self._shown:
+            return
+        self._shown = known
+        stop = min(top + max(1, self.size.height), self.row_count())
+        self._rows = {y: tree.row(y) for y in range(top, stop)} if tree is not None else {}
+        self._cells = {}
+        leaves = sorted({found.leaf for found in self._rows.values() if found.is_leaf})
+        for start, end in _runs(leaves):
+            for side in (OURS, THEIRS):
+                layout = self._lab.layout(side)
+                if layout is not None:
+                    self._decode(side, layout, content, start, end)
+
+    def _decode(self, side: str, layout: Layout, content: bytes, start: int, stop: int) -> None:
+        values = decode_leaves(layout, content, start, stop)
+        self.decoded += len(values)
+        for number, leaf, value in zip(
+            range(start, stop), layout.page(start, stop).leaves, values, strict=True
+        ):
+            raw = content[leaf.offset : leaf.offset + leaf.size]
+            text = value_text(leaf, value, raw) if value is not None else _missing(len(raw), leaf.size)
+            self._cells[side, number] = Cell(leaf_type_text(layout, leaf), text, value is not None)
+
+    def row_at(self, y: int) -> Row:
+        """Return one row."""
+        if y not in self._rows:
+            self._look(self.scroll_offset.y)
+        found = self._rows.get(y)
+        if found is None:
+            return EMPTY
+        chosen = y == self.cursor
+        style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
+        return row(*self._parts(found, chosen), style=style)
+
+    def _parts(self, found: TreeRow, chosen: bool) -> list[Part]:
+        width = columns(self.line_width, self._lab)
+        differs = self.differs(found)
+        mark = DIFFERS if differs else " "
+        return [
+            ("▸" if chosen else " ", "key"),
+            (mark, "warn strong"),
+            *self._member(found, width.name, chosen),
+            (pad(clip(plain(self._type(found)), width.type - 1), width.type), "dim"),
+            *self._side(OURS, found, found.ours, width, differs),
+            *self._side(THEIRS, found, found.theirs, width, differs),
+        ]
+
+    def _member(self, found: TreeRow, width: int, chosen: bool) -> list[Part]:
+        depth = len(found.key) - (1 if found.key and found.key[-1] == -1 else 0)
+        indent = min(2 * depth, max(0, width - 10))
+        fold = "" if found.is_open is None else OPEN if found.is_open else CLOSED
+        name = "(padding)" if found.is_gap else plain(found.name)
+        style = "faint" if found.is_gap else "strong" if chosen else ""
+        return [
+            (" " * indent + fold, "key"),
+            (pad(clip(name, width - indent - cells(fold) - 1), width - indent - cells(fold)), style),
+        ]
+
+    def _type(self, found: TreeRow) -> str:
+        cell = self._cells.get((OURS, found.leaf)) if found.is_leaf else None
+        return found.type_text if cell is None or cell.type in found.type_text else cell.type
+
+    def _side(self, side: str, found: TreeRow, place: Place, width: Columns, differs: bool) -> list[Part]:
+        style = "warn" if differs else "dim"
+        is_there = self._lab.layout(side) is not None and not (found.is_gap and not place.size)
+        offset = str(place) if is_there else "-"
+        size = f"{place.size} " if is_there else ""
+        return [
+            (pad(f"{offset} ", width.offset, right=True), style),
+            (pad(size, width.size, right=True), style),
+            self._value(side, found, place, width),
+        ]
+
+    def _value(self, side: str, found: TreeRow, place: Place, width: Columns) -> Part:
+        if found.is_gap:
+            return pad(clip(self._gap(place), width.value - 1), width.value), "faint"
+        cell = self._cells.get((side, found.leaf)) if found.is_leaf else None
+        if cell is None:
+            return " " * width.value, "faint"
+        return pad(clip(cell.value, width.value - 1), width.value), "printable" if cell.is_there else "ghost"
+
+    def _gap(self, place: Place) -> str:
+        """Return the bytes of a gap: what is not 0 there is worth a look."""
+        if not place.size:
+            return ""
+        there = self._lab.bytes.content[place.offset : place.offset + place.size]
+        return "░" * min(place.size, 4) + (" not 0!" if any(there) else "")
+
+    def differs(self, found: TreeRow) -> bool:
+        """Return whether both sides differ in a row, or somewhere in a branch in its places."""
+        if self._lab.layout(THEIRS) is None:
+            return False
+        ours, theirs = self._cells.get((OURS, found.leaf)), self._cells.get((THEIRS, found.leaf))
+        return found.moved or (found.is_leaf and ours != theirs)
+
+    # -- the cursor ---------------------------------------------------------------------------------
+
+    @property
+    def chosen(self) -> TreeRow | None:
+        """Return the row under the cursor."""
+        tree = self._lab.tree
+        return tree.row(self.cursor) if tree is not None and self.cursor < tree.row_count else None
+
+    def action_move(self, rows: int) -> None:
+        """Choose another row."""
+        self.go_to(max(0, min(self.row_count() - 1, self.cursor + rows)))
+
+    def go_to(self, y: int, tells: bool = True) -> None:
+        """Put the cursor on a row."""
+        self.cursor = y
+        self.resize_rows()
+        self.keep_in_view(y)
+        self.show()
+        if tells:
+            self.post_message(RowSelected())
+
+    def show_leaf(self, leaf: int, opens: bool = False) -> None:
+        """Put the cursor on a leaf, or on the closed branch that it is in."""
+        tree = self._lab.tree
+        if tree is not None:
+            y = tree.row_of_leaf(leaf, opens)
+            self._folds += 1
+            self.go_to(y, tells=opens)
+
+    def action_toggle_branch(self) -> None:
+        """Open or close the branch under the cursor."""
+        self._fold(None)
+
+    def action_fold(self, is_open: bool) -> None:
+        """Open or close the branch under the cursor; closing what is closed goes to its owner."""
+        self._fold(is_open)
+
+    def _fold(self, wanted: bool | None) -> None:
+        tree, found = self._lab.tree, self.chosen
+        if tree is None or found is None:
+            return
+        if found.is_open is not None and wanted in (None, not found.is_open):
+            tree.toggle(found.key)
+            self._folds += 1
+            self.go_to(self.cursor)
+        elif wanted is False and found.key:
+            self.go_to(tree.row_of_key(_owner(found.key)))
+
+    def action_fold_all(self) -> None:
+        """Close every branch, open every branch, or as it was at first."""
+        tree = self._lab.tree
+        if tree is None:
+            return
+        self._all_open = {None: False, False: True, True: None}[self._all_open]
+        tree.open_all(self._all_open)
+        self._folds += 1
+        self.go_to(0)
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the row under the mouse; a second time, or on its sign, fold it."""
+        place = self.place_of(event)
+        if place is None or place[1] >= self.row_count():
+            return
+        was, self.cursor = self.cursor, place[1]
+        found = self.chosen
+        sign = MARK + 2 * len(found.key) if found is not None else 0
+        if was == place[1] or sign <= place[0] < sign + 2:
+            self.action_toggle_branch()
+        self.go_to(place[1])
+
+
+def _runs(leaves: list[int]) -> list[tuple[int, int]]:
+    """Return neighbours as start and stop."""
+    runs: list[tuple[int, int]] = []
+    for leaf in leaves:
+        if runs and runs[-1][1] == leaf:
+            runs[-1] = runs[-1][0], leaf + 1
+        else:
+            runs.append((leaf, leaf + 1))
+    return runs
+
+
+def _owner(key: Key) -> Key:
+    return key[:-2] if key[-1] == -1 else key[:-1]
+
+
+def _missing(there: int, size: int) -> str:
+    return f"{there} of {size} B" if there else "-"

@@ -1,0 +1,1 @@
+"""What the UDT lab knows and does, without a screen."""

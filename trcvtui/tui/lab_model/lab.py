@@ -1,0 +1,305 @@
+"""What the lab knows: types from files, one of them laid out in two profiles, the bytes it is held against.
+
+Rule: nothing here commands the PLC; a type that changes in its file changes what is shown, not DATA.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+from trcvtui.errors import UserError, mistake
+from trcvtui.tui.formatting import plain
+from trcvtui.tui.lab_model.collapsible_tree import FoldTree
+from trcvtui.tui.lab_model.compare_tree import twin_of
+from trcvtui.tui.lab_model.lab_bytes import LabBytes
+from trcvtui.tui.lab_model.type_files import TypeFiles
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.udt.compare.compare import Comparison, Summary, compare
+from trcvtui.udt.compare.fit import Fit, fit, verdict
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, lay_out
+from trcvtui.udt.layout.profiles import Profile
+from trcvtui.udt.layout.rules import LAYOUT_ALIASES, LAYOUTS, TEXT_FORMS, LayoutRules
+from trcvtui.udt.types import Type
+
+OURS, THEIRS = "ours", "theirs"
+SIDES: Final = (OURS, THEIRS)
+FIRST_GUESS: Final = "natural8"  # what a C compiler does, unless it is ours
+OTHER_GUESS: Final = "packed"
+MOST_SOUGHT: Final = 65_536  # rows, for the next difference
+PROFILE_WORDS: Final = (*LAYOUTS, *LAYOUT_ALIASES, *BYTE_ORDERS, *TEXT_FORMS)
+
+
+class Lab:
+    """One type, two profiles, some bytes; what follows from them is made when it is asked for."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self.bytes = LabBytes(scene)
+        self.opened: TypeFiles | None = None  # a file of the user's instead of the project's
+        self._own = self._project_files()
+        self._project = scene.project
+        ours = profile_of(scene.project.layout)
+        guess = FIRST_GUESS if ours.layout != FIRST_GUESS else OTHER_GUESS
+        self.profiles = {OURS: ours, THEIRS: ours._replace(layout=guess)}
+        self.news = ""  # what has happened to the files
+        self.fits: tuple[Fit, ...] = ()
+        self._said_first = ""  # when the lab was opened
+        self.fitted = ""  # by what
+        self.asked_for: tuple[str, ...] = ()  # the constants that the user was asked for
+        self.revision = 0  # counts what changes rows
+        self.type_name = ""
+        self.type: Type | None = None
+        self.choose_type("")
+
+    def begin(self) -> None:
+        """Look at the running job where DATA has never been written, unless other bytes were chosen."""
+        if self.news == self._said_first:
+            self.news = ""  # of the last time: DATA may have been written since
+        self._said_first = self.bytes.begin()
+        self.news = self._said_first or self.news
+
+    # -- types --------------------------------------------------------------------------------------
+
+    def _project_files(self) -> TypeFiles:
+        project = self._scene.project
+        return TypeFiles(project.udt_files, project.constants, project.types)
+
+    @property
+    def files(self) -> TypeFiles:
+        """Return where the types come from."""
+        return self.opened or self._own
+
+    @property
+    def base(self) -> Path:
+        """Return the folder in which names of files begin that are not found here."""
+        return self._scene.project.base
+
+    def type_names(self) -> list[str]:
+        """Return what can be chosen: DATA first, as it is declared, then the types of the files."""
+        declared = self._scene.declaration
+        names = self.files.types.names()
+        if declared is None or self.opened is not None:
+            return names
+        return list(dict.fromkeys([self._spelled(declared.type_name), *names]))
+
+    def _spelled(self, name: str) -> str:
+        known = self.files.types.types.get(name.casefold())
+        return known[0] if known else name
+
+    def choose_type(self, name: str) -> None:
+        """Look at a type; "": at that of DATA, or the first one. Raise UserError where it is bad."""
+        names = self.type_names()
+        name = name or next(iter(names), "")
+        self.type_name, self.type = name, self._type(name) if name else None
+        self._forget()
+
+    def _type(self, name: str) -> Type:
+        declared = self._scene.declaration
+        if name.casefold() in self.files.types.types or declared is None:
+            return self.files.types.named(name, "udt type")
+        if declared.type_name == name:
+            return declared.type
+        return self.files.types.named(name, "udt type")
+
+    def open(self, path: Path) -> None:
+        """Look at the types of a file; raise UserError when it cannot be read, or has no good type."""
+        fresh = TypeFiles([path], self._scene.project.constants)
+        if not fresh.types.types and not fresh.unknown_constants:
+            raise UserError(fresh.problems) if fresh.problems else mistake(str(path), "no type", "a type")
+        self.opened, self.news = fresh, f"{path.name} is opened and watched"
+        self.choose_type("")
+
+    def go_home(self) -> None:
+        """Look at the project's types again."""
+        self.opened, self.news = None, "the types of the project"
+        self.choose_type("")
+
+    def look(self) -> bool:
+        """Read files again that have changed; return whether anything has."""
+        before, trouble = self.size_text, self.files.trouble
+        if not self.files.look():
+            if self.files.trouble == trouble:
+                return False
+            self.news = ""
+            return True
+        self._take_over(before)
+        return True
+
+    def _take_over(self, before: str) -> None:
+        try:
+            self.choose_type(self.type_name)
+        except UserError:
+            self.choose_type("")
+        self.news = f"{self.files.name} has changed: {plain(self.type_name)} now {self.size_text or 'gone'}"
+        if before and before != self.size_text:
+            self.news += f", before {before}"
+        declared = self._scene.declaration
+        if self.opened is None and declared is not None:
+            self.news += f"; DATA {plain(declared.name)} stays as it is until R (resize) or a restart"
+
+    def know(self, constants: dict[str, int]) -> None:
+        """Use constants that no file declares."""
+        self.files.know(constants)
+        try:
+            self.choose_type(self.type_name)
+        except UserError:
+            self.choose_type("")
+        left = self.files.unknown_constants
+        self.news = f"still unknown: {', '.join(left[:3])}" if left else "all constants are known"
+
+    def follow(self) -> None:
+        """Take over another project: a fresh bench, an addition, another instance."""
+        project = self._scene.project
+        if project is self._project:
+            return
+        is_other = project.path != self._project.path or project.types is not self._project.types
+        self._project = project
+        if is_other and self.opened is None:
+            self._own = self._project_files()
+            try:
+                self.choose_type(self.type_name)
+            except UserError:
+                self.choose_type("")
+
+    # -- layouts ------------------------------------------------------------------------------------
+
+    def _forget(self) -> None:
+        self.revision += 1
+        self._layouts: dict[str, Layout | None] = {}
+        self._tree: FoldTree | None = None
+        self._comparison: Comparison | None = None
+        self.fits, self.fitted = (), ""
+
+    def layout(self, side: str) -> Layout | None:
+        """Return the type laid out on one side; None where there is none, or it cannot be."""
+        if side not in self._layouts:
+            self._layouts[side] = self._laid_out(side)
+        return self._layouts[side]
+
+    def _laid_out(self, side: str) -> Layout | None:
+        if self.type is None:
+            return None
+        try:
+            return lay_out(self.type, self.rules(side), self.type_name)
+        except UserError as refused:
+            self.news = f"{side}: {refused.lines()[0]}"
+            return None
+
+    def rules(self, side: str) -> LayoutRules:
+        """Return the rules of one side."""
+        own, profile = self._scene.project.layout, self.profiles[side]
+        if profile.layout == own.name:  # with what else the project says of it
+            base = replace(own, byte_order=profile.byte_order)
+            return base if profile.text == own.text.name else replace(base, text=profile.rules.text)
+        return profile.rules
+
+    @property
+    def size_text(self) -> str:
+        """Return the size of the type on our side."""
+        ours = self.layout(OURS)
+        return f"{ours.size} B" if ours else ""
+
+    @property
+    def tree(self) -> FoldTree | None:
+        """Return both layouts as one tree."""
+        ours = self.layout(OURS)
+        if self._tree is None and ours is not None:
+            self._tree = FoldTree(twin_of(ours, self.layout(THEIRS) or ours), self.type_name)
+        return self._tree
+
+    def choose_profile(self, side: str, profile: Profile) -> None:
+        """Lay one side out in another way."""
+        if profile == self.profiles[side]:
+            return
+        kept, fits = self.fitted, self.fits
+        self.profiles[side] = profile
+        self._forget()
+        self.fits, self.fitted, self.news = fits, kept, ""
+
+    def swap_order(self, side: str) -> None:
+        """Read one side in the other byte order."""
+        profile = self.profiles[side]
+        order = "big" if profile.byte_order == "little" else "little"
+        self.choose_profile(side, profile._replace(byte_order=order))
+
+    def next_text(self, side: str) -> None:
+        """Read the STRINGs of one side in the next form."""
+        profile, forms = self.profiles[side], list(TEXT_FORMS)
+        text = forms[(forms.index(profile.text) + 1) % len(forms)]
+        self.choose_profile(side, profile._replace(text=text))
+
+    def exchange(self) -> None:
+        """Let ours be theirs, and theirs ours."""
+        ours, theirs = self.profiles[OURS], self.profiles[THEIRS]
+        self.choose_profile(OURS, theirs)
+        self.choose_profile(THEIRS, ours)
+
+    # -- what follows -------------------------------------------------------------------------------
+
+    def comparison(self) -> Comparison | None:
+        """Return both sides as compared."""
+        ours, theirs = self.layout(OURS), self.layout(THEIRS)
+        if self._comparison is None and ours is not None and theirs is not None:
+            self._comparison = compare(ours, theirs)
+        return self._comparison
+
+    def summary(self) -> Summary | None:
+        """Return how many members differ; it costs all of them."""
+        comparison = self.comparison()
+        return comparison.summary(self.bytes.content) if comparison else None
+
+    def next_difference(self, leaf: int, step: int) -> int | None:
+        """Return the next leaf that differs, behind or before one; None where none is near."""
+        comparison = self.comparison()
+        if comparison is None:
+            return None
+        if step > 0:
+            rows = comparison.rows(self.bytes.content, leaf + 1)
+            near = enumerate(islice(rows, MOST_SOUGHT), leaf + 1)
+            return next((number for number, row in near if row.differs), None)
+        first = max(0, leaf - MOST_SOUGHT)
+        before = enumerate(comparison.rows(self.bytes.content, first, leaf), first)
+        found = [number for number, row in before if row.differs]
+        return found[-1] if found else None
+
+    def judge(self) -> None:
+        """Rank the profiles by the bytes at hand."""
+        messages, is_framed = self.bytes.evidence()
+        self.fits, self.fitted = (), self.bytes.evidence_name
+        if self.type is not None and messages:
+            self.fits = fit(self.type, messages, self.type_name, framed=is_framed, own=self.rules(OURS))
+
+    @property
+    def judgement(self) -> str:
+        """Return what the ranking says."""
+        if not self.fitted:
+            return ""
+        if not self.fits:
+            return f"{self.fitted}: there are no bytes to judge by"
+        return f"By {self.fitted}: {verdict(self.fits)}"
+
+
+def profile_of(rules: LayoutRules) -> Profile:
+    """Return the profile of a layout's rules."""
+    return Profile(rules.name, rules.byte_order, rules.text.name)
+
+
+def profile_from(words: Sequence[str], before: Profile, where: str) -> Profile:
+    """Return a profile with some of its words replaced: `natural8 big nul`; raise UserError."""
+    profile = before
+    for word in words:
+        if word in LAYOUTS or word in LAYOUT_ALIASES:
+            name = LAYOUT_ALIASES.get(word, word)
+            rules = LAYOUTS[name]
+            profile = Profile(name, rules.byte_order, rules.text.name)
+        elif word in BYTE_ORDERS:
+            profile = profile._replace(byte_order=word)
+        elif word in TEXT_FORMS:
+            profile = profile._replace(text=word)
+        else:
+            raise mistake(where, f"'{plain(word)[:40]}'", "one of " + ", ".join(PROFILE_WORDS))
+    return profile

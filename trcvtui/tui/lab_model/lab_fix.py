@@ -1,0 +1,84 @@
+"""What cures a mismatch, as source text: padding members for one side, or swap code for the sender."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from trcvtui.errors import UserError
+from trcvtui.tui.formatting import plain
+from trcvtui.udt.cure.padded_type import corrective, told
+from trcvtui.udt.cure.swap import Language, swap_code
+from trcvtui.udt.layout.layout import Layout
+from trcvtui.udt.st_write import scl_text, st_text
+from trcvtui.udt.types import Struct
+
+RECEIVER, SENDER, SWAP = "receiver", "sender", "swap"
+KINDS: Final = (RECEIVER, SENDER, SWAP)
+LANGUAGES: Final[tuple[Language, ...]] = ("st", "scl")
+TITLES: Final = {
+    RECEIVER: "type for our side",
+    SENDER: "type for the sender's side",
+    SWAP: "swap code for the sender",
+}
+
+
+class Cure(NamedTuple):
+    """Lines of comment, and the text they are about; both are source that can be pasted."""
+
+    comments: tuple[str, ...]
+    text: str
+
+    @property
+    def source(self) -> str:
+        """Return everything as one text."""
+        return "\n".join([*(f"// {line}" for line in self.comments), self.text.rstrip("\n")]) + "\n"
+
+
+def cure(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
+    """Return what one side has to declare, or to do, that both mean the same bytes."""
+    try:
+        return _swap(ours, theirs, language) if kind == SWAP else _type(ours, theirs, kind, language)
+    except UserError as refused:
+        return Cure((refused.lines()[0],), "")
+
+
+def cure_source(ours: Layout, theirs: Layout, form: str) -> str:
+    """Return what `udt cure` prints: the type for our side and, where byte orders differ, the swap code.
+
+    `form` is the language, `st` or `scl`; `padded` is the type alone, in the language of our side.
+    """
+    from trcvtui.udt.cure.swap import language_of
+
+    if form == "padded":
+        return cure(ours, theirs, RECEIVER, language_of(ours.rules)).source
+    language: Language = "scl" if form == "scl" else "st"
+    kinds = (RECEIVER,) if ours.rules.byte_order == theirs.rules.byte_order else (RECEIVER, SWAP)
+    return "\n".join(cure(ours, theirs, kind, language).source for kind in kinds)
+
+
+def _type(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
+    wanted, own = (theirs, ours) if kind == RECEIVER else (ours, theirs)
+    found = corrective(wanted, own.rules)
+    name = plain(wanted.name)
+    reached = "as it lies under" if found.is_possible else "as far as it can be as under"
+    comments = [f"{name} for {own.rules.name}, {found.layout.size} bytes, {reached} {wanted.rules.name}"]
+    comments += [plain(line) for line in told(found)]
+    if ours.rules.byte_order != theirs.rules.byte_order:
+        comments.append(f"the byte order differs, too: {TITLES[SWAP]} (c)")
+    if found.type is own.type:
+        comments.append("nothing has to change: the gaps are the same")
+    write = scl_text if language == "scl" else st_text
+    return Cure(tuple(comments), write(found.type, found.layout.name))
+
+
+def _swap(ours: Layout, theirs: Layout, language: Language) -> Cure:
+    if ours.rules.byte_order == theirs.rules.byte_order:
+        order = ours.rules.byte_order
+        return Cure((f"both sides are {order}-endian: nothing is to be swapped",), "")
+    if not isinstance(theirs.type, Struct):
+        return Cure(("swap code is written for a STRUCT",), "")
+    found = swap_code(theirs, language)
+    turned = f"from {theirs.rules.byte_order}-endian to {ours.rules.byte_order}-endian"
+    comments = [f"{plain(theirs.name)} {turned}, before it is sent"]
+    comments += [f"not swapped: {plain(line)}" for line in found.left_out]
+    return Cure(tuple(comments), found.text)

@@ -1,0 +1,133 @@
+"""The lines that the lab obeys by itself: `udt open FILE`, `udt theirs natural8 big`, `udt hex 01 02` …
+
+The same words stand on the prompt of the bench; `lab` alone opens the lab.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from trcvtui.errors import mistake
+from trcvtui.tui.formatting import count, plain
+from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab, profile_from
+from trcvtui.tui.lab_model.lab_bytes import HEX, SOURCES
+from trcvtui.tui.lab_words import LAB, UDT
+from trcvtui.udt.command.command import constants_of
+from trcvtui.udt.hexadecimal import parse_hex
+
+WHERE: Final = "udt"
+CONSTANT, RELOAD = "constant", "reload"
+MOST_HEX: Final = 65_535  # bytes, as many as a job has
+LINES: Final = (
+    "open FILE, project, type NAME, ours|theirs LAYOUT little|big s7|cstr|nul, swap, bytes "
+    "data|job|last|message, hex 01 02, fit, constant NAME=VALUE, or reload"
+)
+
+
+def obey_line(line: str, lab: Lab) -> str:
+    """Carry out a line; return the pane that it is about, "" for none; raise UserError."""
+    verb, _, rest = line.strip().partition(" ")
+    if verb == LAB and not rest.strip():
+        return ""
+    word, _, rest = rest.strip().partition(" ")
+    obey = _WORDS.get(word) if verb == UDT else None
+    if obey is None:
+        raise mistake(WHERE, f"'{plain(line.strip())[:60]}'", f"udt {LINES}")
+    return obey(lab, rest.strip())
+
+
+def for_engine(line: str) -> bool:
+    """Return whether the bench has to know of it, too: what `save project` keeps, what `resize` takes."""
+    return line.split()[1:2] in ([CONSTANT], [RELOAD])
+
+
+def said_below(lab: Lab, trouble: str, told: str) -> tuple[str, str]:
+    """Return the sentence below the panes, and its style: trouble first, then what has happened."""
+    files = lab.files
+    bad = f"; w: {count(len(files.problems), 'problem')} in {files.name}" if files.problems else ""
+    if trouble:
+        return f"✗ {trouble}", "error"
+    if files.trouble:
+        return f"✗ {files.trouble} (the last good types stay)", "error"
+    if told or lab.news:
+        return f"{told or lab.news}{bad}", ""
+    return f"f: which profile fits? c: what cures it{bad}", "warn" if bad else "dim"
+
+
+def _open(lab: Lab, rest: str) -> str:
+    if not rest:
+        raise mistake(WHERE, "no name of a file", "udt open FILE")
+    path = Path(rest).expanduser()
+    lab.open(path if path.exists() else lab.base / path)
+    return "tree"
+
+
+def _project(lab: Lab, rest: str) -> str:
+    lab.go_home()
+    return "tree"
+
+
+def _type(lab: Lab, rest: str) -> str:
+    lab.choose_type(rest)
+    return "tree"
+
+
+def _profile(side: str) -> Callable[[Lab, str], str]:
+    def choose(lab: Lab, rest: str) -> str:
+        lab.choose_profile(side, profile_from(rest.split(), lab.profiles[side], f"{WHERE} {side}"))
+        return "tree"
+
+    return choose
+
+
+def _swap(lab: Lab, rest: str) -> str:
+    lab.exchange()
+    return "tree"
+
+
+def _bytes(lab: Lab, rest: str) -> str:
+    if rest not in SOURCES:
+        raise mistake(f"{WHERE} bytes", f"'{plain(rest)[:40]}'", "one of " + ", ".join(SOURCES))
+    lab.bytes.source, lab.bytes.back, lab.bytes.is_chosen = rest, 0, True
+    return "hex"
+
+
+def _hex(lab: Lab, rest: str) -> str:
+    content = parse_hex(rest, f"{WHERE} hex")
+    if len(content) > MOST_HEX:
+        raise mistake(f"{WHERE} hex", f"{len(content)} bytes", f"at most {MOST_HEX}")
+    lab.bytes.typed, lab.bytes.source, lab.bytes.is_chosen = content, HEX, True
+    return "hex"
+
+
+def _fit(lab: Lab, rest: str) -> str:
+    lab.judge()
+    return "fit"
+
+
+def _constant(lab: Lab, rest: str) -> str:
+    lab.know(constants_of(rest.split()))
+    return "tree"
+
+
+def _reload(lab: Lab, rest: str) -> str:
+    lab.look()
+    return "tree"
+
+
+_WORDS: Final[dict[str, Callable[[Lab, str], str]]] = {
+    "open": _open,
+    "project": _project,
+    "type": _type,
+    OURS: _profile(OURS),
+    THEIRS: _profile(THEIRS),
+    "swap": _swap,
+    "bytes": _bytes,
+    HEX: _hex,
+    "fit": _fit,
+    CONSTANT: _constant,
+    RELOAD: _reload,
+}
+WORDS: Final = tuple(_WORDS)

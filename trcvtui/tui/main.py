@@ -1,0 +1,562 @@
+"""The bench: all panes at once, or on a small screen the instances and one pane at a time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from textual import events
+from textual.binding import Binding
+from textual.containers import Container
+from textual.screen import Screen
+from textual.widget import Widget
+
+from trcvtui.errors import UserError
+from trcvtui.tui import messages
+from trcvtui.tui.breakpoints import FRAME, PAIR, REST, TABS, grid_rows, grown, sizes
+from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.panes.function_block import FunctionBlock
+from trcvtui.tui.panes.instance_list import InstanceList
+from trcvtui.tui.panes.peer_panel import PeerPanel
+from trcvtui.tui.panes.received import Received
+from trcvtui.tui.panes.status_card import StatusCard
+from trcvtui.tui.panes.status_history import StatusHistory
+from trcvtui.tui.panes.timing import Timing
+from trcvtui.tui.panes.timing_lines import is_for_timing, obey_line
+from trcvtui.tui.panes.udt_table import UdtTable
+from trcvtui.tui.prompt import Prompt
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.filter_line import FilterLine
+from trcvtui.tui.widgets.header_line import HeaderLine
+from trcvtui.tui.widgets.hex_view import HexView
+from trcvtui.tui.widgets.key_line import KeyLine
+from trcvtui.tui.widgets.keys import TAKEN
+from trcvtui.tui.widgets.line_view import LineView
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.tab_line import TabLine
+
+if TYPE_CHECKING:
+    from trcvtui.tui.copying.copy_formats import Format, Subject
+    from trcvtui.tui.forms.change_fields import Part
+
+ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
+SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
+PAST: Final = {4, 8}  # history and timing
+CALM_PICTURES: Final = 60  # three seconds: a STATUS that comes and goes moves no pane to and fro
+BESIDE: Final = {2, 3}  # Block and STATUS stand side by side
+LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
+
+
+class MainScreen(Screen[None]):
+    """Hands what changed to the panes, and what the panes ask for to the app."""
+
+    BINDINGS: ClassVar = [
+        *[Binding(str(digit), f"pane({digit})", show=False) for digit in range(1, 9)],
+        *[Binding(letter, f"pin('{letter}')", show=False) for letter in LETTERS],
+        Binding("M,backslash", "zoom", show=False, id="zoom"),
+        Binding("space", "hold", show=False, id="hold"),
+        Binding("full_stop", "single_scan", show=False, id="single_scan"),
+        Binding("F", "freeze", show=False, id="freeze"),
+        Binding("T", "trigger", show=False, id="trigger"),
+        Binding("colon", "prompt", show=False, id="prompt"),
+        Binding("v", "members", show=False, id="members"),
+        Binding("V", "theirs", show=False, id="theirs"),
+        Binding("y", "yank", show=False, id="yank"),
+        Binding("K", "mark", show=False, id="mark"),
+        Binding("A", "app.add('instance')", show=False, id="add"),
+        Binding("E", "change", show=False, id="change"),
+        Binding("ctrl+z", "undo", show=False, id="undo"),
+        Binding("U", "mouse", show=False, id="mouse"),
+        Binding("S,f2", "scenarios", show=False, id="scenarios"),
+        Binding("L", "app.lab", show=False, id="lab"),
+        Binding("question_mark,f1", "help", show=False, id="help"),
+        Binding("R", "app.restart", show=False, id="restart"),
+        Binding("escape", "calm", show=False),
+        Binding("q", "app.quit", show=False, id="quit"),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    CSS_PATH = "main.tcss"
+
+    def __init__(self, scene: Scene, submit: Callable[[str], None]) -> None:
+        super().__init__()
+        self._scene = scene
+        self._submit = submit
+        self._pane = 3
+        self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
+        self._past = 4  # history or timing, where one place is for both
+        voice = Voice(submit, self.action_prompt, lambda text: self.prompt.complain(text))
+        self.header = HeaderLine(scene)
+        self.instances = InstanceList(scene)
+        self.filter = FilterLine(
+            self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
+        )
+        self.tabs = TabLine()
+        self.block = FunctionBlock(scene, voice)
+        self.status = StatusCard(scene)
+        self.timing = Timing(scene, voice)
+        self.history = StatusHistory(scene, voice)
+        self.received = Received(scene)
+        self.table = UdtTable(scene)
+        self.peer = PeerPanel(scene, voice)
+        self._grid = Container(id="panes")
+        self._rows = ""  # as the style sheet writes them
+        self._peer_rows: int | None = None
+        self._sizes: dict[str, bool] = {}
+        self._instances = 0  # of the project, when the panes were arranged
+        self.prompt = Prompt(scene, self.peer.lines.heard(submit), self._only_looks)
+        self.key_line = KeyLine()
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose header, instances, panes, prompt, keys."""
+        self._fit(*self.app.size)  # before there are panes: afterwards all of them would be styled again
+        self._grid.styles.grid_rows = self._rows = _written(grid_rows(self._sizes, timing=False))
+        yield self.header
+        yield self.instances
+        yield self.tabs
+        with self._grid:
+            yield from self._panes().values()
+        yield self.prompt
+        yield self.key_line
+
+    def _panes(self) -> dict[int, Widget]:
+        return {
+            2: self.block,
+            3: self.status,
+            8: self.timing,  # before 4: where all stand, the grid is filled in this order
+            4: self.history,
+            5: self.received,
+            6: self.table,
+            7: self.peer,
+        }
+
+    def _focus_target(self, digit: int) -> Widget:
+        inner: dict[int, Widget] = {1: self.instances, 5: self._bytes_view(), 7: self.peer.first}
+        return inner.get(digit) or self._panes()[digit]
+
+    def on_mount(self) -> None:
+        """Begin in the list of instances."""
+        self._arrange()
+        self.set_focus(self.instances)
+        self.show()
+
+    async def prepare(self) -> None:
+        """Make the fields that can be typed into: they need not stand in the first frame."""
+        with self.app.batch_update():
+            await self.prompt.prepare()
+            await self.peer.prepare()
+            await self.mount(self.filter, before=self.tabs)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Take all panes side by side only where nothing has to be cut."""
+        self._fit(*event.size)
+        self._arrange()
+        self.call_after_refresh(self._give_rows)
+
+    def _fit(self, width: int, height: int) -> None:
+        self._instances = len(self._scene.project.instances)
+        self._sizes = sizes(width, height, self._instances)
+        self._status_rows.clear()
+        self.update_classes(self._sizes)
+
+    def _give_rows(self) -> None:
+        """Give STATUS the rows that it needs for its advice, from panes that leave some empty."""
+        if self.status.line_width > 0:
+            self._status_rows.append(self.status.least_rows + FRAME)
+        panes, peer = self._grid, self.peer.least_rows + FRAME
+        if self.has_class(TABS) or self.has_class(ZOOM):
+            above = self.status.display and self.peer.display
+            self._give_peer(min(peer, panes.size.height - FRAME - 1) if above else None)
+            return
+        self._give_peer(None)
+        rows = grid_rows(self._sizes, self._past == 8)
+        rows = (
+            grown(rows, panes.size.height, max(self._status_rows, default=0), peer)
+            if panes.size.height
+            else rows
+        )
+        wanted = _written(rows)
+        if wanted != self._rows:
+            self._rows = wanted
+            panes.styles.grid_rows = wanted
+
+    def _give_peer(self, rows: int | None) -> None:
+        if rows != self._peer_rows:  # setting None lays the screen out even where it was None
+            self._peer_rows = rows
+            self.peer.styles.height = rows
+
+    # -- what comes in ------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Let every pane repaint what changed."""
+        self.set_class(self._scene.is_frozen, FROZEN)
+        if self._instances != len(self._scene.project.instances):  # more of them leave less to the panes
+            self._fit(*self.size)
+            self._arrange()
+        panes = self.header, self.instances, self.block, self.status, self.timing, self.history, self.table
+        for pane in panes:
+            pane.show()
+        self.received.show()
+        self.peer.show()
+        self.prompt.answered(self._scene.answers)
+        self._give_rows()
+        self._show_keys()
+
+    def _show_keys(self) -> None:
+        picture = self._scene.live
+        self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
+
+    def begin_anew(self) -> None:
+        """Another bench stands here now: nothing that was pointed at is there any more."""
+        self.block.forget()
+        self.on_instance_selected()
+        self.on_peer_selected()
+
+    def obeys(self, line: str) -> bool:
+        """Carry out a line that is for the timing pane; return whether it is."""
+        if not is_for_timing(line):
+            return False
+        try:
+            self.prompt.did(line, obey_line(line, self.timing))
+        except UserError as wrong:
+            self.prompt.did(line, "", wrong.lines()[0])
+        return True
+
+    def end(self, last_words: str) -> None:
+        """The engine has ended: say so, and leave the last picture standing, its lamps grey."""
+        self._run(False)
+        self.prompt.complain(f"{last_words}; R starts the engine anew, q quits")
+
+    def restart(self) -> None:
+        """The engine has been started anew."""
+        self._run(True)
+        self.begin_anew()
+        self.prompt.tell("the engine is started anew")
+
+    def _run(self, runs: bool) -> None:
+        self.header.ended = not runs
+        self.header.show()
+        for pane in (self.instances, *self._grid.query(LineView)):
+            pane.end(not runs)
+
+    # -- what the panes say -------------------------------------------------------------------------
+
+    def on_instance_selected(self) -> None:
+        """Let all panes follow another instance."""
+        self.history.forget()
+        self.timing.forget()
+        self._status_rows.clear()
+        self.status.point_at(None)
+        self._link(range(0), range(0))
+        self.table.cursor, self.table.of_job = None, False
+        self.received.data.cursor = self.received.job.cursor = None
+        self.show()
+
+    def on_peer_selected(self) -> None:
+        """Let composer and buttons speak for another peer."""
+        self.peer.composer.judge()
+        self.peer.show()
+
+    def on_edge_selected(self, message: messages.EdgeSelected) -> None:
+        """Explain an edge of the past."""
+        line = message.line
+        self.status.point_at(line)
+        self.history.point_at(message.seq)
+        self.timing.point_at(line.scan if line else None, message.seq)
+
+    def on_byte_selected(self, message: messages.ByteSelected) -> None:
+        """Show the member that a byte belongs to."""
+        self.table.of_job, self.table.past = message.of_job, None
+        self._link_decoded(self.table.field_at(message.offset))
+        self.table.show()
+        self.received.show()
+
+    def on_past_selected(self, message: messages.PastSelected) -> None:
+        """Decode the job that the selected byte of the past belongs to, and show its member."""
+        of_job = self.received.job_of_cursor()
+        mine = of_job is not None and of_job[0] == self._scene.selected
+        self.table.past = of_job[1:] if of_job is not None and mine else None
+        if self.table.was_thrown_away:
+            self.table.cursor = None
+        in_data = mine and not self.table.was_thrown_away
+        field = self.table.field_at(self.received.byte_in_job()) if in_data else range(0)
+        self.received.show_field(field, goes_there=False)
+        self.table.show()
+        self.received.show()
+
+    def on_field_selected(self, message: messages.FieldSelected) -> None:
+        """Show the bytes of a member."""
+        if self.table.past is not None:
+            if not self.table.was_thrown_away:
+                self.received.show_field(message.field, goes_there=True)
+            self.received.show()
+            return
+        self._link_decoded(message.field)
+        self._decoded_view().go_to(message.field.start)
+        self.received.show()
+
+    def _bytes_view(self) -> Widget:
+        return self.received.stream if self.received.is_past else self._decoded_view()
+
+    def _decoded_view(self) -> HexView:
+        of_job = self.table.of_job and self.received.job.display
+        return self.received.job if of_job else self.received.data
+
+    def _link_decoded(self, field: range) -> None:
+        none = range(0)
+        self._link(*((none, field) if self.table.of_job else (field, none)))
+
+    def _link(self, data: range, job: range) -> None:
+        self.received.data.show_link(data)
+        self.received.job.show_link(job)
+
+    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
+        """Open a pane by mouse."""
+        self.action_pane(message.digit)
+
+    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
+        """Do what the key does."""
+        await self.run_action(message.action)
+
+    def on_descendant_focus(self, event: events.DescendantFocus) -> None:
+        """Open the pane that got the focus, and name its keys."""
+        for digit, pane in self._panes().items():
+            if pane in event.widget.ancestors_with_self:
+                self._open(digit)
+        self._show_keys()
+
+    # -- actions ------------------------------------------------------------------------------------
+
+    def action_pane(self, digit: int) -> None:
+        """Go to a pane."""
+        if digit != 1:
+            self._open(digit)
+        elif self.has_class(ZOOM):
+            self.action_zoom()
+        if digit != 1 and self.has_class(LIST):
+            self.action_zoom()
+        self.set_focus(self._focus_target(digit))
+
+    def _open(self, digit: int) -> None:
+        self._pane = digit
+        if digit in PAST:
+            self._past = digit
+        self._arrange()
+
+    def _arrange(self) -> None:
+        """Show one pane or all; the tab that is open is marked."""
+        alone = self.has_class(TABS) or self.has_class(ZOOM)
+        both = self.has_class("-broad") or self.has_class("-high") or self.has_class("-strip")
+        away = set() if both else PAST - {self._past}
+        seen = self._in_tabs() if alone else self._panes().keys() - away
+        self.set_class(self._past == 8, "-timing")
+        self.set_class(seen == BESIDE, "-beside")
+        for digit, pane in self._panes().items():
+            pane.display = digit in seen
+        self.tabs.mark(self._pane)
+        if self.status.is_mounted:
+            self._give_rows()
+
+    def _in_tabs(self) -> set[int]:
+        """Return what stands where not all panes do: one, and STATUS with Block and Peer in a pair."""
+        if self.has_class(ZOOM) or not self.has_class(PAIR):
+            return {self._pane}
+        return BESIDE if self._pane in BESIDE else {3, 7} if self._pane == 7 else {self._pane}
+
+    def action_zoom(self) -> None:
+        """Give the pane the whole screen, or take it back; the list of instances where it is a long one."""
+        long_list = self.focused is self.instances and self.instances.show_vertical_scrollbar
+        zoomed = next((each for each in (ZOOM, LIST) if self.has_class(each)), LIST if long_list else ZOOM)
+        self.toggle_class(zoomed)
+        self._arrange()
+
+    def action_pin(self, letter: str) -> None:
+        """Toggle the pin of a letter."""
+        self.block.press(letter)
+
+    def action_members(self) -> None:
+        """Decode the running job's bytes instead of DATA, or DATA again."""
+        self.table.of_job = not self.table.of_job
+        self._link_decoded(self.table.chosen_field())
+        self.table.show()
+
+    def action_theirs(self) -> None:
+        """View DATA as theirs: in the layout that fits what came; as the PLC lays it out again."""
+        from trcvtui.rig.diagnosis.data_view import own_line, view_line  # read when first asked for
+
+        decl, offer = self._scene.declaration, self.status.offer()
+        line = "" if decl is None else view_line(decl, offer.choice) if offer else own_line(decl)
+        if line:
+            self._submit(line)
+        else:
+            nothing = "no other layout fits what came: L opens the lab, V there takes theirs into DATA"
+            self.prompt.did("V", "", nothing if decl else "no DATA here")
+
+    def action_yank(self) -> None:
+        """Open the menu of what can be yanked, the focused pane's first."""
+        from trcvtui.tui.copying.copy_formats import FIRST_OF_PANE
+        from trcvtui.tui.copying.copy_menu import YankScreen  # read when first asked for
+
+        pane = self._focused_pane()
+        self.app.push_screen(YankScreen(self._subject(pane), FIRST_OF_PANE.get(pane, "c")), self._yanked)
+
+    def yank(self, letter: str) -> None:
+        """Yank in the format of a letter, without the menu."""
+        from trcvtui.tui.copying.copy_formats import FORMATS
+
+        form = next(form for form in FORMATS if form.letter == letter)
+        text = form.write(self._subject(self._focused_pane()))
+        if text:
+            self._yanked((form, text))
+        else:
+            self.prompt.complain(f"nothing is there to yank as {form.name}")
+
+    def _focused_pane(self) -> str:
+        return self.focused.id or "" if self.focused is not None else ""
+
+    def _subject(self, pane: str) -> Subject:
+        from trcvtui.tui.copying.copy_formats import subject_of
+
+        of_job = pane == "job" or (pane == "udt" and self.table.of_job)
+        of_peer = pane in ("peers", "payload")
+        return subject_of(self._scene, of_job, self.peer.composer.line if of_peer else None)
+
+    def _yanked(self, taken: tuple[Format, str] | None) -> None:
+        from trcvtui.tui.copying.taking import take
+
+        if taken is not None and not self._is_refused():
+            self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
+
+    def _only_looks(self) -> bool:
+        return bool(getattr(self.app, "only_looks", False))
+
+    def _is_refused(self) -> bool:
+        refuses = getattr(self.app, "refuses", None)
+        return bool(refuses and refuses())
+
+    def action_change(self) -> None:
+        """Choose a part of the project: to change it in a form, or to remove it."""
+        from trcvtui.tui.forms.change_fields import all_parts, parts_at_hand  # read when first asked for
+        from trcvtui.tui.widgets.choice_screen import ChoiceScreen
+
+        near = parts_at_hand(self._scene, self.peer in (self.focused.ancestors if self.focused else ()))
+        parts = [near, [part for part in all_parts(self._scene.project) if part not in near]]
+        choices = {
+            f"{verb} {part}": (action, part)
+            for some in parts
+            for verb, action in (("Change", self.change_part), ("Remove", self.remove_part))
+            for part in some
+        }
+        if not choices:
+            self.prompt.complain("nothing is there to change: A adds")
+            return
+
+        def take(chosen: str | None) -> None:
+            if chosen is not None:
+                action, part = choices[chosen]
+                action(part)
+
+        rows = [
+            (title, f"{'set' if action == self.change_part else 'remove'} {part.kind} {part.name}")
+            for title, (action, part) in choices.items()
+        ]
+        self.app.push_screen(ChoiceScreen("Change or remove", rows, ""), take)
+
+    def change_part(self, part: Part) -> None:
+        """Open the form that changes a part of the project."""
+        from trcvtui.tui.forms.change_screen import ChangeScreen  # read when first asked for
+
+        self.app.push_screen(ChangeScreen(lambda: self._scene.project, part), self._changed)
+
+    def _changed(self, line: str | None) -> None:
+        if line:
+            self._submit(line)
+
+    def remove_part(self, part: Part) -> None:
+        """Open the prompt with the line that removes a part: it is seen first, and what it does."""
+        if not self._is_refused():
+            self.action_prompt(f"remove {part.kind} {part.name}")
+
+    def action_undo(self) -> None:
+        """Open the prompt to take the newest edit of the project back; there stands which one that is."""
+        if self.prompt.is_open or self._is_refused():
+            return
+        if self._scene.project.undoable:
+            self.action_prompt("undo")
+        else:
+            self.prompt.complain("no edit of the project is there to be taken back")
+
+    def action_mouse(self) -> None:
+        """Let the terminal have the mouse, or take it back."""
+        from trcvtui.tui.copying.taking import give_mouse
+
+        self.key_line.mouse_is_away = not self.key_line.mouse_is_away
+        give_mouse(self.app, self.key_line.mouse_is_away)
+        away = "the mouse is the terminal's: select and copy there, U takes it back"
+        self.prompt.tell(away if self.key_line.mouse_is_away else "the mouse is the bench's again")
+        self._show_keys()
+
+    def action_mark(self) -> None:
+        """Begin anew with what a saved scenario will expect."""
+        self._submit("mark")
+
+    def action_hold(self) -> None:
+        """Hold the scans, or let them go on."""
+        picture = self._scene.live
+        self._submit("go" if picture and picture.holding else "hold")
+        if picture and picture.holding:
+            self._step_on()
+
+    def action_single_scan(self) -> None:
+        """Let one scan pass; hold first where scans are passing."""
+        picture = self._scene.live
+        if picture is not None and not picture.holding:
+            self._submit("hold")
+        self._submit("run 1")
+        self._step_on()
+
+    def _step_on(self) -> None:
+        """Where a trigger has held the scans, the view goes on with them."""
+        if self._scene.fired is not None and self._scene.fired.holds:
+            self._scene.thaw()
+
+    def action_freeze(self) -> None:
+        """Keep what is shown while the PLC runs on; or show again what is now."""
+        self._scene.thaw() if self._scene.is_frozen else self._scene.freeze()
+        self.show()
+
+    def action_trigger(self) -> None:
+        """Open the prompt to arm a trigger."""
+        self.action_prompt("trigger ")
+
+    def action_prompt(self, text: str = "") -> None:
+        """Open the prompt, perhaps with a beginning."""
+        self.prompt.open(text)
+
+    def action_calm(self) -> None:
+        """Leave what was opened: the zoom, the past."""
+        if self.has_class(ZOOM) or self.has_class(LIST):
+            self.action_zoom()
+        elif self.focused is self.instances and self.instances.is_filtered:
+            self.filter.clear()
+        self.history.action_now()
+
+    def action_filter(self) -> None:
+        """Let the words be typed that an instance has to have to be listed."""
+        self.action_pane(1)
+        self.filter.open()
+
+    def action_scenarios(self) -> None:
+        """Open the scenarios."""
+        self._submit(SCENARIOS)
+
+    def action_help(self) -> None:
+        """Open the help."""
+        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
+
+        self.app.push_screen(HelpScreen(self._scene, self.focused))
+
+
+def _written(rows: Iterable[int]) -> str:
+    """Return the heights of rows as a style sheet writes them."""
+    return " ".join(str(each) if each != REST else "1fr" for each in rows)

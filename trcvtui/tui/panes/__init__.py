@@ -1,0 +1,1 @@
+"""The panes of the bench, one file a pane, its parts beside it."""

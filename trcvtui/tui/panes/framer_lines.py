@@ -1,0 +1,110 @@
+"""What stands below the box of a block on a ComBuffer: fill, data, frames, gap timer, thrown-away bytes."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot
+from trcvtui.plc.wired_pins import buffer_pin
+from trcvtui.project.project import SERIAL, SIMULATED
+from trcvtui.tui.formatting import bar, clip, count, plain
+from trcvtui.tui.panes.gap_timer import gap_of, gap_parts
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.line_view import Part, Row, row
+
+LABEL: Final = 9
+BAR: Final = 8
+NEAR: Final = 4  # a ComBuffer with less than a quarter of its room left
+ROOMY: Final = 72
+
+
+def framer_lines(scene: Scene, instance: InstanceSnapshot, width: int) -> list[Row]:
+    """Return the lines, none for a block that has no ComBuffer."""
+    if not buffer_pin(instance.block):
+        return []
+    rows, data = [_buffer(scene, instance, width)], _data(scene, instance)
+    if instance.framer is None:
+        return [*rows, _jobs(instance), data, row()]
+    rows.append(_frames(instance.framer))
+    gap = gap_of(scene, instance)
+    if gap is not None:
+        rows += _labelled("gap", gap_parts(gap), width)
+    return [*rows, *_thrown(instance.framer, width), data, row()]
+
+
+def _label(text: str) -> Part:
+    return f" {text:<{LABEL - 1}}", "dim"
+
+
+def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
+    """Return parts behind a label, the last one below them where the line has no room for it."""
+    whole = [_label(label), *parts]
+    if sum(len(text) for text, _ in whole) <= width or len(parts) < 2:
+        return [row(*whole)]
+    text, style = parts[-1]
+    return [row(*whole[:-1]), row(_label(""), (clip(text.strip(" ·"), width - LABEL), style))]
+
+
+def _buffer(scene: Scene, instance: InstanceSnapshot, width: int) -> Row:
+    """Return the fill of the ComBuffer, and what had no room in it."""
+    buffer = scene.snapshot.combuffer(instance.connect) if scene.snapshot is not None else None
+    if buffer is None:
+        return row(_label("queue"), (plain(instance.connect), "strong"))
+    full, empty = bar(buffer.count, buffer.size, BAR)
+    tight = buffer.size - buffer.count < buffer.size // NEAR
+    parts = [
+        _label("queue"), (plain(buffer.name), "strong"), (" ", ""), (full, "warn" if tight else "busy"),
+        (empty, "faint"), (f" {buffer.count}/{buffer.size} B", "strong" if buffer.count else ""),
+    ]  # fmt: skip
+    if buffer.lost:
+        parts.append((f"  {buffer.lost} lost", "error"))
+    if not buffer.is_up:
+        parts.append(("  port is away", "error"))
+    elif width >= ROOMY or not buffer.lost:
+        parts.append((f"  {source_words(buffer)}", "dim"))
+    return row(*parts)
+
+
+def source_words(buffer: ComBufferSnapshot) -> str:
+    """Return where the bytes of a ComBuffer come from."""
+    known = {SIMULATED: "simulated", SERIAL: "serial port"}
+    return known.get(buffer.source, f"from {plain(buffer.source)}")
+
+
+def _data(scene: Scene, instance: InstanceSnapshot) -> Row:
+    declared = scene.declaration
+    if declared is None:
+        return row(_label("data"), ("not wired", "warn") if instance.data_pin else ("none", "dim"))
+    size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
+    return row(_label("data"), (plain(declared.name), "strong"), (size, "dim"))
+
+
+def _jobs(instance: InstanceSnapshot) -> Row:
+    errors = f"  {count(instance.errors, 'error')}"
+    return row(_label("jobs"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
+
+
+def _frames(framer: FramerSnapshot) -> Row:
+    tally = framer.tally
+    parts: list[Part] = [_label("frames"), (f"{tally.good} good", "strong")]
+    parts.append((f"  {tally.gaps} by a gap", "warn" if tally.gaps else "dim"))
+    parts.append((f"  {count(tally.overruns, 'overrun')}", "error" if tally.overruns else "dim"))
+    return row(*parts)
+
+
+def _thrown(framer: FramerSnapshot, width: int) -> list[Row]:
+    """Return how many bytes no frame has: noise before a prefix, and parts that had no end."""
+    tally = framer.tally
+    if not framer.discarded and not tally.parts:
+        return [row(_label("noise"), ("nothing thrown away", "dim"))]
+    parts: list[Part] = [(f"{framer.discarded} B thrown away", "warn" if framer.discarded else "dim")]
+    if tally.parts:
+        parts.append((f"  {count(tally.parts, 'part')} of frames", "warn"))
+    parts.append(("  X: which", "dim"))
+    rows = [row(_label("noise"), *parts)]
+    if framer.discarded:
+        room = max(3, (width - LABEL - 2) // 3)
+        newest = framer.noise[-room:]
+        lead = "…" if framer.discarded > len(newest) else ""
+        rows.append(row(_label(""), (lead + newest.hex(" ").upper(), "ghost")))
+    return rows

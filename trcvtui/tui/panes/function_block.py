@@ -1,0 +1,371 @@
+"""Pane 2: the function block as it is drawn in a program; its input pins are the toggles."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual import events
+
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.plc.wired_pins import is_time
+from trcvtui.project.secure_view import security_of
+from trcvtui.tui.formatting import cells, clip, count, lamp, plain
+from trcvtui.tui.messages import DescriptionWanted
+from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.panes.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
+from trcvtui.tui.panes.framer_lines import framer_lines
+from trcvtui.tui.panes.serial_pins import line_for, why_not, wired_value
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.keys import PIN_LETTERS
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.literals import format_time
+
+IN_BOX: Final = 8
+OUT_BOX: Final = 8
+TIGHT_BOX: Final = 6  # where long names need the room
+LEAST_BOX: Final = 4
+JOINTS, TIGHT_JOINTS = (" ─┤", "├─ "), ("┤", "├")
+ROOMY: Final = 72  # room for what each output means
+LATE_S: Final = 2  # so much later than the limit a stack may notice: it looks when it sends again
+
+
+class FunctionBlock(LineView):
+    """The selected instance. A toggle is shown as pending until a scan has taken it over."""
+
+    BINDINGS: ClassVar = [
+        ("enter", "toggle_pin", "toggle the pin under the cursor"),
+        ("C", "description", "the connection description byte for byte"),
+    ]
+
+    def __init__(self, scene: Scene, voice: Voice) -> None:
+        super().__init__(id="block")
+        self._scene = scene
+        self._voice = voice
+        self._drawings: dict[tuple[str, str], Drawing] = {}
+        self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
+        self._cursor = 0
+        self._told: list[Row] = []  # below the box of a block on a ComBuffer
+        self._hover: int | None = None
+
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the letters of the pins of this very block."""
+        inputs = self.drawing().inputs
+        levels = " ".join(pin.letter for pin in inputs if pin.is_bool and pin.letter)
+        numbers = tuple((pin.letter, pin.name) for pin in inputs if not pin.is_bool and pin.letter)
+        described = (("C", "description"),) if self._scene.project.dialect.describes_connects else ()
+        return (("enter", "toggle"), (levels, "pins"), *numbers, *described)
+
+    def forget(self) -> None:
+        """Draw for another project: its dialect may name the pins of a block otherwise."""
+        self._drawings.clear()
+        self._pending.clear()
+
+    # -- what is drawn ------------------------------------------------------------------------------
+
+    def drawing(self) -> Drawing:
+        """Return the pins of the selected instance's block."""
+        instance = self._scene.instance or self._scene.project.instance(self._scene.selected)
+        if instance is None:
+            return Drawing()
+        drawn = instance.block, instance.connect
+        if drawn not in self._drawings:
+            self._drawings[drawn] = drawing_of(self._scene.project, *drawn)
+        return self._drawings[drawn]
+
+    def show(self) -> None:
+        """Repaint what changed."""
+        instance = self._scene.instance
+        about = f"{instance.block}{self._called_by(instance)}" if instance else ""
+        self.set_title(2, plain(self._scene.selected) or "Block", about)
+        self._settle()
+        instance = self._scene.instance
+        self._told = framer_lines(self._scene, instance, self.line_width) if instance else []
+        super().show()
+
+    def _called_by(self, instance: InstanceSnapshot) -> str:
+        """Return the task of an instance where there are several: ` · SLOW T#40ms priority 2`."""
+        task = self._scene.project.task(instance.task)
+        if task is None or len(self._scene.project.tasks) < 2:
+            return ""
+        return f" · {plain(task.name)} {format_time(task.interval_ns)} priority {task.priority}"
+
+    def _settle(self) -> None:
+        snapshot, instance = self._scene.snapshot, self._scene.instance
+        if snapshot is None or instance is None:
+            return
+        for (name, pin), (value, scan) in list(self._pending.items()):
+            taken = name == instance.name and instance.pin(pin) == value
+            if taken or snapshot.scan > scan + 1:
+                del self._pending[name, pin]
+
+    def row_count(self) -> int:
+        """Return the lines of the box, and those below it."""
+        return self.drawing().height + 2 + max(5, len(self._told))
+
+    def row_at(self, y: int) -> Row:
+        """Return one line of the drawing."""
+        drawing = self.drawing()
+        left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]))
+        if y == 0:
+            instance = self._scene.instance
+            width, name = self._box() + self._out_box(), instance.block if instance else ""
+            name = f" {name} " if name and cells(name) + 2 <= width else name
+            return row((f"{left}┌{name.center(width, '─')}┐", "dim"))
+        if y <= drawing.height:
+            return self._pin_row(drawing, y - 1)
+        if y == drawing.height + 1:
+            return row((f"{left}└{'─' * (self._box() + self._out_box())}┘", "dim"))
+        return self._below(y - drawing.height - 2)
+
+    def _box(self) -> int:
+        """Return the width of the left half: no value is ever cut."""
+        values = (len(self._value_text(pin)) for pin in self.drawing().inputs if not pin.is_bool)
+        tight = self._is_tight()
+        return max(TIGHT_BOX if tight else IN_BOX, max(values, default=0) + (2 if tight else 3))
+
+    def _out_box(self) -> int:
+        if not self._is_tight():
+            return OUT_BOX
+        instance = self._scene.instance
+        shown = (len(output_text(pin, instance, False)[0]) for pin in self.drawing().outputs)
+        if instance is None:
+            return TIGHT_BOX
+        return max(LEAST_BOX, max(shown, default=0) + 1, len(instance.block) - self._box())
+
+    def _joints(self) -> tuple[str, str]:
+        return TIGHT_JOINTS if self._is_tight() else JOINTS
+
+    def _lead(self) -> int:
+        """Return the columns of a letter."""
+        return 2 if self._is_tight() else 3
+
+    def _is_tight(self) -> bool:
+        """Return whether the names leave no room for the usual drawing."""
+        drawing = self.drawing()
+        needed = drawing.name_width + drawing.label_width + IN_BOX + OUT_BOX + 9
+        return 0 < self.line_width < needed
+
+    def _value_text(self, pin: DrawnPin) -> str:
+        """Return what stands at a pin that is no BOOL."""
+        instance = self._scene.instance
+        if pin.is_wired:
+            return wired_value(pin.name, instance) if instance is not None else ""
+        return f"{self.value_of(pin)[0]}{' ms' if is_time(pin.name) else ''}"
+
+    def _pin_row(self, drawing: Drawing, y: int) -> Row:
+        parts: list[Part] = []
+        if y < len(drawing.inputs):
+            pointed = y == self._cursor and self.has_focus
+            style = "cursor" if pointed else "hover" if y == self._hover else ""
+            parts += [(text, f"{names} {style}") for text, names in self._input(drawing, drawing.inputs[y])]
+        else:
+            left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]) - 1)
+            parts.append((f"{left}│{'':<{self._box()}}", "dim"))
+        if y < len(drawing.outputs):
+            parts += self._output(drawing.outputs[y])
+        else:
+            parts.append((" " * self._out_box() + "│", "dim"))
+        return row(*parts)
+
+    def _input(self, drawing: Drawing, pin: DrawnPin) -> list[Part]:
+        value, pending = self.value_of(pin)
+        text = f"{lamp(bool(value))} {int(value)}" if pin.is_bool else self._value_text(pin)
+        return [
+            (f" {pin.letter or ' '} "[-self._lead() :], "key"),
+            (pin.name.rjust(drawing.name_width), "strong" if value else ""),
+            (" ▷┤" if pin.edge else self._joints()[0], "dim"),
+            (
+                f" {text}{'…' if pending else ''}".ljust(self._box()),
+                "warn" if pending else "on" if pin.is_bool and value else "",
+            ),
+        ]
+
+    def _output(self, pin: DrawnPin) -> list[Part]:
+        scene = self._scene
+        glow = glow_text(pin, scene.instance, scene.afterglow, scene.t_ns)
+        text, style = output_text(pin, scene.instance, bool(glow))
+        roomy = self.line_width >= ROOMY
+        joint = self._joints()[1]
+        name = pin.label if roomy or not glow else pin.label.partition(" ")[0]  # the scan is never cut
+        if glow and not roomy:
+            used = (
+                self.drawing().name_width
+                + self._lead()
+                + len(self._joints()[0])
+                + self._box()
+                + self._out_box()
+            )
+            name = clip(name, max(4, self.line_width - used - len(joint) - len(glow)))
+        gap = " " * (1 + self.drawing().label_width - cells(name))
+        about = f"{gap}{pin.text}" if roomy and not glow else ""
+        return [
+            (text.rjust(self._out_box() - 1) + " ", style),
+            (joint.rstrip(), "dim"),
+            (" " * (len(joint) - len(joint.rstrip())) + name, style),
+            (glow, "glow"),
+            (about, "faint"),
+        ]
+
+    def _below(self, y: int) -> Row:
+        instance = self._scene.instance
+        if instance is None:
+            return EMPTY
+        if self._told:
+            pin = self._pin_under_cursor() if self.has_focus else None
+            if pin is not None and y == len(self._told) - 1:
+                return row((f" {clip(pin.text, self.line_width - 1)}", "dim"))
+            return self._told[y] if y < len(self._told) else EMPTY
+        if y == 0:
+            link = " CONFIG  " if instance.on_config else " CONNECT "
+            end = (plain(instance.connect), "strong")
+            return row((link, "dim"), end, *self._secured(instance), (self._connection(), "dim"))
+        if y == 1:
+            return row((f" {instance.data_pin or 'DATA':<8}", "dim"), *self._data_parts(instance))
+        if y == 2:
+            errors = f"  {count(instance.errors, 'error')}"
+            return row((" jobs    ", "dim"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
+        if y == 3:
+            return row((" last    ", "dim"), (_last(instance), "dim"))
+        pin = self._pin_under_cursor()
+        if pin and self.has_focus:
+            return row((f" {clip(pin.text, self.line_width - 1)}", "dim"))
+        return row((" wire    ", "dim"), (self._dead_link(), "dim"))
+
+    def _dead_link(self) -> str:
+        """Return when a dead link would show: 2 to 3 intervals after its last word (7.15.4).
+
+        While bytes of ours are not acknowledged keep-alive rests, and their own limit of 3 intervals counts.
+        """
+        connection = self._scene.connection
+        if connection is None:
+            return ""
+        if connection.udp:
+            return "UDP: nobody notices a dead link"
+        interval = connection.keep_alive_s
+        if connection.unacknowledged:
+            limited = self._scene.project.options.get("user_timeout", True)
+            when = f"in {3 * interval}–{3 * interval + LATE_S} s" if limited else "in minutes"
+            return f"unacknowledged: dead link {when}"
+        return f"keep-alive {interval} s: dead link in {2 * interval}–{3 * interval} s"
+
+    def _connection(self) -> str:
+        connection = self._scene.connection
+        if connection is None:
+            return ""
+        if connection.udp:
+            return self._address() or f"  UDP, {connection.state}"
+        return f"  {'active' if connection.active else 'passive'}, {connection.state}"
+
+    def _secured(self, instance: InstanceSnapshot) -> list[Part]:
+        found = security_of(self._scene.project.connect(instance.connect))
+        return [(f"  {found.text}", "error strong" if found.is_unsafe else "dim")] if found else []
+
+    def _address(self) -> str:
+        """Return ADDR and what stands in it: `SOURCE 127.0.0.1:51322`."""
+        instance, picture = self._scene.instance, self._scene.picture
+        if instance is None or picture is None:
+            return ""
+        addr = picture.snapshot.addr(instance.addr)
+        return f"  {plain(addr.name)} {plain(addr.end)}" if addr is not None else ""
+
+    def _data_parts(self, instance: InstanceSnapshot) -> list[Part]:
+        declared = self._scene.declaration
+        if declared is None:
+            return [("not wired", "warn")] if instance.data_pin else [("none", "dim")]
+        size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
+        return [(plain(declared.name), "strong"), (size, "dim")]
+
+    # -- toggling -----------------------------------------------------------------------------------
+
+    def value_of(self, pin: DrawnPin) -> tuple[bool | int, bool]:
+        """Return the value of an input, and whether it still waits for the next scan."""
+        instance = self._scene.instance
+        if instance is None:
+            return 0, False
+        if pin.is_fixed:
+            return self._scene.project.identity(instance.block, instance.connect) or 0, False
+        waiting = self._pending.get((instance.name, pin.name))
+        return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
+
+    def press(self, letter: str) -> bool:
+        """Toggle the pin of this letter; return whether there is one."""
+        pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
+        if pin is not None:
+            self.toggle(pin)
+        elif self._scene.instance is not None:
+            missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
+            self._voice.complain(f"{self._scene.instance.block} has no {missing}")
+        return pin is not None
+
+    def toggle(self, pin: DrawnPin) -> None:
+        """Ask for the command of a pin: a level changes over, an edge is pulsed, a number is typed."""
+        instance, snapshot = self._scene.instance, self._scene.snapshot
+        if instance is None or snapshot is None:
+            return
+        value, _ = self.value_of(pin)
+        if pin.is_wired:
+            line = line_for(pin.name, instance, self._scene)
+            self._voice.open_prompt(line) if line else self._voice.complain(why_not(pin.name, instance))
+        elif pin.is_fixed:
+            self._voice.complain(f"{pin.name} is {value}: the description of {instance.connect} says so (C)")
+        elif not pin.is_bool:
+            self._voice.open_prompt(f"set {instance.name} {pin.name}=")
+        elif pin.edge:
+            self._voice.submit(f"pulse {instance.name} {pin.name}")
+        else:
+            self._pending[instance.name, pin.name] = (not value, snapshot.scan)
+            self._voice.submit(f"set {instance.name} {pin.name}={int(not value)}")
+        self.show()
+
+    def _pin_under_cursor(self) -> DrawnPin | None:
+        inputs = self.drawing().inputs
+        return inputs[min(self._cursor, len(inputs) - 1)] if inputs else None
+
+    def action_toggle_pin(self) -> None:
+        """Toggle the pin under the cursor."""
+        pin = self._pin_under_cursor()
+        if pin is not None:
+            self.toggle(pin)
+
+    def action_description(self) -> None:
+        """Ask for the connection description of the instance."""
+        self.post_message(DescriptionWanted())
+
+    def action_move(self, rows: int) -> None:
+        """Move the cursor from pin to pin."""
+        last = len(self.drawing().inputs) - 1
+        self._cursor = max(0, min(last, self._cursor + rows))
+        self.keep_in_view(self.row_count() - 1 if self._told and self._cursor == last else self._cursor + 1)
+        self.show()
+
+    def on_click(self, event: events.Click) -> None:
+        """Toggle the input pin under the mouse."""
+        pin = self._pin_under_mouse(event)
+        if pin is not None:
+            self._cursor = pin
+            self.toggle(self.drawing().inputs[pin])
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        """Show which pin a click would toggle."""
+        self._hover = self._pin_under_mouse(event)
+        self.show()
+
+    def on_leave(self) -> None:
+        """The mouse has gone."""
+        self._hover = None
+        self.show()
+
+    def _pin_under_mouse(self, event: events.MouseEvent) -> int | None:
+        place, drawing = self.place_of(event), self.drawing()
+        if place is None or not 1 <= place[1] <= len(drawing.inputs):
+            return None
+        edge = drawing.name_width + self._lead() + 1 + len(self._joints()[0]) + self._box()
+        return place[1] - 1 if place[0] < edge else None
+
+
+def _last(instance: InstanceSnapshot) -> str:
+    if instance.last_done_scan is None:
+        return "no DONE yet"
+    moved = instance.last_rcvd_len if instance.moves_bytes else None
+    size = f"{moved} B " if moved is not None else ""
+    return f"DONE {size}in scan {instance.last_done_scan}"

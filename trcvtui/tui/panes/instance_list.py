@@ -1,0 +1,301 @@
+"""Pane 1: one line for each instance: partner, STATUS, lamps, have and need, age of the last byte."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Final, NamedTuple
+
+from textual import events
+from textual.binding import Binding
+
+from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
+from trcvtui.project.secure_view import TLS, security_of
+from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
+from trcvtui.tui.messages import InstanceSelected
+from trcvtui.tui.view_model.afterglow import DONE, ERROR, Pulse
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+ROOMY: Final = 110
+NARROW: Final = 60  # below: neither partner nor condition, the lamps stay
+BAR: Final = 10
+MANY: Final = 8  # from here on there are keys to find one
+# What stands where no instance is.
+EMPTY_BENCH: Final = (
+    "  empty: press A, then enter, for an instance with its CONNECT and DATA",
+    "  then t raises CONT (it listens) and n raises EN_R (it receives)",
+)
+
+
+class Columns(NamedTuple):
+    """Widths; `both` ends of the connection or the partner only; `bar` 0: no bar, no numbers, no age."""
+
+    name: int
+    partner: int
+    word: int
+    condition: int
+    bar: int
+    both: bool
+    numbers: int = 0
+
+
+class InstanceList(LineView):
+    """The instances in call order; the cursor is the selection that all panes follow."""
+
+    DEFAULT_CSS = "InstanceList { height: auto; max-height: 10; min-height: 3; }"
+    KEYS: ClassVar = (("↑↓", "instance"), ("A", "add"), ("E", "change"))
+    BINDINGS: ClassVar = [
+        Binding("slash", "screen.filter", "list those with some words", show=False),
+        Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),
+    ]
+
+    def __init__(self, scene: Scene, digit: int = 1) -> None:
+        super().__init__(id="instances")
+        self._digit = digit
+        self._scene = scene
+        self._words: list[str] = []  # of the filter: those listed have all of them
+        self._listed: Sequence[InstanceSnapshot] = ()
+        self._columns = self._measure()
+
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the keys; those for many instances where there are many."""
+        many = self._words or len(self._scene.instances) > MANY
+        return (*self.KEYS, ("/", "filter"), ("!", "ERROR")) if many else self.KEYS
+
+    @property
+    def is_filtered(self) -> bool:
+        """Return whether some may be left out."""
+        return bool(self._words)
+
+    def narrow(self, words: str) -> None:
+        """List only the instances that have all of these words: in name, block, code or address."""
+        self._words = words.casefold().split()
+        self.show()
+        self._keep_selected_in_view()
+
+    def row_count(self) -> int:
+        """Return the number of instances that are listed."""
+        if self._words:
+            return max(1, len(self._listed))
+        return len(self._scene.instances) or len(self._scene.project.instances) or len(EMPTY_BENCH)
+
+    def show(self) -> None:
+        """Repaint what changed; the title says how many a filter lets through, and who shows an ERROR."""
+        instances = self._scene.instances
+        self._listed = [each for each in instances if self._has_words(each)] if self._words else instances
+        told = [f"{len(self._listed)} of {len(instances)} with {plain(' '.join(self._words))}, esc: all"]
+        told = told if self._words else []
+        if len(instances) > MANY and (errors := sum(map(self._shows_error, instances))):
+            told.append(f"{errors} with ERROR")
+        self.set_title(self._digit, "Instances", " · ".join(told))
+        self._columns = self._measure()
+        super().show()
+
+    def row_at(self, y: int) -> Row:
+        """Return one instance."""
+        if y < len(self._listed):
+            return self._row(self._listed[y], self._columns)
+        if self._words:
+            return row(("  none has these words in its name, code or address", "dim")) if y == 0 else EMPTY
+        declared = self._scene.project.instances
+        if not declared:
+            return row((EMPTY_BENCH[y], "key" if y == 0 else "dim")) if y < len(EMPTY_BENCH) else EMPTY
+        return row((f"  {plain(declared[y].name)}", "dim")) if y < len(declared) else EMPTY
+
+    def _has_words(self, instance: InstanceSnapshot) -> bool:
+        pulses = self._pulses(instance)
+        codes = {instance.status, *(pulse.status for pulse in pulses)}
+        spoken = (
+            f"{instance.name} {instance.block} {self._scene.project.dialect.label(instance.condition)}",
+            _partner(self._scene.connection_of(instance), True),
+            " ".join(f"16#{code:04X}" for code in codes if code is not None),
+            "error" if self._shows_error(instance) else "",
+        )
+        text = " ".join(spoken).casefold()
+        return all(word in text for word in self._words)
+
+    def _pulses(self, instance: InstanceSnapshot) -> list[Pulse]:
+        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        found = [glow(instance.name, lamp_name, now) for lamp_name in (DONE, ERROR)]
+        return [pulse for pulse in found if pulse is not None]
+
+    def _shows_error(self, instance: InstanceSnapshot) -> bool:
+        """Return whether its ERROR is 1, or was a moment ago."""
+        glowing = self._scene.afterglow.glow(instance.name, ERROR, self._scene.t_ns)
+        return instance.error or glowing is not None
+
+    def _measure(self) -> Columns:
+        shown, roomy = self._scene.instances, self.line_width >= ROOMY
+        if 0 < self.line_width < NARROW:
+            return Columns(min(max((cells(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
+        name = min(max((cells(instance.name) for instance in shown), default=8), 24 if roomy else 12)
+        # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
+        room = max(24, self.line_width - name - 86) if roomy else 23
+        # Where no block has a connection, what a block is doing may be told in full.
+        spare = 13 if not any(self._scene.connection_of(instance) for instance in shown) else 0
+        both = roomy and self._partner_width(True) <= room
+        partner = min(self._partner_width(both), room)
+        numbers = max((len(_numbers(instance)) for instance in shown), default=0)
+        return (
+            Columns(name, partner, 7, 18 + spare, BAR, both, numbers)
+            if roomy
+            else Columns(name, partner, 4, 18 + min(1, spare), 0, both)
+        )
+
+    def _partner_width(self, both: bool) -> int:
+        links = {instance.connect: instance for instance in self._scene.instances}  # one of each will do
+        partners = (
+            _partner(self._scene.connection_of(instance), both) + self._mark(name)[0]
+            for name, instance in links.items()
+        )
+        return max(map(len, partners), default=20)
+
+    def _row(self, instance: InstanceSnapshot, columns: Columns) -> Row:
+        selected = instance.name == self._scene.selected
+        style = "" if not selected else "cursor" if self.has_focus else "cursor-blurred"
+        connection = self._scene.connection_of(instance)
+        parts: list[Part] = [
+            ("▸ " if selected else "  ", "key"),
+            (pad(squeeze(plain(instance.name), columns.name), columns.name) + " ", "strong"),
+            *self._partner(connection, columns),
+            *_status(instance, self._scene.project.dialect.label(instance.condition), columns),
+            *self._lamps(instance),
+            *self._progress(instance, columns),
+        ]
+        return row(*parts, style=style)
+
+    def _mark(self, connect: str) -> Part:
+        """Return what stands behind the partner of a secure connection: ` TLS`, ` TLS!` unchecked."""
+        found = security_of(self._scene.project.connect(connect))
+        if found is None:
+            return "", ""
+        return (f" {TLS}!", "error strong") if found.is_unsafe else (f" {TLS}", "dim")
+
+    def _partner(self, connection: ConnectionSnapshot | None, columns: Columns) -> list[Part]:
+        width, text = columns.partner, _partner(connection, columns.both)
+        mark, style = self._mark(connection.name) if connection and width else ("", "")
+        if connection is not None and mark and cells(text) + len(mark) > width:  # the port says more
+            text = text.replace(connection.local.partition(":")[0] + ":", ":")
+        text = clip(text, width - len(mark))
+        gap = " " * (width - cells(text) - len(mark) + 2 * bool(width))
+        return [(text, "dim"), (mark, style), (gap, "")]
+
+    def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
+        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        done, error = glow(instance.name, DONE, now), glow(instance.name, ERROR, now)
+        return [
+            _lamp("B", instance.busy, "busy", False),
+            _lamp("D", instance.done, "done", done is not None),
+            _lamp("E", instance.error, "error", error is not None),
+        ]
+
+    def _progress(self, instance: InstanceSnapshot, columns: Columns) -> list[Part]:
+        pulse = self._newest_pulse(instance)
+        if not columns.bar:
+            have = f" {instance.have}/{instance.need}" if instance.need else ""
+            return [(have, ""), (f" ◂{pulse.scan}" if pulse else "", "glow")]
+        parts: list[Part] = [(" " * (2 + BAR + columns.numbers), "")]
+        if instance.need:
+            full, empty = bar(instance.have, instance.need, BAR)
+            parts = [
+                ("  ", ""),
+                (full, "busy"),
+                (empty, "faint"),
+                (_numbers(instance).ljust(columns.numbers), ""),
+            ]
+        if pulse is not None:
+            return [*parts, (f"  ◂ scan {pulse.scan}", "glow")]
+        last = instance.last_receive_ns
+        return [
+            *parts,
+            (f"  last byte {age(self._scene.t_ns - last)} ago" if last is not None else "", "dim"),
+        ]
+
+    def _newest_pulse(self, instance: InstanceSnapshot) -> Pulse | None:
+        return max(self._pulses(instance), key=lambda pulse: pulse.scan, default=None)
+
+    # -- choosing -----------------------------------------------------------------------------------
+
+    def action_move(self, rows: int) -> None:
+        """Select another instance of those that are listed."""
+        names = [instance.name for instance in self._listed]
+        if not names:
+            return
+        if self._scene.selected not in names:  # it is filtered away
+            self._choose(0)
+            return
+        here = names.index(self._scene.selected)
+        self._choose(max(0, min(len(names) - 1, here + rows)))
+
+    def action_next_error(self) -> None:
+        """Select the next instance that shows an ERROR; where none does, the next that has had one."""
+        names = [instance.name for instance in self._listed]
+        here = names.index(self._scene.selected) if self._scene.selected in names else -1
+        order = [*range(here + 1, len(names)), *range(here + 1)]
+        for found in (self._shows_error, _has_had_an_error):
+            for y in order:
+                if found(self._listed[y]):
+                    self._choose(y)
+                    return
+
+    def on_click(self, event: events.Click) -> None:
+        """Select the instance under the mouse."""
+        place = self.place_of(event)
+        if place is not None and place[1] < len(self._listed):
+            self._choose(place[1])
+
+    def choose_listed(self) -> None:
+        """Select the first one that a filter has left, where it has left the selected one out."""
+        if self._listed and self._scene.selected not in {each.name for each in self._listed}:
+            self._choose(0)
+
+    def _choose(self, y: int) -> None:
+        # At once and not by the message: the next key may come before it is heard.
+        self._scene.selected = self._listed[y].name
+        self.post_message(InstanceSelected())
+        self.keep_in_view(y)
+        self.show()
+
+    def _keep_selected_in_view(self) -> None:
+        names = [instance.name for instance in self._listed]
+        if self._scene.selected in names:
+            self.keep_in_view(names.index(self._scene.selected))
+
+
+def _has_had_an_error(instance: InstanceSnapshot) -> bool:
+    return instance.last_error_scan is not None
+
+
+def _numbers(instance: InstanceSnapshot) -> str:
+    return f" {instance.have}/{instance.need} B" if instance.need else ""
+
+
+def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
+    return f"{letter}{lamp(on, glowing)} ", style if on else "glow" if glowing else "faint"
+
+
+def _status(instance: InstanceSnapshot, condition: str, columns: Columns) -> list[Part]:
+    style = "error" if instance.error else "done" if instance.done else "busy" if instance.busy else ""
+    word = status_word(instance.status)[-columns.word :]
+    return [
+        (word + " ", style),
+        (
+            clip(condition, columns.condition).ljust(columns.condition + 1) * bool(columns.condition),
+            style,
+        ),
+    ]
+
+
+def _partner(connection: ConnectionSnapshot | None, both: bool) -> str:
+    """Return who talks to whom: `passive 127.0.0.1:2000 ← 127.0.0.1:51322`, or only `← 127.0.0.1:51322`."""
+    if connection is None:
+        return ""
+    if connection.udp:
+        remote = connection.remote or "nobody yet"
+        return f"UDP     {connection.local} ↔ {remote}" if both else f"↔ {remote}"
+    connected = connection.state == "connected"
+    if connection.active:
+        return f"active  → {connection.remote}" if both else f"→ {connection.remote}"
+    if connected:
+        return f"passive {connection.local} ← {connection.remote}" if both else f"← {connection.remote}"
+    return f"passive {connection.local} ← no partner" if both else f"← waits {connection.local}"

@@ -1,0 +1,276 @@
+"""Pane 7: the partner. Its state, what it shall send, the trouble it can make, the command for each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, ClassVar
+
+from textual.containers import Vertical
+from textual.content import Content
+from textual.widget import Widget
+from textual.widgets import Input
+
+from trcvtui.rig.snapshots import PeerSnapshot
+from trcvtui.tui.formatting import clip, plain
+from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.panes.composer import Composer
+from trcvtui.tui.panes.line_feed import LineFeed
+from trcvtui.tui.panes.peer_list import PeerList
+from trcvtui.tui.panes.peer_notes import PeerNotes
+from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.button_line import ButtonLine
+from trcvtui.tui.widgets.line_view import LineView, pane_title
+
+if TYPE_CHECKING:
+    from trcvtui.tui.forms.split_test_screen import TrialScreen
+
+LETTERS = "scfrhzuleadb"
+
+
+class PeerPanel(Vertical):
+    """List, composer, buttons, notes; in the lower border the command that would be given."""
+
+    DEFAULT_CSS = "PeerPanel { background: $surface; border-subtitle-align: left; }"
+    BINDINGS: ClassVar = [
+        *[(letter, f"button('{letter}')", "") for letter in LETTERS],
+        ("m", "mode", "payload as hex, text or udt"),
+        ("o", "form", "a UDT as a form, its members as fields"),
+        ("x", "cuts", "cut points of the message"),
+        ("p", "library", "named messages and sequences of the project"),
+        ("w", "keep", "the message under a name into the library"),
+        ("i", "payload", "edit the payload"),
+    ]
+
+    def __init__(self, scene: Scene, voice: Voice) -> None:
+        super().__init__(id="peer")
+        self._scene = scene
+        self._voice = voice
+        self._title = ""
+        self.lines = LineFeed(scene, voice)
+        self.peers = PeerList(scene)
+        self.composer = Composer(scene, voice)
+        self._buttons = ButtonLine("buttons", self._labels, self._press)
+        self._notes = PeerNotes(scene)
+        self._preview = "", ""
+        self._trial: TrialScreen | None = None
+        self._speaks = bool(scene.project.peers)  # the composer is there
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the pane."""
+        yield self.lines
+        yield self.peers
+        if self._speaks:
+            yield self.composer
+            yield self._buttons
+            yield self._notes
+
+    async def prepare(self) -> None:
+        """Make the fields of the composer."""
+        if self._speaks:
+            await self.composer.prepare()
+
+    async def _begin_to_speak(self) -> None:
+        """Put the composer there for the first peer that a project has got."""
+        await self.mount(self.composer, self._buttons, self._notes)
+        await self.prepare()
+
+    @property
+    def first(self) -> LineView:
+        """Return where the focus goes: the lines of a project without peers, else the peers."""
+        return self.lines if self.lines.names and not self._scene.project.peers else self.peers
+
+    @property
+    def least_rows(self) -> int:
+        """Return the rows of what stands in it: the others are empty."""
+        listed = [each for each in (self.lines, self.peers) if each.display]
+        said = [self._buttons, self._notes] if self._speaks and self._notes.is_mounted else []
+        composed = self.composer.size.height if said else 0
+        return composed + sum(each.size.height for each in listed) + sum(each.row_count() for each in said)
+
+    def show(self) -> None:
+        """Show the lines, the peers and what the buttons would do."""
+        name = plain(self._scene.peer) if self._scene.peer or not self.lines.names else self.lines.chosen
+        if name != self._title or not self.border_title:
+            self._title = name
+            kind = "Peer" if self.first is self.peers else "Line"
+            self.border_title = pane_title(7, f"{kind} {clip(name, 20)}")
+        self.lines.display, self.peers.display = bool(self.lines.names), self.first is self.peers
+        self.lines.show()
+        self.peers.show()
+        if self._scene.project.peers and not self._speaks:
+            self._speaks = True
+            self.run_worker(self._begin_to_speak())
+        if self._scene.project.peers and self._notes.is_mounted:
+            self._buttons.show()
+            self._notes.show()
+            self._show_preview()
+        if self._trial is not None:
+            self._trial.answered(self._scene.answers.values())
+            self._trial.show()
+
+    def _show_preview(self) -> None:
+        button, peer = self._pointed_at(), self._scene.peer_snapshot
+        send = button is None or button.letter == SEND
+        if peer is None:
+            self._preview = "", ""
+        elif send and self.composer.fault:
+            self._preview = "✗ ", self.composer.fault
+        elif send or button is None:
+            self._preview = "▸ ", self.composer.line or f"peer {peer.name} send …"
+        elif button.letter == EVERY_SPLIT:
+            self._preview = "▸ ", self._try_line(peer) or f"{button.line(peer)} …"
+        else:
+            self._preview = "▸ ", button.line(peer)
+        self.border_subtitle = self._told(*self._preview)
+
+    def _told(self, sign: str, text: str) -> Content:
+        """Return the command, or what is wrong with it, as it stands in the lower border."""
+        style = "$error" if sign.startswith("✗") else "$text-muted"
+        return Content.assemble((sign + _shortened(plain(text), max(16, self.size.width - 6)), style))
+
+    def _buttons_now(self) -> tuple[Button, ...]:
+        snapshot = self._scene.snapshot
+        return buttons_for(bool(snapshot and snapshot.faults), self._scene.peer_snapshot)
+
+    def _pointed_at(self) -> Button | None:
+        index = self._buttons.pointed_at()
+        return None if index is None else self._buttons_now()[index]
+
+    def _labels(self) -> list[tuple[str, str]]:
+        peer = self._scene.peer_snapshot
+        if peer is None:
+            return []
+        return [(button.letter, button.label(peer)) for button in self._buttons_now()]
+
+    def _press(self, index: int) -> None:
+        self._do(self._buttons_now()[index])
+
+    def _do(self, button: Button) -> None:
+        peer = self._scene.peer_snapshot
+        if peer is None:
+            return
+        if button.letter == SEND:
+            self.composer.send()
+        elif button.letter == EVERY_SPLIT:
+            self._try_splits(peer)
+        elif button.edit:
+            self._voice.open_prompt(button.line(peer) + self._aim(button, peer))
+        else:
+            self._voice.submit(button.line(peer))
+
+    def _aim(self, button: Button, peer: PeerSnapshot) -> str:
+        if button is CHECK:
+            instance = receiver_for(peer.link, self._scene.selected, self._scene.project)
+            return f" on {instance}" if instance else ""
+        connection = self._scene.connection
+        return connection.name if connection is not None and button is FAULT else ""
+
+    def _try_line(self, peer: PeerSnapshot) -> str:
+        instance = receiver_for(peer.link, self._scene.selected, self._scene.project)
+        return self.composer.try_line(instance) if instance else ""
+
+    def _try_splits(self, peer: PeerSnapshot) -> None:
+        """Try every split of the message and open the table; without a message, the table of the last one."""
+        trial = self._scene.picture.trial if self._scene.picture else None
+        line = self._try_line(peer)
+        if line and (trial is None or trial.state != "running"):
+            self._voice.submit(line)
+        elif not line and trial is None:
+            self._tell_what_is_missing(peer)
+            return
+        self.open_trial(line)
+
+    def _tell_what_is_missing(self, peer: PeerSnapshot) -> None:
+        if self.composer.text.strip():
+            self._voice.complain(f"no TRCV_C or TRCV on the CONNECT that {plain(peer.name)} talks to")
+        else:
+            self.composer.ask_for_payload("split")
+
+    def open_trial(self, line: str = "") -> None:
+        """Open the table of the trial that this line has begun."""
+        from trcvtui.tui.forms.split_test_screen import TrialScreen  # read when first asked for
+
+        self._trial = TrialScreen(self._scene, self._voice.submit, line)
+        self.app.push_screen(self._trial, self._trial_left)
+
+    def _trial_left(self, place: int | None) -> None:
+        self._trial = None
+        if place:
+            self.composer.cut_at(place)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Show the command that the fields make now."""
+        event.stop()
+        self._show_preview()
+
+    def on_button_pointed(self) -> None:
+        """Show the command of that button."""
+        self._show_preview()
+
+    def action_button(self, letter: str) -> None:
+        """Press the button of this letter."""
+        button = next((b for b in self._buttons_now() if b.letter == letter), None)
+        if button is not None:
+            self._do(button)
+
+    def action_mode(self) -> None:
+        """Write the payload in another way."""
+        self.composer.next_mode()
+
+    def action_cuts(self) -> None:
+        """Go to the message drawn with its cuts."""
+        if len(self.composer.cut_row.payload) > 1:
+            self.screen.set_focus(self.composer.cut_row)
+        elif self.composer.line:
+            self._voice.complain(self.composer.fault or "one byte has no place for a cut")
+        else:
+            self.composer.ask_for_payload("cut")
+
+    def action_library(self) -> None:
+        """Open the named messages and sequences of the project."""
+        from trcvtui.tui.forms.message_list import MessagesScreen  # read when first asked for
+
+        if self._scene.peer:
+            self.app.push_screen(MessagesScreen(self._scene.peer, self._scene.project), self._picked)
+
+    def _picked(self, line: str | None) -> None:
+        if line:
+            self._voice.submit(line)
+
+    def action_keep(self) -> None:
+        """Open the form that puts the message into the library under a name; go to it where there is none."""
+        from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
+
+        text = self.composer.line.partition(" send ")[2]
+        if text:
+            self.app.push_screen(
+                AddScreen(lambda: self._scene.project, "message", {"text": text}), self._picked
+            )
+        else:
+            self.composer.ask_for_payload("keep")
+
+    def action_form(self) -> None:
+        """Open the members of a UDT as fields."""
+        from trcvtui.tui.forms.udt_form import form_of  # read when first asked for
+
+        found = form_of(self.composer.text, self.composer.mode, self._scene)
+        if found is not None:
+            self.app.push_screen(found, self._form_left)
+        else:
+            self._voice.complain("no UDT to fill in: DATA of the selected instance has none")
+
+    def _form_left(self, payload: str | None) -> None:
+        if payload:
+            self.composer.put(UDT, payload)
+            self._show_preview()
+
+    def action_payload(self) -> None:
+        """Edit the payload."""
+        self.composer.edit()
+
+
+def _shortened(text: str, width: int) -> str:
+    """Return a command in so many characters: its beginning, and its end with the options."""
+    tail = width // 2
+    return text if len(text) <= width else f"{clip(text, width - tail)}{text[-tail:]}"

@@ -1,0 +1,391 @@
+"""Pane 5: the bytes of DATA, and below them how far the job is; or, with `H`, all that was received so far.
+
+A receive job: what it has collected but not delivered yet. A send job: how far its bytes have come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar, Final
+
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.content import Content
+from textual.widget import Widget
+
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.rig.history.window import HistoryRequest, JobSpan
+from trcvtui.tui.formatting import clip, moment, plain
+from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.panes.job_line import JobLine, OriginLine
+from trcvtui.tui.panes.stream_view import StreamView
+from trcvtui.tui.view_model.history_words import origin_words
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.find_line import FindLine
+from trcvtui.tui.widgets.frame_marks import of_data, of_part
+from trcvtui.tui.widgets.hex_view import HexView
+from trcvtui.tui.widgets.line_view import pane_title
+from trcvtui.udt.byte_search import Wanted
+
+MOST_JOB_ROWS: Final = 4
+PAST: Final = "-past"
+MOST: Final = 1 << 62  # behind every position
+NO_DROP: Final = "no bytes were thrown away before this place"
+NOT_KEPT: Final = "its bytes were not kept when the view froze: F shows those of now"
+
+
+class Received(Vertical):
+    """Both hex views in one frame, or the stream."""
+
+    DEFAULT_CSS = """
+    Received { background: $surface; }
+    Received #data { height: 1fr; min-height: 1; }
+    Received.-roomy JobLine { margin: 1 0 0 0; }
+    Received #job { height: 1; display: none; }
+    Received #stream { height: 1fr; display: none; }
+    Received.-past #data, Received.-past #job-line, Received.-past #job { display: none; }
+    Received.-past #stream, Received.-past #origin-line { display: block; }
+    """
+    BINDINGS: ClassVar = [
+        Binding("H", "past", "all received bytes as a stream, or DATA now", show=False),
+        Binding("slash", "find", "find bytes, text or a number", show=False),
+        Binding("n", "find_next(True)", "find the next", show=False),
+        Binding("N", "find_next(False)", "find the one before", show=False),
+        Binding("left_square_bracket", "done(False)", "the DONE before", show=False),
+        Binding("right_square_bracket", "done(True)", "the next DONE", show=False),
+        Binding("d", "before", "diff against the job before", show=False),
+        Binding("u", "rulers", "rulers of the stream: all, fewer, none", show=False),
+        Binding("escape", "end_find", "look for nothing any more", show=False),
+    ]
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="received")
+        self._scene = scene
+        self.data = HexView("data", of_job=False)
+        self.job = HexView("job", of_job=True)
+        self.stream = StreamView()
+        self.past_job: tuple[int, bytes] | None = None  # position and bytes of the job under the cursor
+        self._job_here: JobSpan | None = None
+        self._line = JobLine(scene)
+        self._origin_line = OriginLine()
+        self._find = FindLine(self._look_for, self._back_to_bytes)
+        self._wanted: Wanted | None = None
+        self._nowhere = ""
+        self._seeks_drop = False
+        self._known = ("", 0)  # CONNECT and bench of the stream
+        self._title = ""
+        self._subtitle = ""
+        self._job_rows = 0
+        self._data_rows: int | None = None
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose DATA above, the job below; or the stream with its line."""
+        yield self._find
+        yield self.data
+        yield self._line
+        yield self.job
+        yield self.stream
+        yield self._origin_line
+
+    @property
+    def is_past(self) -> bool:
+        """Return whether the stream is shown."""
+        return self.has_class(PAST)
+
+    def show(self) -> None:
+        """Show the bytes of the selected instance."""
+        instance = self._scene.instance
+        self._show_title(instance)
+        if instance is None:
+            self._show_nothing()
+            return
+        self._take_past(instance)
+        if self.is_past:
+            self._show_past()
+        else:
+            self._show_now(instance)
+
+    def _show_now(self, instance: InstanceSnapshot) -> None:
+        self.data.frame, self.job.frame = of_data(instance), of_part(instance)
+        self.data.show_bytes(self._scene.data, 0, self._starts(False))
+        self._line.show()
+        self._size_job(instance)
+        self._stand_together()
+        grown = len(self._scene.partial) > len(self.job.content)
+        self.job.show_bytes(self._scene.partial, instance.need, self._starts(True))
+        self._show_origin()
+        if grown and not self.job.has_focus:
+            self.job.keep_in_view(max(0, len(self._scene.partial) - 1) // self.job.per_row)
+
+    def _show_nothing(self) -> None:
+        """No instance is left: its bytes go with it."""
+        for view in (self.data, self.job):
+            view.frame = None
+            view.show_bytes(b"", 0, frozenset())
+        self._line.show()
+        self._show_origin()
+
+    def _starts(self, of_job: bool) -> frozenset[int]:
+        return self._scene.provenance.message_starts(self._scene.selected, of_job)
+
+    def _show_origin(self) -> None:
+        if self._scene.is_frozen and self._scene.instance is not None and not self._scene.has_bytes:
+            self._say_below(NOT_KEPT)
+            return
+        view = self.job if self.job.has_focus else self.data
+        byte = view.cursor
+        text = "" if byte is None or byte >= len(view.content) else self._origin(view, byte)
+        self._say_below(text if self._wanted is None or not self._nowhere else self._nowhere)
+
+    def _say_below(self, text: str) -> None:
+        if text != self._subtitle:
+            self._subtitle = text
+            self.border_subtitle = Content(text)
+
+    def _origin(self, view: HexView, byte: int) -> str:
+        value = view.content[byte]
+        text = f"byte {byte} = 16#{value:02X} = {value}"
+        origin = self._scene.provenance.origin(self._scene.selected, view.of_job, byte)
+        if origin is None:
+            return text
+        text += f" · job {origin.job.number}"
+        if origin.recv is not None:
+            text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
+        if origin.message is not None:
+            text += f" · {plain(origin.message.peer)} #{origin.message.number} byte {origin.message_byte}"
+        if origin.recv is not None:
+            text += f" · {moment(origin.recv.t_ns)} s"
+        return text
+
+    # -- the past ----------------------------------------------------------------------------------------
+
+    def _take_past(self, instance: InstanceSnapshot) -> None:
+        """Take what has come of the stream, and ask for what is in view next."""
+        known = instance.connect, self._scene.bench
+        if known != self._known:
+            self._known, self.past_job, self._job_here = known, None, None
+            self.stream.begin_anew()
+        window = self._scene.past
+        if window is not None and window.connect == instance.connect:
+            self.data.show_before(window.data)
+            found = self.stream.take(window)
+            if found is not None:
+                self.stream.go_to(found)
+                self.post_message(PastSelected())
+            if window.job is not None and window.job != self.past_job:
+                self.past_job = window.job
+                self.post_message(PastSelected())
+        if self.is_past:
+            if self._scene.is_frozen:
+                self.stream.follows = False
+            self._scene.past_wanted = self.stream.request(instance.connect, self._job_wanted())
+        else:
+            first, size = self.data.in_view()
+            wanted = HistoryRequest(instance.connect, data=(instance.name, first, size))
+            self._scene.past_wanted = None if instance.sends else wanted
+
+    def _job_wanted(self) -> int | None:
+        """Return where the job lies whose bytes are to come, None where they are here."""
+        job = self.job_here()
+        known = self.past_job is not None and job is not None and self.past_job[0] == job.position
+        return None if job is None or known else job.position
+
+    def _show_past(self) -> None:
+        self.stream.show()
+        self._say_below("")
+        self._origin_line.say(self._search_text() or self._nowhere or self._past_origin())
+
+    def _search_text(self) -> str:
+        window = self._scene.past
+        sought = window.sought if window is not None else None
+        if self.stream.seek is None:
+            if self._seeks_drop and sought is not None:
+                self._seeks_drop = False
+                self._nowhere = NO_DROP if sought.position is None else ""
+            if sought is not None and sought.position is None and self._wanted is not None:
+                self._nowhere = f"{self._wanted.about}: not found there"
+            return ""
+        self._nowhere = ""
+        return f"looking … {sought.share:.0%}" if sought is not None and sought.share < 1 else "looking …"
+
+    def _past_origin(self) -> str:
+        """Return where the selected byte came from."""
+        if self.stream.cursor is None:
+            return "" if self.stream.window.end else "nothing was received yet"
+        values = self.stream.value(), self.stream.before_value()
+        return origin_words(self.stream.cursor, values, self.stream.labels(), self._scene.project)
+
+    def job_here(self) -> JobSpan | None:
+        """Return the job under the cursor of the stream, also when it has been scrolled out of the window."""
+        job, place, last = self.stream.labels()[0], self.stream.cursor, self._job_here
+        if job is None and last is not None and place is not None and last.position <= place < last.stop:
+            return last
+        self._job_here = job
+        return job
+
+    def job_of_cursor(self) -> tuple[str, int, bytes] | None:
+        """Return instance, number and bytes of the job under the cursor of the stream, once they are here."""
+        job = self.job_here() if self.is_past else None
+        here = job is not None and self.past_job is not None and self.past_job[0] == job.position
+        if job is None or self.past_job is None or not here or not job.is_kept:
+            return None
+        return job.instance, job.number, self.past_job[1]
+
+    def byte_in_job(self) -> int:
+        """Return the place of the stream's cursor in its job, -1 where there is none."""
+        job = self.job_here()
+        return -1 if job is None or self.stream.cursor is None else self.stream.cursor - job.position
+
+    def show_field(self, field: range, goes_there: bool) -> None:
+        """Mark the bytes of a member in the job under the cursor of the stream; perhaps go to the first."""
+        job = self.job_here()
+        if job is None:
+            return
+        self.stream.show_link(range(job.position + field.start, job.position + field.stop))
+        if goes_there and field:
+            self.stream.go_to(job.position + field.start)
+
+    # -- keys --------------------------------------------------------------------------------------------
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Leave n and escape to the screen while nothing is looked for."""
+        if action in ("find_next", "end_find"):
+            return self._wanted is not None
+        return action != "rulers" or self.is_past
+
+    def action_past(self) -> None:
+        """Show all that was received as one stream, or DATA as it is now."""
+        self.toggle_class(PAST)
+        self._title = self._nowhere = ""
+        self.job.display, self._job_rows = False, 0
+        self.post_message(PastSelected())
+        self.screen.set_focus(self.stream if self.is_past else self.data)
+        self.show()
+
+    def action_done(self, is_forward: bool) -> None:
+        """Go to the next DONE of the stream, or to the one before."""
+        if not self.is_past:
+            self.action_past()
+        stream = self.stream
+        here = stream.cursor if stream.cursor is not None else stream.window.end + 1
+        stream.look_for(here, is_forward)
+        self._nowhere = ""
+        self.show()
+
+    def action_dropped(self) -> None:
+        """Go to the newest bytes that were thrown away, then to the ones before, and so on."""
+        if not self.is_past:
+            self.action_past()
+            self.stream.cursor = None
+        stream = self.stream
+        self._seeks_drop, self._nowhere = True, ""
+        stream.look_for(stream.cursor if stream.cursor is not None else MOST, False, dropped=True)
+        self.show()
+
+    def action_before(self) -> None:
+        """Show the bytes of the job before, where they differ; or no longer."""
+        self.stream.change_before()
+        self.data.shows_before = self.stream.shows_before
+        self.show()
+
+    def action_rulers(self) -> None:
+        """Show all rulers, fewer, or none."""
+        if not self.is_past:  # by name, from the palette
+            self.action_past()
+        self.stream.change_rulers()
+
+    # -- looking for bytes -------------------------------------------------------------------------------
+
+    async def action_find(self) -> None:
+        """Open the line for what is to be looked for."""
+        await self._find.open()
+
+    def _back_to_bytes(self) -> None:
+        self.screen.set_focus(self.stream if self.is_past else self.data)
+
+    def _look_for(self, wanted: Wanted) -> None:
+        self._wanted = wanted
+        for view in (self.data, self.job, self.stream):
+            view.mark(wanted.patterns)
+        self._go_on(True, again=False)
+
+    def action_find_next(self, is_forward: bool) -> None:
+        """Go to the next match, or to the one before."""
+        self._go_on(is_forward, again=True)
+
+    def _go_on(self, is_forward: bool, again: bool) -> None:
+        if self._wanted is None:  # by name, from the palette
+            self.run_worker(self.action_find())
+            return
+        self._nowhere = ""
+        patterns, stream = self._wanted.patterns, self.stream
+        if self.is_past:
+            here = stream.cursor if stream.cursor is not None else stream.window.begin
+            behind = is_forward and again and stream.cursor is not None
+            stream.look_for(here + behind, is_forward, patterns)
+        elif not self.data.find(patterns, is_forward, again):
+            self._nowhere = f"{self._wanted.about}: not found {'further on' if again else 'in DATA'}"
+        self.show()
+
+    def action_end_find(self) -> None:
+        """Forget what was looked for; the marks go."""
+        self._wanted, self._nowhere, self.stream.seek = None, "", None
+        for view in (self.data, self.job, self.stream):
+            view.mark(())
+        self.show()
+
+    def dump(self) -> tuple[str, bytes]:
+        """Return a name and the bytes for an export: of the job under the cursor, or DATA as it is now."""
+        past = self.job_of_cursor()
+        if past is not None:
+            return f"{past[0]}-job-{past[1]}", past[2]
+        return self._scene.selected, self._scene.data
+
+    # -- layout ------------------------------------------------------------------------------------------
+
+    def on_resize(self) -> None:
+        """Other widths hold other numbers of bytes in a line."""
+        self.show()
+
+    def _size_job(self, instance: InstanceSnapshot) -> None:
+        # Between two jobs there is a scan without one: the room stays, or the screen would jump at each DONE.
+        if not instance.need and instance.pin("EN_R") and self._connected():
+            return
+        if not instance.need and instance.framer is not None and self._job_rows:
+            return  # the next frame will want it
+        need = 0 if instance.sends else instance.need
+        self.job.rows_kept = -(-need // self.job.per_row)
+        rows = min(MOST_JOB_ROWS, self.job.rows_kept)
+        if rows != self._job_rows:
+            self._job_rows = rows
+            self.job.styles.height = max(1, rows)
+            self.job.display = rows > 0
+
+    def _stand_together(self) -> None:
+        """Where both fit, the job stands right under DATA, one blank line between."""
+        rows = max(1, self.data.row_count())
+        wanted = rows if rows + 2 + self._job_rows <= self.size.height else None
+        if wanted != self._data_rows:
+            self._data_rows = wanted
+            self.data.styles.height = "1fr" if wanted is None else wanted
+            self.set_class(wanted is not None, "-roomy")
+
+    def _connected(self) -> bool:
+        connection = self._scene.connection
+        return connection is not None and connection.state == "connected"
+
+    def _show_title(self, instance: InstanceSnapshot | None) -> None:
+        declared = self._scene.declaration
+        detail = f"{plain(declared.name)}, {declared.size} B" if declared else "no DATA"
+        if instance is None:
+            detail = ""
+        name = "Sent" if instance is not None and instance.sends else "Received"
+        if instance is not None and instance.data_pin == "RESULT":
+            name = "RESULT"
+        if self.is_past and instance is not None:
+            kept = self.stream.window
+            size = f"{kept.end - kept.begin} B kept"
+            name, detail = "Received so far", f"{plain(instance.connect)}, {size} · H: DATA now"
+        if f"{name} {detail}" != self._title or not self.border_title:
+            self._title = f"{name} {detail}"
+            self.border_title = pane_title(5, name, clip(detail, 60))

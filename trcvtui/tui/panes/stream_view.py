@@ -1,0 +1,398 @@
+"""The history as one stream of bytes, with rulers: the peer's messages, recv calls, jobs and their scans.
+
+Only what is in view comes from the engine; rows that are still on their way stand there without bytes. A
+position counts the bytes of the CONNECT since the bench began, so it stays with its byte.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual import events
+
+from trcvtui.rig.history.window import (
+    END,
+    MOST_WINDOW,
+    HistoryRequest,
+    HistoryWindow,
+    JobSpan,
+    MessageSpan,
+    RecvSpan,
+    Seek,
+)
+from trcvtui.tui.formatting import clip
+from trcvtui.tui.messages import PastSelected
+from trcvtui.tui.panes import rulers
+from trcvtui.tui.panes.rulers import MESSAGES, RECVS, RULERS, WAS
+from trcvtui.tui.widgets import frame_marks
+from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
+from trcvtui.tui.widgets.hex_view import GHOST_HEX, GHOST_TEXT, NARROW, WIDE, merged
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
+from trcvtui.udt.byte_search import all_in
+
+LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
+NO_WINDOW: Final = HistoryWindow("", 0, 0)
+
+
+class StreamView(LineView):
+    """Bytes by position; `follows` keeps the newest in view."""
+
+    KEYS: ClassVar = (("[ ]", "DONE"), ("/", "find"), ("d", "diff"), ("u", "rulers"), ("H", "DATA now"))
+    BINDINGS: ClassVar = [
+        ("left,h", "step(-1)", "byte back"),
+        ("right,l", "step(1)", "byte on"),
+    ]
+
+    def __init__(self) -> None:
+        super().__init__(id="stream")
+        self.window = NO_WINDOW
+        self.cursor: int | None = None
+        self.follows = True
+        self.link = range(0)
+        self.patterns: tuple[bytes, ...] = ()
+        self.shows_before = False
+        self._rulers = 0
+        self._knows_messages = False  # an outside partner says nothing of its messages
+        self._base = 0
+        self._rows: dict[int, Row] = {}
+        self._drawn: object = None
+        self._matched: frozenset[int] = frozenset()
+        self._before: dict[int, int] = {}
+        self.seek: Seek | None = None
+        self._seeks = 0
+        self._asked = END, 0
+
+    # -- what comes in ----------------------------------------------------------------------------------
+
+    def begin_anew(self) -> None:
+        """Forget what was pointed at: another CONNECT or another bench."""
+        self.window, self.cursor, self.follows, self.seek = NO_WINDOW, None, True, None
+        self.link = range(0)
+        self._knows_messages = False
+
+    def request(self, connect: str, job_at: int | None) -> HistoryRequest:
+        """Return what to ask for: what is in view, one page before and one behind it."""
+        if self.size.height:  # out of sight it stays where it was
+            page = -(-self.size.height // self.lines) * self.per_row
+            start = END if self.follows else max(0, self._top() - page)
+            self._asked = start, min(MOST_WINDOW, 3 * page)
+        return HistoryRequest(connect, *self._asked, before=True, seek=self.seek, job_at=job_at)
+
+    def take(self, window: HistoryWindow) -> int | None:
+        """Take a window; return the position that was sought when it has been found."""
+        if window != self.window:
+            self.window = window
+            self._knows_messages = self._knows_messages or bool(window.messages)
+            self._matched = frozenset(self._matches())
+            self._before = {
+                part.position + n: byte for part in window.before for n, byte in enumerate(part.content)
+            }
+        self._rebase()
+        sought = window.sought
+        found = None
+        if self.seek is not None and sought is not None and sought.number == self.seek.number:
+            found = sought.position
+            if sought.share >= 1:
+                self.seek = None
+        if self.follows:
+            self.resize_rows()
+            self.scroll_to(y=self.row_count(), animate=False)
+        return found
+
+    def _matches(self) -> set[int]:
+        return {
+            self.window.start + place
+            for match in all_in(self.window.content, self.patterns)
+            for place in match
+        } if self.patterns else set()  # fmt: skip
+
+    def _rebase(self) -> None:
+        """Rows are counted from the oldest byte that is kept: when it goes, what is in view stays in view."""
+        base = self.window.begin - self.window.begin % self.per_row
+        if base == self._base:
+            return
+        rows = (base - self._base) // self.per_row * self.lines
+        self._base = base
+        self._rows.clear()
+        self.resize_rows()
+        if not self.follows:
+            self.scroll_to(y=max(0, self.scroll_offset.y - rows), animate=False)
+
+    def look_for(
+        self, start: int, is_forward: bool, patterns: tuple[bytes, ...] = (), dropped: bool = False
+    ) -> None:
+        """Ask for the next DONE, the next place with one of the patterns, or the next dropped bytes."""
+        self._seeks += 1
+        self.seek = Seek(self._seeks, start, is_forward, patterns, dropped)
+
+    def mark(self, patterns: tuple[bytes, ...]) -> None:
+        """Mark what is looked for."""
+        self.patterns = patterns
+        self._matched = frozenset(self._matches())
+        self.show()
+
+    def change_rulers(self) -> None:
+        """Show all rulers, those of messages and jobs, or none."""
+        top = self._top()
+        self._rulers = (self._rulers + 1) % len(RULERS)
+        self._stay_at(top)
+
+    def change_before(self) -> None:
+        """Show the bytes of the job before, where they differ; or no longer."""
+        top = self._top()
+        self.shows_before = not self.shows_before
+        self._stay_at(top)
+
+    def _stay_at(self, position: int) -> None:
+        self._rows.clear()
+        self.resize_rows()
+        self.scroll_to(y=(position - self._base) // self.per_row * self.lines, animate=False)
+        self.show()
+
+    # -- rows -------------------------------------------------------------------------------------------
+
+    @property
+    def tracks(self) -> tuple[str, ...]:
+        """Return the rulers below each row of bytes."""
+        known = (track for track in RULERS[self._rulers] if track != MESSAGES or self._knows_messages)
+        return (*((WAS,) if self.shows_before else ()), *known)
+
+    @property
+    def lines(self) -> int:
+        """Return how many lines a row of bytes takes."""
+        return 1 + len(self.tracks)
+
+    @property
+    def digits(self) -> int:
+        """Return how many digits a position has."""
+        return max(LEAST_DIGITS, len(f"{max(0, self.window.end - 1):x}"))
+
+    @property
+    def per_row(self) -> int:
+        """Return how many bytes stand in a row."""
+        return WIDE if self.line_width >= self.digits + TIGHT else NARROW
+
+    @property
+    def _blank(self) -> int:
+        """Return the blanks in the middle of a row and before its text: none where 16 bytes need the room."""
+        return 1 if self.line_width >= self.digits + ROOMY or self.per_row == NARROW else 0
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return -(-(self.window.end - self._base) // self.per_row) * self.lines
+
+    def _top(self) -> int:
+        return self._base + self.scroll_offset.y // self.lines * self.per_row
+
+    def show(self) -> None:
+        """Repaint what differs."""
+        shown = id(self.window), self.cursor, self.has_focus, self.link, self.patterns
+        drawn = *shown, self.tracks, self.line_width, self._base
+        if drawn != self._drawn:
+            self._drawn = drawn
+            self._rows.clear()
+        super().show()
+
+    def row_at(self, y: int) -> Row:
+        """Return one line: bytes, or a ruler below them."""
+        if y not in self._rows:
+            row, track = divmod(y, self.lines)
+            at = self._base + row * self.per_row
+            self._rows[y] = self._ruler(self.tracks[track - 1], at) if track else self._bytes(at)
+        return self._rows[y]
+
+    def _column(self, index: int) -> int:
+        return 3 * index + (self._blank if self.per_row == WIDE and index >= NARROW else 0)
+
+    @property
+    def _width(self) -> int:
+        return self._column(self.per_row - 1) + 2
+
+    def _bytes(self, start: int) -> Row:
+        stop = min(start + self.per_row, self.window.end)
+        if start >= stop:
+            return EMPTY
+        signs = rulers.signs(self.window, start, stop)
+        begins = {m.position for m in rulers.within(self.window.messages, start, stop) if m.begins}
+        styles = [self._style_of(position) for position in range(start, stop)]
+        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), rulers.before_byte(start, signs, begins)]
+        for index, position in enumerate(range(start, stop)):
+            byte = self._byte(position)
+            parts.append((GHOST_HEX if byte is None else HEX_OF[byte], styles[index]))
+            if position + 1 < stop:
+                parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
+                parts.append(rulers.before_byte(position + 1, signs, begins))
+        parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
+        text = [self._character(position) for position in range(start, stop)]
+        parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
+        return Row(tuple(merged([part for part in parts if part[0]])))
+
+    def _byte(self, position: int) -> int | None:
+        """Return the byte at a position, None where it is not known."""
+        window = self.window
+        if not window.start <= position < window.stop:
+            return None
+        job = rulers.covering(window.jobs, position)
+        return window.content[position - window.start] if job is not None and job.is_kept else None
+
+    def _character(self, position: int) -> str:
+        byte = self._byte(position)
+        return GHOST_TEXT if byte is None else CHARACTER_OF[byte]
+
+    def _style_of(self, position: int) -> str:
+        byte, job = self._byte(position), rulers.covering(self.window.jobs, position)
+        style = "ghost" if byte is None else CLASS_OF[byte]
+        if job is not None and (job.prefix or job.suffix or not job.done):
+            style = frame_marks.of_span(job).style(position) or (style if job.done else "ghost")
+        if byte is not None and self._before.get(position, byte) != byte:
+            style += " changed"
+        if position in self.link:
+            style += " link"
+        if position in self._matched:
+            style += " match"
+        if position == self.cursor:
+            style += " byte-cursor" if self.has_focus else " link strong"
+        return style
+
+    def _ruler(self, track: str, start: int) -> Row:
+        stop = min(start + self.per_row, self.window.end)
+        if start >= stop:
+            return EMPTY
+        width = self._width
+        head: Part = (f"{track:>{self.digits}} ", "faint")
+        if track == WAS:
+            return Row((head, (" ", ""), (self._was(start, stop), "warn")))
+        parts, side = self._drawn_ruler(track, start, stop)
+        marks = rulers.cuts(self.window, start, stop) if track != RECVS else frozenset()
+        first: Part = (rulers.CUT, "warn strong") if start in marks else (" ", "")
+        side = clip(side, max(0, self.line_width - self.digits - 4 - width))
+        return Row((head, first, *self._with_cuts(parts, marks, start, width), ("  ", ""), (side, "dim")))
+
+    def _drawn_ruler(self, track: str, start: int, stop: int) -> tuple[list[Part], str]:
+        window, width = self.window, self._width
+        column = self._column
+        if track == MESSAGES:
+            marks = sorted(rulers.cuts(window, start, stop))
+            drawn = rulers.strokes(window.messages, start, stop, column, rulers.of_message)
+            return rulers.ruler(drawn, width), rulers.beside_messages(marks, window.messages)
+        if track == RECVS:
+            drawn = rulers.strokes(window.recvs, start, stop, column, rulers.of_recv)
+            return rulers.ruler(drawn, width), rulers.beside_recvs(window.recvs, start, stop)
+        drawn = rulers.strokes(window.jobs, start, stop, column, rulers.of_job)
+        return rulers.ruler(drawn, width), rulers.beside_jobs(window.jobs, start, stop)
+
+    def _with_cuts(self, parts: list[Part], marks: frozenset[int], start: int, width: int) -> list[Part]:
+        """Return a ruler with a stroke before each byte at which a job cuts a message."""
+        columns = {self._column(mark - start) - 1 for mark in marks if mark > start}
+        if not columns:
+            return parts
+        found: list[Part] = []
+        place = 0
+        for text, style in parts:
+            for character in text:
+                found.append((rulers.CUT, "warn strong") if place in columns else (character, style))
+                place += 1
+        return merged(found)
+
+    def _was(self, start: int, stop: int) -> str:
+        """Return the bytes of the job before, where they differ."""
+        line = [" "] * self._width
+        for index, position in enumerate(range(start, stop)):
+            before, now = self._before.get(position), self._byte(position)
+            if before is not None and before != now:
+                place = self._column(index)
+                line[place : place + 2] = HEX_OF[before]
+        return "".join(line)
+
+    # -- one byte -----------------------------------------------------------------------------------------
+
+    def labels(self) -> tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]:
+        """Return job, recv call and message of the byte under the cursor."""
+        if self.cursor is None:
+            return None, None, None
+        window, place = self.window, self.cursor
+        return (
+            rulers.covering(window.jobs, place),
+            rulers.covering(window.recvs, place),
+            rulers.covering(window.messages, place),
+        )
+
+    def value(self) -> int | None:
+        """Return the byte under the cursor."""
+        return None if self.cursor is None else self._byte(self.cursor)
+
+    def before_value(self) -> int | None:
+        """Return what stood there in the job before."""
+        return None if self.cursor is None else self._before.get(self.cursor)
+
+    # -- the cursor ---------------------------------------------------------------------------------------
+
+    def go_to(self, position: int) -> None:
+        """Put the cursor on a byte and bring it into view, rulers and all, without telling anyone."""
+        self.cursor, self.follows = position, False
+        y = (position - self._base) // self.per_row * self.lines
+        self.keep_in_view(y + self.lines - 1)
+        self.keep_in_view(y)
+        self.show()
+
+    def show_link(self, link: range) -> None:
+        """Mark the bytes of a field."""
+        self.link = link
+        self.show()
+
+    def _select(self, position: int) -> None:
+        if self.window.end > self.window.begin:
+            self.go_to(max(self.window.begin, min(position, self.window.end - 1)))
+            self.post_message(PastSelected())
+
+    def action_step(self, count: int) -> None:
+        """Move the cursor by bytes; the first time it comes up on the first byte in view."""
+        self._select(self._top() if self.cursor is None else self.cursor + count)
+
+    def action_move(self, rows: int) -> None:
+        """Move the cursor by rows of bytes."""
+        if self.cursor is None:
+            self._select(self._top())
+        elif self.window.begin <= (place := self.cursor + rows * self.per_row) < self.window.end:
+            self._select(place)
+
+    def action_page(self, pages: int) -> None:
+        """Scroll by pages; the cursor goes with them."""
+        self.follows = False
+        rows = max(1, self.size.height // self.lines)
+        self.scroll_to(y=max(0, self.scroll_offset.y + pages * rows * self.lines), animate=False)
+        if self.cursor is not None:
+            self._select(self.cursor + pages * rows * self.per_row)
+
+    def action_edge(self, direction: int) -> None:
+        """Go to the oldest byte; or to the newest, and follow."""
+        if direction < 0:
+            self._select(self.window.begin)
+        else:
+            self._select(self.window.end - 1)
+            self.follows = True
+
+    def on_resize(self) -> None:
+        """Have the cursor in view again: other widths hold other numbers of bytes in a row."""
+        self._rebase()
+        if self.cursor is not None and not self.follows and self.size.height:
+            self.go_to(self.cursor)
+        self.show()
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Stop following."""
+        self.follows = False
+
+    def on_click(self, event: events.Click) -> None:
+        """Select the byte under the mouse, in the row or in a ruler below it."""
+        place = self.place_of(event)
+        if place is None:
+            return
+        column, row = place[0] - self.digits - 2, place[1] // self.lines
+        text = self._width + 1 + self._blank
+        index = column - text if column >= text else self._index(column)
+        if column >= 0 and 0 <= index < self.per_row:
+            self._select(self._base + row * self.per_row + index)
+
+    def _index(self, column: int) -> int:
+        return (column - (self._blank if self.per_row == WIDE and column >= 3 * NARROW else 0)) // 3

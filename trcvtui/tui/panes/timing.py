@@ -1,0 +1,346 @@
+"""Pane 8: a logic analyser over scans: every pin and STATUS, no pulse of one scan is ever sampled away."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from textual import events
+
+from trcvtui.plc.ledger import StatusEdge
+from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
+from trcvtui.tui.messages import EdgeSelected
+from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.panes.timing_view import LABEL, TimingView
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row
+
+if TYPE_CHECKING:  # what draws is read when the pane is first in sight: the first frame does not wait for it
+    from trcvtui.rig.history.pin_waveform import Lane, Window
+    from trcvtui.rig.history.wave import Wave
+    from trcvtui.tui.panes.timing_rows import Drawn
+
+
+NOT_KEPT: Final = "its wave was not kept when the view froze"
+STRIP: Final = 4  # so few lines: ruler, STATUS, EN_R or REQ, DONE
+ASKED: Final = "write as   v VCD   s SVG   t text   esc not at all"
+
+
+class Timing(LineView):
+    """The selected instance, and with `c` every other one of its CONNECT below it."""
+
+    KEYS: ClassVar = (
+        ("←→", "scan"), ("n N", "edge"), ("!", "ERROR"), ("+-", "zoom"), ("m", "marker"), ("e", "export"),
+    )  # fmt: skip
+    BINDINGS: ClassVar = [
+        ("left,h", "step(-1)", "scan back"),
+        ("right,l", "step(1)", "scan on"),
+        ("shift+left", "any_edge(-1)", "edge before, of any pin"),
+        ("shift+right", "any_edge(1)", "next edge, of any pin"),
+        ("n", "row_edge(1)", "next edge of the row"),
+        ("N", "row_edge(-1)", "edge before, of the row"),
+        ("exclamation_mark", "next_error", "next ERROR"),
+        ("slash", "ask_code", "next edge to a code"),
+        ("plus,equals_sign", "zoom_in(1)", "zoom in, fewer scans a column"),
+        ("minus", "zoom_in(-1)", "zoom out, more scans a column"),
+        ("f,F", "follow", "follow the newest scan, or stand"),
+        ("m", "mark", "marker here: first, second"),
+        ("c", "neighbours", "the other instances of this CONNECT, too"),
+        ("e", "ask_format", "export, asks for the format"),
+        ("v", "write('vcd')", "VCD"),
+        ("s", "write('svg')", "SVG"),
+        ("t", "write('text')", "text"),
+        ("escape", "now", "back to now"),
+    ]
+
+    def __init__(self, scene: Scene, voice: Voice, digit: int = 8) -> None:
+        super().__init__(id="timing")
+        self._digit = digit
+        self._scene = scene
+        self._voice = voice
+        self.view = TimingView()
+        self._rows: list[Drawn] = []
+        self._label = LABEL
+        self._chosen = 0
+        self._ready: dict[int, Row] = {}
+        self._asks = False
+        self._note = ""
+        self._last_code = ""
+
+    # -- what is drawn ------------------------------------------------------------------------------
+
+    @property
+    def wave(self) -> Wave:
+        """Return the wave of the selected instance."""
+        return self._scene.waves.of(self._scene.selected)
+
+    @property
+    def waves(self) -> list[Wave]:
+        """Return the waves that are drawn."""
+        return [self._scene.waves.of(name) for name in self._scene.drawn_instances]
+
+    @property
+    def _until(self) -> int:
+        return self._scene.frozen_at or self.wave.until_scan
+
+    @property
+    def _columns(self) -> int:
+        return max(1, self.line_width - self._label)
+
+    @property
+    def _window(self) -> Window:
+        return self.view.window(self._columns, self._until)
+
+    def show(self) -> None:
+        """Repaint what changed."""
+        self._ready.clear()
+        if self.size.height:
+            from trcvtui.tui.panes.timing_rows import label_width, rows_of
+
+            self._rows = rows_of(self.waves, self.size.height <= STRIP)
+            self._label = label_width(self._rows)
+            self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
+            self.set_title(self._digit, "Timing", self._detail())
+            self._set_subtitle()
+        super().show()
+
+    def _set_subtitle(self) -> None:
+        snapshot, zoom = self._scene.snapshot, self.view.zoom
+        text = f"{count(zoom, 'scan')} a column"
+        if snapshot is not None:
+            text += f", {duration(zoom * snapshot.interval_ns)}"
+        if self._scene.is_frozen:
+            text += " · frozen"
+        else:
+            text += " · follows" if self.view.follows else " · stands, f follows"
+        if self.border_subtitle != text:
+            self.border_subtitle = text
+
+    def _detail(self) -> str:
+        if self._asks:
+            return ASKED
+        if self._note:
+            return self._note
+        if self._scene.is_frozen and self._scene.waves.is_too_late(self._scene.selected):
+            return NOT_KEPT
+        cursor, stretch = self.view.cursor, self.view.stretch
+        parts = [f"scan {cursor} at {self._time(cursor)}"] if cursor is not None else []
+        if stretch is not None:
+            parts.append(self._distance(*stretch))
+        return " · ".join(parts) or self._what_a_watch_table_saw()
+
+    def _time(self, scan: int) -> str:
+        t_ns, is_exact = self.wave.time_at(scan)
+        return f"{'' if is_exact else '≈'}{t_ns // SECOND}.{t_ns % SECOND // US:06d} s"
+
+    def _distance(self, first: int, last: int) -> str:
+        (begin, exact), (end, also) = self.wave.time_at(first), self.wave.time_at(last)
+        ends = "1 to 2" if len(self.view.markers) == 2 else "1 to cursor"
+        sign = "" if exact and also else "≈"
+        return f"{ends}: {count(abs(last - first), 'scan')}, {sign}{abs(end - begin) / MS:.3f} ms"
+
+    def _what_a_watch_table_saw(self) -> str:
+        window = self._window
+        first, last = window.scans_of(0)[0], window.scans_of(window.width - 1)[1]
+        pin = self.wave.pin_that_shows("done")
+        done = self.wave.lane(pin).rises(first, last) if pin else 0
+        seen = self.wave.polled(pin).rises(first, last) if pin else 0
+        return f"a 100 ms watch table saw {seen} of {done} {pin}" if done else ""
+
+    def row_count(self) -> int:
+        """Return the ruler and the rows of all instances."""
+        return len(self._rows) + 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the ruler or one row, drawn once for each picture."""
+        if y not in self._ready:
+            self._ready[y] = self._row(y)
+        return self._ready[y]
+
+    def _row(self, y: int) -> Row:
+        from trcvtui.tui.panes.timing_rows import ruler_row, wave_row
+
+        if y == 0:
+            return ruler_row(self._window, self._until, self.view, self._label)
+        if y > len(self._rows):
+            return EMPTY
+        style = ("cursor" if self.has_focus else "cursor-blurred") if y - 1 == self._chosen else None
+        return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style, self._label)
+
+    def _lane(self) -> Lane | None:
+        """Return the lane of the chosen row."""
+        from trcvtui.rig.history.wave_text import lane_of
+
+        shown = self._rows[self._chosen] if self._rows else None
+        return lane_of(*shown) if shown is not None and shown.name else None
+
+    # -- moving -------------------------------------------------------------------------------------
+
+    def go_to(self, scan: int | None, nothing: str = "") -> None:
+        """Put the cursor into a scan and explain what is in force there; None: say that there is nothing."""
+        self._note, self._asks = nothing if scan is None else "", False
+        if scan is not None:
+            self.view.go_to(scan, self._until)
+            line = self.wave.edge_at(self.view.cursor or scan)
+            if line is not None:
+                self.post_message(EdgeSelected(line.seq, line))
+        self.show()
+
+    @property
+    def _here(self) -> int:
+        return self._until if self.view.cursor is None else self.view.cursor
+
+    def action_step(self, scans: int) -> None:
+        """Go scan by scan."""
+        self.go_to(self._here + scans)
+
+    def action_any_edge(self, direction: int) -> None:
+        """Go to the next change of any pin."""
+        self.go_to(self.wave.next_edge(self._here, direction), "no further edge is known")
+
+    def action_row_edge(self, direction: int) -> None:
+        """Go to the next change of the row's pin."""
+        lane = self._lane()
+        if lane is not None:
+            self.go_to(lane.next_edge(self._here, direction), "no further edge of this row is known")
+
+    def action_next_error(self) -> None:
+        """Go to the next ERROR; from the present to the newest one, behind the last to the first."""
+        self._search(lambda edge: edge.error, "no ERROR")
+
+    def action_ask_code(self) -> None:
+        """Ask for the code to search."""
+        self._voice.open_prompt(f"find {self._last_code}")
+
+    def find(self, status: int) -> None:
+        """Go to the next edge to this STATUS."""
+        self._last_code = f"{status:04X}"
+        self._search(lambda edge: edge.status == status, f"no {self._last_code}")
+
+    def _search(self, holds: Callable[[StatusEdge], bool], nothing: str) -> None:
+        wave, here = self.wave, self.view.cursor
+        if here is None:
+            newest = (e for e in reversed(wave.edges) if isinstance(e.event, StatusEdge) and holds(e.event))
+            found = next((line.scan for line in newest), None)
+        else:
+            found = wave.next_where(here, holds) or wave.next_where(0, holds)
+        self.go_to(found, f"{nothing} in what is known of {plain(wave.instance)}")
+
+    def action_move(self, rows: int) -> None:
+        """Choose another row."""
+        self._chosen = max(0, min(len(self._rows) - 1, self._chosen + rows))
+        self.keep_in_view(self._chosen + 1 if self._chosen else 0)
+        self.show()
+
+    def action_page(self, pages: int) -> None:
+        """Go a whole view on or back in time."""
+        self.view.page(pages, self._until)
+        self.go_to(self.view.cursor)
+
+    def action_edge(self, direction: int) -> None:
+        """Go to the first scan that is known, or to the last."""
+        self.go_to(self._until if direction > 0 else self.wave.first_scan)
+
+    def action_zoom_in(self, steps: int) -> None:
+        """Take fewer scans into a column, or more."""
+        self.view.zoom_by(-steps, self._until)
+        self.show()
+
+    def action_follow(self) -> None:
+        """Follow the newest scan, or let the view stand."""
+        self.view.follow()
+        self.show()
+
+    def action_mark(self) -> None:
+        """Set a marker under the cursor."""
+        self.view.mark(self._until)
+        self.show()
+
+    def action_neighbours(self) -> None:
+        """Draw the other instances of this CONNECT too, or no longer."""
+        self._scene.draws_neighbours = not self._scene.draws_neighbours
+        self.show()
+
+    def action_now(self) -> None:
+        """Go back to the present."""
+        self._asks, self._note = False, ""
+        self.view.now()
+        self.view.markers = []
+        self.post_message(EdgeSelected(None))
+        self.show()
+
+    def point_at(self, scan: int | None, seq: int | None) -> None:
+        """Follow a choice that was made in another pane."""
+        if scan is None:
+            self.view.now()
+        elif (line := self.wave.edge_at(self._here)) is None or line.seq != seq or self.view.cursor is None:
+            self.view.go_to(scan, self._until)
+        self.show()
+
+    def forget(self) -> None:
+        """Another instance was selected, or another bench: back to the present."""
+        self.view.now()
+        self.view.markers, self._note, self._asks = [], "", False
+
+    # -- mouse --------------------------------------------------------------------------------------
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose row and scan under the mouse; an edge inside the column is what was meant."""
+        place = self.place_of(event)
+        if place is None or place[1] > len(self._rows):
+            return
+        self._chosen = max(0, place[1] - 1)
+        window, x = self._window, place[0] - self._label
+        if not 0 <= x < window.width or not self._rows:
+            self.show()
+            return
+        first, last = window.scans_of(x)
+        lane = self._lane()
+        edge = lane.next_edge(first - 1, 1) if lane is not None and window.zoom > 1 else None
+        self.go_to(edge if edge is not None and edge <= last else first)
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Zoom in."""
+        event.stop()
+        event.prevent_default()
+        self.action_zoom_in(1)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Zoom out."""
+        event.stop()
+        event.prevent_default()
+        self.action_zoom_in(-1)
+
+    # -- files --------------------------------------------------------------------------------------
+
+    def action_ask_format(self) -> None:
+        """Ask in which format the waves shall be written."""
+        self._asks = True
+        self.show()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Let the letters of the formats through while nobody asks for one."""
+        return self._asks if action == "write" else True
+
+    def action_write(self, format: str) -> None:
+        """Write a file in a format, between the markers where there are two."""
+        self._asks = False
+        self._voice.submit(f"export timing {format}")
+        self.show()
+
+    def write(self, format: str, path: Path | None) -> tuple[Path, int]:
+        """Write the waves that are drawn; return where, and how many bytes; raise UserError."""
+        from trcvtui.rig.history.wave_files import (  # read when asked for
+            Span,
+            free_path,
+            target_folder,
+            write_waves,
+        )
+
+        markers = sorted(self.view.markers)
+        known = Span(self.wave.first_scan, max(1, self._until))
+        span = Span(*markers) if len(markers) == 2 else known
+        folder = target_folder(self._scene.project.path)
+        path = path or free_path(folder, f"timing-{self.wave.instance}", format)
+        return path, write_waves(path, format, self.waves, span, self.view.zoom)

@@ -1,0 +1,209 @@
+"""Pane 6: the members of the UDT with offset, type and value; only the rows in view are decoded.
+
+Padding stands behind the member that it follows, so the number of a row is the number of a leaf and a table
+of any size costs one page.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual import events
+
+from trcvtui.project.project import DataDecl
+from trcvtui.tui.formatting import cells, clip, pad, plain
+from trcvtui.tui.messages import FieldSelected, KeyClicked
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.decode import decode_leaves
+from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.layout.rules import NO_CHOICE
+from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.types import type_text
+
+OFFSET: Final = 6
+TYPE: Final = 11
+
+
+class UdtTable(LineView):
+    """DATA of the selected instance decoded; with `of_job` the bytes of its running job instead."""
+
+    KEYS: ClassVar = (("↑↓", "member"), ("v", "DATA | job"))
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="udt")
+        self._scene = scene
+        self.of_job = False
+        self.cursor: int | None = None
+        # A job of the past: its number and its bytes; number 0: they were thrown away.
+        self.past: tuple[int, bytes] | None = None
+        self._page: tuple[int, int] = (0, 0)
+        self._leaves: tuple[Leaf, ...] = ()
+        self._values: tuple[Value | None, ...] = ()
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Decode the rows in view and repaint those that changed."""
+        declared = self._scene.declaration
+        self._show_title(declared)
+        self._decode(declared)
+        super().show()
+
+    def _show_title(self, declared: DataDecl | None) -> None:
+        if declared is None:
+            self.set_title(6, "Members", "no DATA" if self._scene.instance else "")
+            return
+        name = clip(plain(declared.type_name), 32)
+        room = self.outer_size.width - cells(name) - 9  # the corners, the digit, the dot
+        self.set_title(6, name, self._source(declared, room))
+
+    def _source(self, declared: DataDecl, room: int) -> str:
+        """Return what is decoded, and what `v` would decode instead."""
+        rules, job = declared.layout.rules, self._job()
+        if self.was_thrown_away:
+            return f"{len(self.past[1]) if self.past else 0} B thrown away, never in {plain(declared.name)}"
+        if self.past is not None:
+            return f"job {self.past[0]} of the past, {len(self.past[1])} B"
+        if self.of_job:
+            return f"{job or 'no job running'} · v: DATA"
+        other = f" · v: {job}" if job and self._scene.partial else ""
+        full = f"{plain(declared.name)}, {rules.name}, {rules.byte_order}-endian{other}"
+        if cells(full) > room and declared.choice != NO_CHOICE:
+            return f"{rules.name}, {rules.byte_order}-endian"
+        return full if cells(full) <= room else f"{clip(plain(declared.name), 24)}{other}"
+
+    def _job(self) -> str:
+        instance = self._scene.instance
+        return f"job, {instance.have} of {instance.need} B" if instance and instance.need else ""
+
+    def _decode(self, declared: DataDecl | None) -> None:
+        top = self.scroll_offset.y
+        self._page = (top, min(top + max(1, self.size.height), self.row_count()))
+        if declared is None:
+            self._leaves, self._values = (), ()
+            return
+        # One leaf more than is shown: padding shows as the distance to the next one.
+        stop = min(self._page[1] + 1, declared.layout.leaf_count)
+        self._leaves = declared.layout.page(top, stop).leaves
+        self._values = tuple(decode_leaves(declared.layout, self._bytes(), top, stop))
+
+    @property
+    def was_thrown_away(self) -> bool:
+        """Return whether the bytes of the past are noise, or a part that never became a frame."""
+        return self.past is not None and not self.past[0]
+
+    def _bytes(self) -> bytes:
+        if self.was_thrown_away:
+            return b""
+        if self.past is not None:
+            return self.past[1]
+        return self._scene.partial if self.of_job else self._scene.data
+
+    def row_count(self) -> int:
+        """Return the number of members."""
+        declared = self._scene.declaration
+        return declared.layout.leaf_count if declared else 0
+
+    def row_at(self, y: int) -> Row:
+        """Return one member."""
+        if not self._page[0] <= y < self._page[1]:
+            self._decode(self._scene.declaration)
+        index = y - self._page[0]
+        if not 0 <= index < len(self._leaves):
+            return EMPTY
+        style = "" if y != self.cursor else "cursor" if self.has_focus else "cursor-blurred"
+        return row(*self._member(index, y == self.cursor), style=style)
+
+    def _member(self, index: int, chosen: bool) -> list[Part]:
+        leaf = self._leaves[index]
+        name_width = max(8, (self.line_width - OFFSET - TYPE) * 2 // 5)
+        before = self._leaves[index - 1].path if index else ""
+        shared, own = _split(leaf.path, before)
+        if cells(shared) + cells(own) > name_width - 1:
+            shared, own = "", clip(leaf.path, name_width - 1)
+        return [
+            ("▸" if chosen else " ", "key"),
+            (f"{leaf.offset:>{OFFSET - 2}} ", "dim"),
+            (plain(shared), "faint"),
+            (pad(plain(own), name_width - cells(shared)), "strong" if chosen else ""),
+            (pad(clip(plain(type_text(leaf.type)), TYPE - 1), TYPE), "dim"),
+            *self._value(index, leaf),
+            (self._padding(index), "faint"),
+        ]
+
+    def _value(self, index: int, leaf: Leaf) -> list[Part]:
+        value, content = self._values[index], self._bytes()
+        if value is not None:
+            return [(value_text(leaf, value, content[leaf.offset : leaf.offset + leaf.size]), "printable")]
+        present = max(0, min(leaf.size, len(content) - leaf.offset))
+        return [(f"{present} of {leaf.size} B" if present else "-", "ghost")]
+
+    def _padding(self, index: int) -> str:
+        gap = self.gap_after(index)
+        return f"  + {gap} B padding" if gap else ""
+
+    def gap_after(self, index: int) -> int:
+        """Return how many bytes of padding follow the leaf at `index` of the page."""
+        declared, leaf = self._scene.declaration, self._leaves[index]
+        if declared is None:
+            return 0
+        last = self._page[0] + index + 1 >= declared.layout.leaf_count
+        after = declared.layout.size if last else self._leaves[index + 1].offset
+        return max(0, after - leaf.offset - leaf.size)
+
+    # -- both ways ----------------------------------------------------------------------------------
+
+    def field_at(self, offset: int) -> range:
+        """Put the cursor on the member that covers a byte, or before its padding; return its bytes."""
+        declared = self._scene.declaration
+        if declared is None or offset < 0:
+            return range(0)
+        place = offset
+        while (number := declared.layout.leaf_at(place)) is None and place > 0:
+            place -= 1
+        self.cursor = number
+        if number is None:
+            return range(0)
+        self.keep_in_view(number)
+        self.show()
+        leaf = declared.layout.leaf(number)
+        inside = offset < leaf.offset + leaf.size
+        return range(leaf.offset, leaf.offset + leaf.size) if inside else range(0)
+
+    def action_move(self, rows: int) -> None:
+        """Choose another member."""
+        last = self.row_count() - 1
+        if last >= 0:
+            self._choose(0 if self.cursor is None else max(0, min(last, self.cursor + rows)))
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the member under the mouse; on the title, the other bytes."""
+        place = self.place_of(event)
+        if event.y == 0:
+            self.post_message(KeyClicked("members"))
+        elif place is not None and place[1] < self.row_count():
+            self._choose(place[1])
+
+    def _choose(self, number: int) -> None:
+        if self._scene.declaration is None:
+            return
+        self.cursor = number
+        self.keep_in_view(number)
+        self.show()
+        self.post_message(FieldSelected(self.chosen_field()))
+
+    def chosen_field(self) -> range:
+        """Return the bytes of the member under the cursor."""
+        declared = self._scene.declaration
+        if declared is None or self.cursor is None:
+            return range(0)
+        leaf = declared.layout.leaf(self.cursor)
+        return range(leaf.offset, leaf.offset + leaf.size)
+
+
+def _split(path: str, before: str) -> tuple[str, str]:
+    """Return the part of a path that the row above has too, up to its last dot, and the rest."""
+    dot = path.rfind(".") + 1
+    return (path[:dot], path[dot:]) if dot and before.startswith(path[:dot]) else ("", path)

@@ -1,0 +1,252 @@
+"""The command line: `:` opens it; closed, it shows the last command and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.suggester import Suggester
+from textual.widget import Widget
+from textual.widgets import Input, Static
+
+from trcvtui.rig.snapshots import Answer
+from trcvtui.tui.formatting import clip, plain, wrapped
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.keystrokes import TypedField
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+
+KEPT_LINES: Final = 200
+MOST_ROWS: Final = 4
+TOLD_BEFORE: Final = ("set", "remove", "undo")  # lines that change the project say what they will do
+
+
+class EchoLine(LineView, can_focus=False):
+    """The last command with its answer; what it tells takes up to four lines rather than lose its end."""
+
+    DEFAULT_CSS = "EchoLine { height: 1; background: $background; padding: 0 1; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="echo")
+        self._line, self._error, self._waits, self._told = "", "", False, ""
+        self._rows = 1
+        self.note = ""  # of a line that is still typed
+
+    def say(self, line: str, error: str = "", waits: bool = False, told: str = "") -> None:
+        """Show a command and its answer."""
+        self._line, self._error, self._waits, self._told = plain(line), plain(error), waits, plain(told)
+        self._fit()
+
+    def foretell(self, note: str) -> None:
+        """Show what the line that is typed would do; "" shows the last command again."""
+        if note != self.note:
+            self.note = note
+            self._fit()
+
+    def _fit(self) -> None:
+        rows = min(MOST_ROWS, self.row_count())
+        if rows != self._rows:
+            self._rows = self.styles.height = rows
+        self.show()
+
+    def _texts(self) -> tuple[str, ...]:
+        width = max(20, self.line_width - 2)
+        if self.note:
+            return wrapped(plain(self.note), width)
+        if self._error:
+            return wrapped(f"{self._line}  ✗ {self._error}", width)
+        return wrapped(f"{self._line}  ✓ {self._told}".lstrip() if self._told else self._line, width)
+
+    def row_count(self) -> int:
+        """Return the lines of the answer."""
+        return len(self._texts()) if self.note or self._error or self._told else 1
+
+    def row_at(self, y: int) -> Row:
+        """Return one line of the answer."""
+        if self.note:
+            texts = self._texts()
+            return row(("▸ " if y == 0 else "  ", "dim"), (texts[y], "")) if y < len(texts) else EMPTY
+        if self._error or self._told:
+            texts, style = self._texts(), "error" if self._error else ""
+            return row((": " if y == 0 else "  ", "dim"), (texts[y], style)) if y < len(texts) else EMPTY
+        if not self._line:
+            return row((": ", "key"), ("type a bench command: set, pulse, peer, fault, plc …", "faint"))
+        mark = ("  … with the next scan", "dim") if self._waits else ("  ✓", "done")
+        return row((": ", "dim"), (clip(self._line, self.line_width - 6), ""), mark)
+
+
+class PromptInput(TypedField):
+    """The open command line."""
+
+    KEYS: ClassVar = (("enter", "send"), ("tab", "complete"), ("↑↓", "earlier lines"), ("esc", "close"))
+    BINDINGS: ClassVar = [
+        Binding("up", "recall(-1)", show=False),
+        Binding("down", "recall(1)", show=False),
+        Binding("tab", "complete", show=False),
+        Binding("escape", "close", show=False),
+    ]
+
+    def __init__(self, prompt: Prompt, suggester: Suggester) -> None:
+        super().__init__(suggester=suggester)
+        self._prompt = prompt
+
+    def action_recall(self, step: int) -> None:
+        """Walk the history."""
+        self._prompt.recall(step)
+
+    def action_complete(self) -> None:
+        """Complete the last word, without waiting for the suggestion to be drawn."""
+        self._prompt.complete()
+
+    async def action_submit(self) -> None:
+        """Send what stands there now."""
+        self._prompt.submit()
+
+    def on_hide(self, event: events.Hide) -> None:
+        """Keep the focus where the prompt was opened again before its closing was drawn."""
+        if self._prompt.is_open:
+            event.prevent_default()
+
+    def action_close(self) -> None:
+        """Close the command line."""
+        self._prompt.close()
+
+
+class Prompt(Vertical):
+    """Echo and, while open, the input; remembers what was typed and which lines wait for their answer."""
+
+    DEFAULT_CSS = """
+    Prompt { height: auto; background: $background; }
+    Prompt #open-line { height: 1; display: none; background: $panel; padding: 0 1; }
+    Prompt Static { width: 2; color: $accent; text-style: bold; }
+    Prompt PromptInput { background: $panel; width: 1fr; }
+    Prompt PromptInput:focus { background: $panel; background-tint: $primary 12%; }
+    """
+
+    def __init__(
+        self, scene: Scene, submit: Callable[[str], None], only_looks: Callable[[], bool] = lambda: False
+    ) -> None:
+        super().__init__(id="prompt")
+        self._only_looks = only_looks  # then no line is read: one may name a file
+        self._scene = scene
+        self._submit = submit
+        self._echo = EchoLine()
+        self._open_line = Horizontal(id="open-line")
+        self._input: PromptInput | None = None
+        self._focus_before: Widget | None = None
+        self._lines: list[str] = []
+        self._at = 0
+        self._last = 0
+
+    def compose(self) -> list[Widget]:
+        """Compose the closed prompt; the input comes right after the first frame."""
+        return [self._echo, self._open_line]
+
+    # -- open and closed ----------------------------------------------------------------------------
+
+    async def prepare(self) -> None:
+        """Make the input, so that it is there before the first key is obeyed."""
+        from trcvtui.tui.completion import BenchSuggester
+
+        self._input = PromptInput(self, BenchSuggester(lambda: self._scene.project))
+        await self._open_line.mount(Static(":", markup=False), self._input)
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether a line can be typed."""
+        return self._open_line.display
+
+    def open(self, text: str = "") -> None:
+        """Open the command line with a text to complete. The very next key is typed into it."""
+        if self._input is None:
+            return
+        if not self.is_open:
+            self._focus_before = self.screen.focused
+        self._at = len(self._lines)
+        self._fill(text)
+        self._open_line.display = True
+        self._foretell()
+        self.screen.set_focus(self._input)
+
+    def close(self) -> None:
+        """Close the command line; the pane that had the focus gets it back at once."""
+        before, self._focus_before = self._focus_before, None
+        self.screen.set_focus(before)
+        self._open_line.display, self._echo.display = False, True
+        self._echo.foretell("")
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Say what the line would do, while it is typed."""
+        event.stop()
+        self._foretell()
+
+    def _foretell(self) -> None:
+        """Show what a line that changes the project would do, where it would be taken."""
+        from trcvtui.tui.view_model.validity import said_before
+
+        if not self.is_open or self._input is None:
+            return
+        line = self._input.value.strip()
+        is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
+        self._echo.foretell(said_before(line, self._scene.project) if is_told else "")
+        self._echo.display = bool(self._echo.note)
+
+    def _fill(self, text: str) -> None:
+        if self._input is not None:
+            self._input.value = text
+            self._input.cursor_position = len(text)
+
+    def recall(self, step: int) -> None:
+        """Fill in an older or newer line."""
+        if self._lines:
+            self._at = max(0, min(len(self._lines), self._at + step))
+            self._fill(self._lines[self._at] if self._at < len(self._lines) else "")
+
+    def complete(self) -> None:
+        """Complete the last word as far as the project knows it."""
+        from trcvtui.tui.completion import complete
+
+        if self._input is not None:
+            self._fill(complete(self._input.value, self._scene.project) or self._input.value)
+
+    def submit(self) -> None:
+        """Close the command line and send what was typed."""
+        line = self._input.value.strip() if self._input is not None else ""
+        self.close()
+        if line:
+            self._submit(line)
+
+    # -- lines and answers --------------------------------------------------------------------------
+
+    def remember(self, line: str) -> None:
+        """Keep a line for the history of the prompt."""
+        if not self._lines or self._lines[-1] != line:
+            self._lines.append(line)
+            del self._lines[:-KEPT_LINES]
+
+    def sent(self, line: str, number: int) -> None:
+        """Take note of a line that was sent, from here or from a toggle or button."""
+        self.remember(line)
+        self._last = number
+        self._echo.say(line, waits=True)
+
+    def did(self, line: str, told: str, error: str = "") -> None:
+        """Show a line that the screen has carried out by itself."""
+        self.remember(line)
+        self._echo.say(line, error, told=told)
+
+    def answered(self, answers: dict[int, Answer]) -> None:
+        """Show what became of the last line, or of any that was refused."""
+        for number, answer in answers.items():
+            if answer.error or number == self._last:
+                self._echo.say(answer.line, answer.error, told=answer.told)
+
+    def tell(self, text: str) -> None:
+        """Show what the screen has done by itself, in as many lines as it needs."""
+        self._echo.say("", told=text)
+
+    def complain(self, text: str) -> None:
+        """Show trouble that is no answer."""
+        self._echo.say("", text)

@@ -1,0 +1,1 @@
+"""The dialect race on the screen."""

@@ -1,0 +1,69 @@
+"""A race that runs aside while the screen goes on: of a scenario file, through dialects of one's choice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from threading import Thread
+
+from trcvtui.errors import UserError
+from trcvtui.rig.scenario.race import race_file
+from trcvtui.rig.scenario.race_report import DIALECT_NAMES
+from trcvtui.rig.scenario.race_result import InstanceRace, Race, Row
+from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.rig.scenario.session_file import marked_scan
+
+
+class RaceRun:
+    """One race: under way until `is_over`, then there is a `race` or a `problem`.
+
+    Without names it runs in the file's own dialect and the first other one that can take its CONNECTs.
+    `hidden`: so many scans had passed when a session was marked; they are raced and not shown.
+    """
+
+    def __init__(self, path: Path, names: Sequence[str] = ()) -> None:
+        self.path = path
+        self.names = tuple(names)
+        self.race: Race | None = None
+        self.problem = ""
+        self.hidden = 0
+        self._thread = Thread(target=self._run, daemon=True)  # the program may end before the race does
+        self._thread.start()
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether it has come to its end."""
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        try:
+            scenario = load_scenario(self.path)
+            self.hidden = marked_scan(scenario.about)
+            self.race = self._raced(scenario.project.dialect.name)
+        except UserError as wrong:
+            self.problem = wrong.lines()[0]
+
+    def _raced(self, own: str) -> Race:
+        if self.names:
+            return race_file(self.path, self.names)
+        first: UserError | None = None
+        for other in DIALECT_NAMES:
+            if other != own:
+                try:
+                    return race_file(self.path, [own, other])
+                except UserError as wrong:
+                    first = first or wrong
+        assert first is not None, "there are several dialects"
+        raise first
+
+
+def since(raced: InstanceRace, hidden: int) -> InstanceRace:
+    """Return an instance without its first scans."""
+    rows = tuple(_behind(row, hidden) for row in raced.rows if row.scan + row.scans - 1 > hidden)
+    return replace(raced, rows=rows) if hidden else raced
+
+
+def _behind(row: Row, hidden: int) -> Row:
+    missing = max(0, hidden + 1 - row.scan)
+    return replace(row, scan=row.scan + missing, scans=row.scans - missing) if missing else row

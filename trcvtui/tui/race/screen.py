@@ -1,0 +1,295 @@
+"""Dialect race: one scenario, or the session since the mark, through several dialects, scan beside scan.
+
+Rule: the same pins, peers and bytes go through each of them, on simulated networks of their own, aside.
+"""
+
+from __future__ import annotations
+
+from asyncio import sleep
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import ClassVar, Final
+
+from textual.app import SystemCommand
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.screen import Screen
+from textual.widget import Widget
+
+from trcvtui.rig.scenario.race_result import InstanceRace
+from trcvtui.tui import messages
+from trcvtui.tui.formatting import plain
+from trcvtui.tui.race.race_folder import RaceFolder
+from trcvtui.tui.race.race_run import RaceRun, since
+from trcvtui.tui.race.race_table import (
+    NAMES,
+    RaceColumns,
+    RaceHead,
+    RaceScan,
+    RaceTable,
+    instance_title,
+    race_parts,
+)
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.header_line import HeaderLine
+from trcvtui.tui.widgets.key_line import KeyLine
+from trcvtui.tui.widgets.line_view import pane_title
+from trcvtui.tui.widgets.outcome_line import OutcomeLine
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+
+LOOK_S: Final = 1 / 30
+KEYS: Final = (
+    ("n N", "difference"), ("1-4", "dialects"), ("← →", "instance"), ("o", "only differing"),
+    ("r", "again"), ("y", "yank"), ("?", "help"), ("esc", "leave"),
+)  # fmt: skip
+ACTIONS: Final = {
+    "n N": "difference(1)", "← →": "instance(1)", "o": "only", "r": "again", "y": "yank", "?": "help",
+    "esc": "leave",
+}  # fmt: skip
+
+
+class RaceScreen(Screen[None]):
+    """Head with the dialects, table of scans, the chosen scan in full."""
+
+    BINDINGS: ClassVar = [
+        *[Binding(str(digit), f"dialect({digit})", show=False) for digit in range(1, len(NAMES) + 1)],
+        Binding("n", "difference(1)", show=False),
+        Binding("N", "difference(-1)", show=False),
+        Binding("right", "instance(1)", show=False),
+        Binding("left", "instance(-1)", show=False),
+        Binding("o", "only", show=False),
+        Binding("r", "again", show=False),
+        Binding("y", "yank", show=False),
+        Binding("question_mark,f1", "help", show=False),
+        Binding("escape,q,D", "leave", show=False),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    CSS_PATH = "race.tcss"
+
+    def __init__(self, scene: Scene, say: Callable[[str], int | None], path: Path | None) -> None:
+        super().__init__()
+        self._scene = scene
+        self._say = say
+        self._path = path
+        self._folder: RaceFolder | None = None  # of a session's file
+        self._asked: int | None = None
+        self.run: RaceRun | None = None
+        self._chosen: tuple[str, ...] = ()  # the dialects, as far as they are known
+        self._taken: RaceRun | None = None  # what the table shows
+        self._instance = ""
+        self._said = ("", "")
+        self.header = HeaderLine(scene)
+        self.head = RaceHead()
+        self.columns = RaceColumns()
+        self.table = RaceTable()
+        self.scan = RaceScan()
+        self.outcome = OutcomeLine()
+        self.key_line = KeyLine(KEYS, ACTIONS)
+        self._frame = Vertical(id="race-frame")
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose header, head, table, the chosen scan, keys."""
+        yield self.header
+        yield self.head
+        with self._frame:
+            yield self.columns
+            yield self.table
+        yield self.scan
+        yield self.outcome
+        yield self.key_line
+
+    def on_mount(self) -> None:
+        """Begin the race; a session is written down first."""
+        self.set_focus(self.table)
+        if self._path is not None:
+            self._begin()
+        else:
+            self._folder = RaceFolder()
+            self._path = self._folder.file
+            self._write_session()
+        self.show()
+
+    def on_unmount(self) -> None:
+        """Leave no file behind."""
+        self.forget()
+
+    def forget(self) -> None:
+        """Remove the session's file: the screen, or the whole program, ends."""
+        if self._folder is not None:
+            self._folder.close()
+
+    def _write_session(self) -> None:
+        self._asked = self._say(f"save scenario {self._path}")
+        if self._asked is None:
+            self._tell("this screen may not write down the session", "error")
+
+    def _begin(self) -> None:
+        assert self._path is not None
+        self.run = RaceRun(self._path, self._chosen)
+        self._tell("racing …", "busy")
+        self.run_worker(self._follow(self.run), exclusive=True)
+
+    async def _follow(self, run: RaceRun) -> None:
+        while not run.is_over:
+            await sleep(LOOK_S)
+        self.show()
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    def show(self) -> None:
+        """Take what is over, and repaint what changed."""
+        self._hear_answer()
+        if self.run is not None and self.run.is_over and self.run is not self._taken:
+            self._take(self.run)
+        self.header.show()
+        what = self._what()
+        self.head.draw(what, self._chosen)
+        self.key_line.show_keys((), holding=False)
+
+    def _hear_answer(self) -> None:
+        answer = self._scene.answers.get(self._asked) if self._asked is not None else None
+        if answer is None:
+            return
+        self._asked = None
+        if answer.error:
+            self._tell(answer.error, "error")
+        else:
+            self._begin()
+
+    def _what(self) -> list[tuple[str, str]]:
+        race = self._taken.race if self._taken is not None else None
+        if race is None or self._taken is None:
+            return [("race      ", "dim"), (plain(self._path.stem) if self._path else "", "strong")]
+        return race_parts(race, self._taken.hidden)
+
+    def _take(self, run: RaceRun) -> None:
+        """Show a race that is over; one that could not be leaves the one before standing."""
+        if run.race is None:
+            self.run = self._taken if self._taken is not None and self._taken.race is not None else None
+            if self.run is not None and self.run.race is not None:
+                self._chosen = self.run.race.dialects
+            self._tell(f"✗ {run.problem}", "error")
+            return
+        self._taken, self._chosen = run, run.race.dialects
+        self._tell("")
+        self._draw()
+
+    @property
+    def instances(self) -> tuple[InstanceRace, ...]:
+        """Return the instances of the race that is shown."""
+        if self._taken is None or self._taken.race is None:
+            return ()
+        return tuple(since(each, self._taken.hidden) for each in self._taken.race.instances)
+
+    def _draw(self) -> None:
+        instances = self.instances
+        place = next((n for n, each in enumerate(instances) if each.instance == self._instance), 0)
+        raced = instances[place] if instances else None
+        race = self._taken.race if self._taken is not None else None
+        self.columns.raced = raced
+        self.columns.refresh()
+        self.table.take(raced, race)
+        title = instance_title(raced, place, len(instances)) if raced is not None else "no instance"
+        self._frame.border_title = pane_title(None, title)
+        self._draw_scan()
+
+    def _draw_scan(self) -> None:
+        race = self._taken.race if self._taken is not None else None
+        self.scan.draw(self.table.chosen, self.table.raced, race.interval_ns if race is not None else 0)
+
+    def _tell(self, words: str, style: str = "dim") -> None:
+        self.outcome.display = bool(words)
+        self.outcome.say(words, style)
+
+    def on_race_row_selected(self) -> None:
+        """Show the chosen scan in full."""
+        self._tell("")
+        self._draw_scan()
+
+    def on_dialect_toggled(self, message: messages.DialectToggled) -> None:
+        """Toggle a dialect by mouse."""
+        self.action_dialect(message.digit)
+
+    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
+        """Do what the key does."""
+        await self.run_action(message.action)
+
+    # -- actions ------------------------------------------------------------------------------------
+
+    def action_dialect(self, digit: int) -> None:
+        """Let a dialect take part, or no longer; the race runs anew."""
+        name = NAMES[digit - 1]
+        if not self._chosen or self._asked is not None:
+            return
+        chosen = tuple(each for each in NAMES if (each in self._chosen) != (each == name))
+        if len(chosen) < 2:
+            self._tell("a race needs two dialects: add another one first", "warn")
+            return
+        self._chosen = chosen
+        self._begin()
+        self.show()
+
+    def action_difference(self, step: int) -> None:
+        """Go to the next scan in which they differ, or the one before."""
+        if not self.table.difference(step):
+            way = "further down" if step > 0 else "further up"
+            self._tell(f"no difference {way}", "dim")
+
+    def action_instance(self, step: int) -> None:
+        """Look at another instance."""
+        instances = self.instances
+        if instances:
+            names = [each.instance for each in instances]
+            here = names.index(self._instance) if self._instance in names else 0
+            self._instance = names[(here + step) % len(names)]
+            self._draw()
+
+    def action_only(self) -> None:
+        """Show only the scans in which they differ, or all."""
+        self.table.only_differing = not self.table.only_differing
+        self._draw()
+        self._tell("only the scans that differ; o: all" if self.table.only_differing else "")
+
+    def action_again(self) -> None:
+        """Race anew: the file, or the session as far as it is now."""
+        if self._folder is not None:
+            self._write_session()
+        else:
+            self._begin()
+        self.show()
+
+    def action_yank(self) -> None:
+        """Take the whole race as text."""
+        from trcvtui.rig.scenario.race_report import race_text  # read when first asked for
+        from trcvtui.tui.copying.copy_formats import Format
+        from trcvtui.tui.copying.taking import take
+
+        if self._taken is not None and self._taken.race is not None:
+            text = race_text(self._taken.race) + "\n"
+            form = Format("r", "the race", lambda of: text)
+            self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, style="error")))
+
+    def action_help(self) -> None:
+        """Open the help."""
+        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
+
+        self.app.push_screen(HelpScreen(self._scene, self.focused))
+
+    def action_leave(self) -> None:
+        """Go back to where the race was asked for."""
+        self.dismiss(None)
+
+    def commands(self) -> Iterator[SystemCommand]:
+        """Yield what can be done here, for the palette."""
+        yield SystemCommand("Next difference", "key n", lambda: self.action_difference(1))
+        yield SystemCommand("Difference before", "key N", lambda: self.action_difference(-1))
+        for digit, name in enumerate(NAMES, 1):
+            way = "out of the race" if name in self._chosen else "into the race"
+            yield SystemCommand(f"{name} {way}", f"key {digit}", lambda d=digit: self.action_dialect(d))
+        yield SystemCommand("Next instance", "key →", lambda: self.action_instance(1))
+        yield SystemCommand("Only the scans that differ, or all", "key o", self.action_only)
+        yield SystemCommand("Race again", "the file or session as it is now · key r", self.action_again)
+        yield SystemCommand("Yank the race as text", "key y", self.action_yank)
+        yield SystemCommand("Help", "key ?", self.action_help)
+        yield SystemCommand("Leave the race", "key esc", self.action_leave)

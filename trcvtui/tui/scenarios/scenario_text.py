@@ -1,0 +1,132 @@
+"""A scenario as its file writes it, comments too; while it is played, what each step has come to."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Final
+
+from textual.binding import Binding, BindingType
+
+from trcvtui.rig.scenario.files import ScenarioFile, ScriptLine
+from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
+from trcvtui.tui.formatting import plain, wrapped
+from trcvtui.tui.scenarios.scenario_list_model import Library
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+
+GUTTER: Final = 7  # number, blank, mark, blank
+CONTEXT: Final = 2  # lines that stay in view around the current one
+# state: mark, style of the mark, style of the text
+LOOKS: Final = {
+    TO_COME: (" ", "", ""),
+    NOW: ("▶", "busy", "busy"),
+    DONE: ("•", "done", "dim"),
+    HELD: ("✓", "done", "dim"),
+    FAILED: ("✗", "error", "error"),
+}
+NEXT: Final = ("▸", "key", "strong")
+
+
+class ScenarioText(LineView, inherit_bindings=False):
+    """What the scenario is about, then its steps; the current one stays in view."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("down", "move(1)", show=False),
+        Binding("up", "move(-1)", show=False),
+        Binding("pagedown", "page(1)", show=False),
+        Binding("pageup", "page(-1)", show=False),
+        Binding("home,g", "edge(-1)", show=False),
+        Binding("end,G", "edge(1)", show=False),
+    ]
+
+    def __init__(self, library: Library) -> None:
+        super().__init__(id="text")
+        self._library = library
+        self._drawn: tuple[ScenarioFile | None, tuple[StepSnapshot, ...], int, int] | None = None
+        self._rows: list[Row] = []
+        self._row_of: dict[int, int] = {}  # by number of the step
+        self._followed: tuple[str, int] | None = None
+
+    def draw(self, player: PlayerSnapshot | None, kernel: str) -> None:
+        """Show the chosen scenario, and how far it has been played where it is the one that is."""
+        said = self._library.chosen_file
+        played = player if player is not None and said is not None and player.path == str(said.path) else None
+        self._show_title(said, played, kernel)
+        shown = said, played.steps if played else (), played.current if played else -1, self.line_width
+        if shown != self._drawn:
+            if self._drawn is None or shown[0] != self._drawn[0]:
+                self.scroll_to(y=0, animate=False)
+            self._drawn = shown
+            self._rows = self._lines(said, played) if said is not None else []
+            self.resize_rows()
+            self._follow(played)
+        self.show()
+
+    def _show_title(self, said: ScenarioFile | None, played: PlayerSnapshot | None, kernel: str) -> None:
+        if said is None:
+            self.set_title(2, "Steps")
+            return
+        words = [kernel]
+        if played is not None:
+            last = played.steps[-1].number if played.steps else 0
+            words.append("over" if played.finished else f"step {_coming(played)} of {last}")
+        self.set_title(2, plain(said.path.name), " · ".join(words))
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        return self._rows[y] if y < len(self._rows) else EMPTY
+
+    # -- the lines ----------------------------------------------------------------------------------
+
+    def _lines(self, said: ScenarioFile, played: PlayerSnapshot | None) -> list[Row]:
+        self._row_of = {}
+        rows = [row((line, "strong")) for line in wrapped(said.name, self.line_width)]
+        if said.about:
+            rows += [row((line, "dim")) for line in wrapped(said.about, self.line_width)]
+        if said.problem:
+            rows += [row((line, "error")) for line in wrapped(f"✗ {said.problem}", self.line_width)]
+        rows.append(EMPTY)
+        steps = {step.number: step for step in played.steps if step.number} if played else {}
+        for step in played.steps if played else ():
+            if not step.number and step.state == FAILED:
+                rows += self._step(ScriptLine(0, 0, f"start: {step.line}"), step, False)
+        coming = _coming(played)
+        for line in said.lines:
+            if line.step:
+                self._row_of[line.step] = len(rows)
+            rows += self._step(line, steps.get(line.step), 0 < line.step == coming)
+        return rows
+
+    def _step(self, line: ScriptLine, step: StepSnapshot | None, is_next: bool) -> list[Row]:
+        state = step.state if step is not None and line.text else TO_COME
+        mark, mark_style, style = NEXT if is_next and state == TO_COME else LOOKS[state]
+        if line.text.startswith("#"):
+            style = "dim"
+        first, *rest = wrapped(line.text, self.line_width - GUTTER)
+        place = f"{line.place:>4} " if line.place else "     "
+        ground = "cursor-blurred" if is_next or state == NOW else ""
+        rows = [row((place, "faint"), (f"{mark} ", mark_style), (first, style), style=ground)]
+        rows += [row((" " * (GUTTER + 2), ""), (more, style), style=ground) for more in rest]
+        if step is not None and state == FAILED:
+            found = wrapped(f"found {step.found or 'nothing'}", self.line_width - GUTTER - 2)
+            rows += [row((" " * (GUTTER + 2), ""), (more, "error")) for more in found]
+        return rows
+
+    def _follow(self, played: PlayerSnapshot | None) -> None:
+        """Keep the step that runs or comes next in view; a reader who scrolls away is left in peace."""
+        if played is None or (played.path, played.current) == self._followed or not played.steps:
+            return
+        self._followed = played.path, played.current
+        number = played.steps[min(played.current, len(played.steps) - 1)].number
+        at = self._row_of.get(number, 0)
+        self.keep_in_view(min(at + CONTEXT, max(0, len(self._rows) - 1)))
+        self.keep_in_view(max(0, at - CONTEXT))
+
+
+def _coming(played: PlayerSnapshot | None) -> int:
+    """Return the number of the step that runs or comes next, 0 where none does."""
+    if played is None or played.finished or played.current >= len(played.steps):
+        return 0
+    return played.steps[played.current].number

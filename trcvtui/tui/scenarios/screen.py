@@ -1,0 +1,451 @@
+"""Scenarios: which there are, what they say, and one of them played step by step.
+
+Rule: the engine plays; this screen sends `scenario` lines and shows what the pictures tell of the play.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import ClassVar, Final
+
+from textual import events
+from textual.app import SystemCommand
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.screen import Screen
+from textual.widget import Widget
+
+from trcvtui.rig.snapshots import PlayerSnapshot
+from trcvtui.tui import messages
+from trcvtui.tui.formatting import clip, count, plain
+from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.panes.instance_list import InstanceList
+from trcvtui.tui.panes.status_card import StatusCard
+from trcvtui.tui.panes.status_history import StatusHistory
+from trcvtui.tui.panes.timing import Timing
+from trcvtui.tui.scenarios.scenario_list import ScenarioList
+from trcvtui.tui.scenarios.scenario_list_model import Library
+from trcvtui.tui.scenarios.scenario_text import ScenarioText
+from trcvtui.tui.scenarios.trace_list import TraceList
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.filter_line import FilterLine
+from trcvtui.tui.widgets.header_line import HeaderLine
+from trcvtui.tui.widgets.key_line import KeyLine
+from trcvtui.tui.widgets.line_view import LineView
+from trcvtui.tui.widgets.outcome_line import OutcomeLine
+from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.tab_line import TabLine
+
+LEAST_WIDTH, LEAST_HEIGHT, HIGH = 110, 30, 42
+TABS, PLAYING = "-tabs", "-playing"
+READ_S: Final = 1 / 30
+KERNELS: Final = ("sim", "live")
+WORDS_OF: Final = {"sim": "the simulated network", "live": "real sockets"}
+LIST, STEPS, TRACES, STATUS, HISTORY, TIMING = 1, 2, 4, 5, 6, 7
+PAST: Final = {TRACES, HISTORY, TIMING}  # one place is for them where the screen is not high
+LIVE: Final = "live"
+ENDS_LIVE: Final = "a scenario ends the live bench and its connections: y loads it, esc goes back"
+LONGEST_LINE: Final = 60
+KEYS: Final = (
+    ("enter", "load"), ("n", "step"), ("r", "to the end"), ("k", "sim | live"), ("D", "dialects"),
+    ("v", "all panes"), ("/", "filter"), ("1-7", "pane"), ("?", "help"), ("esc", "leave"),
+)  # fmt: skip
+TABS_OF_PLAY: Final = (
+    (LIST, "Scenarios"), (STEPS, "Steps"), (STATUS, "STATUS"), (HISTORY, "History"), (TIMING, "Timing"),
+)  # fmt: skip
+ACTIONS: Final = {
+    "enter": "load", "n": "step", "r": "run", "k": "kernel", "D": "race", "/": "filter", "?": "help",
+    "v": "panes", "esc": "leave",
+}  # fmt: skip
+
+
+class ScenariosScreen(Screen[Path | None]):
+    """List, text, and the play of one; dismissed with the file that was chosen last."""
+
+    BINDINGS: ClassVar = [
+        *[Binding(str(digit), f"pane({digit})", show=False) for digit in range(1, 8)],
+        Binding("enter", "load", show=False),
+        Binding("n,space", "step", show=False),
+        Binding("r", "run", show=False),
+        Binding("k", "kernel", show=False),
+        Binding("v", "panes", show=False),
+        Binding("y", "sure", show=False),
+        Binding("D", "race", show=False),
+        Binding("slash", "filter", show=False),
+        Binding("question_mark,f1", "help", show=False),
+        Binding("escape,q,S,f2", "leave", show=False),
+    ]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    CSS_PATH = "scenarios.tcss"
+
+    def __init__(
+        self, scene: Scene, say: Callable[[str], int | None], library: Library, loaded: Path | None = None
+    ) -> None:
+        super().__init__()
+        self._scene = scene
+        self._say = say
+        self._library = library
+        self._kernel = KERNELS[0]
+        self._loaded = loaded  # also while the engine has not answered yet
+        self._question: Callable[[], None] | None = None  # what `y` does: it ends the live bench
+        self._is_high = False
+        self.keeps_the_play = False  # left for the panes, with the scenario on them
+        self._bench = scene.bench
+        self._asked: set[int] = set()
+        self._trouble = ""
+        self._open = STEPS if loaded is not None else LIST
+        self._past = TRACES
+        self.list = ScenarioList(library)
+        self.text = ScenarioText(library)
+        self.instances = InstanceList(scene, digit=3)
+        self.traces = TraceList(scene)
+        voice = Voice(self._refuse, self._refuse, self._complain)
+        self.status = StatusCard(scene, STATUS)
+        self.history = StatusHistory(scene, voice, HISTORY)
+        self.timing = Timing(scene, voice, TIMING)
+        self.header = HeaderLine(scene)
+        self.tabs = TabLine(TABS_OF_PLAY[:2], LIST)
+        self.outcome = OutcomeLine()
+        self.filter = FilterLine(self._narrow, self.list.action_move, self.list)
+        self.key_line = KeyLine(KEYS, ACTIONS)
+        self._left = Vertical(id="left")
+        self._play = Vertical(id="play")
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose header, list and play, outcome, keys."""
+        yield self.header
+        yield self.tabs
+        with Horizontal(id="stage"):
+            with self._left:
+                yield self.list
+                yield self.status
+            with self._play:
+                yield self.text
+                yield self.instances
+                yield self.traces
+                yield self.history
+                yield self.timing
+        yield self.outcome
+        yield self.filter
+        yield self.key_line
+
+    def on_mount(self) -> None:
+        """Begin in the list; the files are read while it stands."""
+        self.set_focus(self.list if self._open == LIST else self.text)
+        self.set_interval(READ_S, self._read_some)
+        self._read_some()
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Put list and play side by side where there is room for both."""
+        small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
+        self.set_class(small, TABS)
+        self._is_high = event.size.height >= HIGH
+        self.traces.tail = 2 if small else 4
+        self._arrange()
+        self.call_after_refresh(self.show)
+
+    def _read_some(self) -> None:
+        if not self._library.is_read:
+            self._library.read_some()
+            self.show()
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    @property
+    def _player(self) -> PlayerSnapshot | None:
+        """Return how far the loaded scenario is; None until a picture of it has come."""
+        player = self._scene.picture.player if self._scene.picture else None
+        return player if player is not None and player.path == str(self._loaded) else None
+
+    def show(self) -> None:
+        """Let every pane repaint what changed."""
+        self._hear_answers()
+        player = self._player
+        if player is not None and player.finished and self._loaded is not None:
+            self._note_outcome(self._loaded, not player.failed)
+        self._begin_or_end(player is not None)
+        self.header.show()
+        self.list.show()
+        self.text.draw(player, self._kernel_shown(player))
+        if player is not None:
+            self.traces.draw(player)
+            for pane in (self.instances, self.status, self.history, self.timing):
+                pane.show()
+        self._say_what_is(player)
+        focused = self.focused
+        self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
+
+    def _begin_or_end(self, plays: bool) -> None:
+        """Show the panes of a play while there is one; of another bench nothing is pointed at any more."""
+        if self._bench != self._scene.bench:
+            self._bench = self._scene.bench
+            self.on_instance_selected()
+        if plays != self.has_class(PLAYING):
+            self.set_class(plays, PLAYING)
+            self._arrange()
+
+    def _kernel_shown(self, player: PlayerSnapshot | None) -> str:
+        picture = self._scene.picture
+        return picture.kernel if player is not None and picture is not None else self._kernel
+
+    def _hear_answers(self) -> None:
+        for number, answer in self._scene.answers.items():
+            if number in self._asked:
+                self._asked.discard(number)
+                if answer.error and not self._trouble:
+                    self._trouble = answer.error
+                    if answer.line.startswith("scenario load"):
+                        self._loaded = None
+
+    def _note_outcome(self, path: Path, held: bool) -> None:
+        if self._library.outcomes.get(path) is not held:
+            self._library.outcomes[path] = held
+            self._library.revision += 1
+
+    def _say_what_is(self, player: PlayerSnapshot | None) -> None:
+        if self._question is not None:
+            self.outcome.say(f"? {ENDS_LIVE}", "warn")
+        elif self._trouble:
+            self.outcome.say(f"✗ {self._trouble}", "error")
+        elif player is None:
+            self.outcome.say(f"enter loads it on {WORDS_OF[self._kernel]}; k: on {WORDS_OF[self._other()]}")
+        else:
+            self.outcome.say(*_outcome(player))
+
+    def _other(self) -> str:
+        return KERNELS[1 - KERNELS.index(self._kernel)]
+
+    # -- what the panes say -------------------------------------------------------------------------
+
+    def on_scenario_chosen(self) -> None:
+        """Show the text of another file."""
+        self._trouble, self._question = "", None
+        self.show()
+
+    def on_scenario_wanted(self) -> None:
+        """Load by mouse."""
+        self.action_load()
+
+    def on_instance_selected(self) -> None:
+        """Let all panes follow another instance."""
+        self.history.forget()
+        self.timing.forget()
+        self.status.point_at(None)
+        if self.is_mounted and self._bench == self._scene.bench:
+            self.call_after_refresh(self.show)
+
+    def on_edge_selected(self, message: messages.EdgeSelected) -> None:
+        """Explain an edge of the past."""
+        line = message.line
+        self.status.point_at(line)
+        self.history.point_at(message.seq)
+        self.timing.point_at(line.scan if line else None, message.seq)
+
+    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
+        """Open a tab by mouse."""
+        self.action_pane(message.digit)
+
+    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
+        """Do what the key does."""
+        await self.run_action(message.action)
+
+    def on_descendant_focus(self, event: events.DescendantFocus) -> None:
+        """Open the tab that has the focus, and name the keys of the pane."""
+        panes: dict[int, Widget] = {STATUS: self.status, HISTORY: self.history, TIMING: self.timing}
+        own = next((digit for digit, pane in panes.items() if pane is event.widget), None)
+        if event.widget in (self.list, self.filter):
+            self._open = LIST
+        elif own is not None or event.widget in self._play.query("*"):
+            self._open = own or STEPS
+        if event.widget is self.traces or own in PAST:
+            self._past = own or TRACES
+        self._arrange()
+        self.show()
+
+    def _arrange(self) -> None:
+        """Show one tab, or everything; where the screen is not high, one of what is past."""
+        alone, plays = self.has_class(TABS), self.has_class(PLAYING)
+        steps = self._open == STEPS or not alone
+        self._left.display = not alone or self._open in (LIST, STATUS)
+        self._play.display = not alone or self._open not in (LIST, STATUS)
+        self.list.display = not alone or self._open == LIST
+        self.status.display = plays and (not alone or self._open == STATUS)
+        self.text.display, self.instances.display = steps, plays and steps
+        past = PAST if self._is_high and not alone else {self._past}
+        self.traces.display = plays and steps and (alone or TRACES in past)
+        self.history.display = plays and (self._open == HISTORY if alone else HISTORY in past)
+        self.timing.display = plays and (self._open == TIMING if alone else TIMING in past)
+        self.tabs.take(TABS_OF_PLAY if plays else TABS_OF_PLAY[:2])
+        self.tabs.mark(self._open)
+
+    def _narrow(self, words: str) -> None:
+        self._library.narrow(words)
+        self.show()
+
+    # -- actions ------------------------------------------------------------------------------------
+
+    def action_pane(self, digit: int) -> None:
+        """Go to a pane."""
+        panes: dict[int, Widget] = {
+            LIST: self.list,
+            STEPS: self.text,
+            3: self.instances,
+            TRACES: self.traces,
+            STATUS: self.status,
+            HISTORY: self.history,
+            TIMING: self.timing,
+        }
+        if digit > STEPS and self._player is None:
+            return
+        self._open = digit if digit in dict(TABS_OF_PLAY) else STEPS
+        self._past = digit if digit in PAST else self._past
+        self._arrange()
+        self.set_focus(panes[digit])
+
+    def action_filter(self) -> None:
+        """Let the words of the filter be typed."""
+        self.action_pane(LIST)
+        self.filter.open()
+
+    def action_kernel(self) -> None:
+        """Take the other kernel for the next scenario that is loaded."""
+        self._kernel = self._other()
+        self._trouble = ""
+        self.show()
+        self._question = None
+        if self._loaded is not None:
+            self.outcome.say(f"enter loads it anew on {WORDS_OF[self._kernel]}")
+
+    def _is_live_bench(self) -> bool:
+        """Return whether the opened project runs on real sockets: what ends it is asked for first."""
+        picture = self._scene.live
+        return picture is not None and picture.player is None and picture.kernel == LIVE
+
+    def _ask(self, then: Callable[[], None]) -> None:
+        self._trouble, self._question = "", then
+        self.show()
+
+    def action_sure(self) -> None:
+        """Do what was asked about."""
+        then, self._question = self._question, None
+        if then is not None:
+            then()
+
+    def action_load(self) -> None:
+        """Load the chosen scenario; a live bench that it would end is asked about first."""
+        if self._loaded is None and self._is_live_bench() and self._library.chosen is not None:
+            self._ask(self._load)
+        else:
+            self._load()
+
+    def _load(self) -> None:
+        """Load the chosen scenario, as it stands in its file now."""
+        path, self._trouble = self._library.chosen, ""
+        said = self._library.read(path) if path is not None else None
+        if path is None or said is None:
+            return
+        if said.problem:
+            self._trouble = said.problem
+            self.show()
+            return
+        self._loaded = path
+        self._send(f"load {path} {self._kernel}")
+        self.action_pane(STEPS)
+
+    def action_step(self) -> None:
+        """Take the next step of the chosen scenario, or load it first."""
+        if self._is_loaded():
+            self._send("step")
+        else:
+            self.action_load()
+
+    def action_run(self) -> None:
+        """Take all steps that are left of the chosen scenario; one that is not loaded is loaded for it."""
+        if self._loaded is None and self._is_live_bench() and self._library.chosen is not None:
+            self._ask(self._run)
+        else:
+            self._run()
+
+    def _run(self) -> None:
+        if not self._is_loaded():
+            self._load()
+        if self._is_loaded():
+            self._send("run")
+
+    def action_race(self) -> None:
+        """Race the chosen scenario through several dialects."""
+        if self._library.chosen is not None:
+            self.post_message(messages.RaceWanted(self._library.chosen))
+
+    def _is_loaded(self) -> bool:
+        return self._loaded is not None and self._loaded == self._library.chosen
+
+    def _send(self, words: str) -> None:
+        self._trouble = ""
+        number = self._say(f"scenario {words}")
+        if number is not None:
+            self._asked.add(number)
+
+    def action_help(self) -> None:
+        """Open the help."""
+        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
+
+        self.app.push_screen(HelpScreen(self._scene, self.focused))
+
+    def _refuse(self, line: str) -> None:
+        """Say where a pane's line is for: there is no prompt here."""
+        self._complain("no prompt here: v shows all panes, with the scenario on them")
+
+    def _complain(self, text: str) -> None:
+        self._trouble = text
+        self.show()
+
+    def action_panes(self) -> None:
+        """Take the loaded scenario to the panes of the bench; S brings it back here."""
+        if self._player is None:
+            self._complain("no scenario is loaded: enter loads the chosen one")
+            return
+        self.keeps_the_play = True
+        self.dismiss(self._loaded)
+
+    def action_leave(self) -> None:
+        """Bring the project back that was opened, and go back to it."""
+        if self._loaded is not None or self._player is not None:
+            self._say("scenario stop")
+        self.dismiss(self._library.chosen)
+
+    def commands(self) -> Iterator[SystemCommand]:
+        """Yield what can be done here, for the palette."""
+        yield SystemCommand("Load the scenario", "on a fresh bench · key enter", self.action_load)
+        yield SystemCommand("Next step", "key n", self.action_step)
+        yield SystemCommand("Run to the end", "key r", self.action_run)
+        yield SystemCommand(
+            f"Load on {WORDS_OF[self._other()]}", "with the next enter · key k", self.action_kernel
+        )
+        yield SystemCommand(
+            "Dialect race", "the same pins and peers through several dialects · key D", self.action_race
+        )
+        yield SystemCommand(
+            "All panes", "the loaded scenario on the bench's panes; S comes back · key v", self.action_panes
+        )
+        yield SystemCommand("Filter the scenarios", "key /", self.action_filter)
+        yield SystemCommand(
+            "Leave the scenarios", "the opened project begins afresh · key esc", self.action_leave
+        )
+        yield SystemCommand("Help", "key ?", self.action_help)
+
+
+def _outcome(player: PlayerSnapshot) -> tuple[str, str]:
+    """Return how the play stands, and the style to say it in."""
+    failed, steps = player.failed, player.steps
+    if player.finished:
+        if not failed:
+            return f"✓ held: all {count(len(steps), 'step')}", "done"
+        ended = "; a wait that fails ends it" if player.current < len(steps) else ""
+        return f"✗ FAILED: {len(failed)} of {count(len(steps), 'step')}{ended}", "error"
+    line = clip(plain(steps[player.current].line), LONGEST_LINE)
+    if player.running:
+        return f"▶ {line}: {count(player.scans_of_step, 'scan')} so far", "busy"
+    so_far = f"✗ {count(len(failed), 'step')} failed so far · " if failed else ""
+    return f"{so_far}n: {line}", "warn" if failed else "dim"

@@ -1,1 +1,0 @@
-"""The bench itself, and help."""

@@ -1,0 +1,1 @@
+"""What the screen knows, and what it says about it, before anything is drawn."""

@@ -1,0 +1,34 @@
+"""Whether a bench command line would be taken, asked of the very reader that the engine uses."""
+
+from __future__ import annotations
+
+from trcvtui.errors import UserError
+from trcvtui.project.project import Project
+
+SCAN_CONTROL = ("hold", "go")
+
+
+def fault_of(line: str, project: Project) -> str:
+    """Return what is wrong with a line, "" when it would be taken."""
+    from trcvtui.rig.commands.reader import parse_line  # read at the first line, not before the first screen
+
+    if line.strip() in SCAN_CONTROL:
+        return ""
+    try:
+        parse_line(line, project, "prompt")
+    except UserError as error:
+        return error.lines()[0].removeprefix("prompt: ")
+    return ""
+
+
+def said_before(line: str, project: Project) -> str:
+    """Return what a line that edits the project would do: what changes, what is made, who begins anew."""
+    from trcvtui.rig.commands.edit import told
+    from trcvtui.rig.commands.edit_words import MENDS
+    from trcvtui.rig.commands.reader import parse_line  # as above
+
+    try:
+        command = parse_line(line, project, "prompt")
+    except UserError:
+        return ""
+    return told(command, project) if isinstance(command, MENDS) else ""

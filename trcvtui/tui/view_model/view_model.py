@@ -1,0 +1,317 @@
+"""What the screen knows: the newest picture, what the ledger told so far, and what is selected.
+
+Rule: frozen pictures come in by `take`, nothing else changes what is shown of the bench.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from itertools import takewhile
+from typing import Final, NamedTuple
+
+from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
+from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
+from trcvtui.project.project import DataDecl, Project
+from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.history.waveform_cache import WaveShelf
+from trcvtui.rig.history.window import HistoryRequest, HistoryWindow
+from trcvtui.rig.snapshots import Answer, Fired, PeerSnapshot
+from trcvtui.tui.view_model.afterglow import Afterglow
+from trcvtui.tui.view_model.byte_origin import Provenance
+from trcvtui.tui.view_model.status_edges import History
+
+MOST_LINES: Final = 400
+NO_BENCH: Final = -1  # a number that no bench and no project has
+MOST_DRAWN: Final = 8  # instances over time at once
+THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
+KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
+MOST_ALONG: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
+GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an instance
+BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
+
+
+class Index(NamedTuple):
+    """The instances and the CONNECTs of a snapshot by name: each pane looks some of them up."""
+
+    snapshot: Snapshot | None
+    instances: dict[str, InstanceSnapshot]
+    connections: dict[str, ConnectionSnapshot]
+
+
+def index_of(snapshot: Snapshot | None) -> Index:
+    """Return the index of a snapshot, without one an empty index."""
+    if snapshot is None:
+        return Index(None, {}, {})
+    instances = {instance.name: instance for instance in snapshot.instances}
+    return Index(snapshot, instances, {connection.name: connection for connection in snapshot.connections})
+
+
+class Scene:
+    """The bench as the screen knows it. Sizes in bytes, times in ns of the run."""
+
+    def __init__(self, project: Project) -> None:
+        self._home = project
+        self.picture: Picture | None = None
+        self._indexed = index_of(None)
+        self.history = History()
+        self.afterglow = Afterglow()
+        self.provenance = Provenance()
+        self.waves = WaveShelf()
+        self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
+        self.selected = self.peer = ""
+        self.is_frozen = False
+        self._take_project(project)
+        self.answers: dict[int, Answer] = {}
+        self.live: Picture | None = None  # the newest picture, also while an older one is shown
+        self.fired: Fired | None = None  # the trigger that froze the view
+        self.lines: deque[Line] = deque(maxlen=KEPT_LINES)
+        self.bench = 0  # the number of the bench that all of this is about
+        self._left: int | None = None
+        self._project_number = 0
+        self._seq = 0
+        self.past_wanted: HistoryRequest | None = None  # of the bytes received so far
+        self.recordings_wanted: tuple[str, ...] = ()  # of ComBuffers, once
+        self._thawing = 0  # pictures to come that may have been asked for before the view was live again
+
+    # -- what comes in ------------------------------------------------------------------------------
+
+    def take(self, picture: Picture) -> None:
+        """Make this the newest picture; one of a fresh bench makes all that was known of the old one void."""
+        if picture.bench == self._left:
+            return
+        if picture.bench != self.bench:
+            self._begin_anew(picture.bench)
+        if picture.fired is not None:
+            self.is_frozen, self.fired, self.picture = True, picture.fired, picture
+        if picture.project is not None:
+            self._take_project(picture.project)
+        self._project_number = picture.project_number
+        self.live = picture
+        self.answers = {answer.number: answer for answer in picture.answers}
+        if picture.fired is None and (self.is_frozen or self._asks_again(picture)):
+            self._take_waves(picture)
+            return
+        self._show(picture)
+
+    def _asks_again(self, picture: Picture) -> bool:
+        """Return whether a picture lacks lines that the next one, asked for behind the thaw, will bring."""
+        self._thawing -= 1 if self._thawing else 0
+        return bool(self._thawing and picture.lines_skipped)
+
+    def _show(self, picture: Picture) -> None:
+        self.picture, self._thawing = picture, 0
+        self._take_waves(picture)
+        if picture.lines_skipped and picture.lines:
+            self._note_skipped(picture.lines[0].seq)
+        self.lines.extend(picture.lines)
+        for line in picture.lines:
+            self.provenance.note(line)
+            if isinstance(line.event, StatusEdge):
+                self.history.note(line, line.event)
+                self.afterglow.note(line.scan, line.t_ns, line.event)
+            elif isinstance(line.event, BenchNote) and line.event.what in GONE:
+                self.afterglow.forget(line.event.subject)
+        if picture.lines:
+            self._seq = picture.lines[-1].seq
+        if picture.lines_skipped:
+            self.history.skipped += picture.lines_skipped
+            for instance in picture.snapshot.instances:
+                self.afterglow.catch_up(instance, picture.snapshot.t_ns)
+
+    def _take_waves(self, picture: Picture) -> None:
+        """Take what is new of the pins; a frozen view has them up to its own scan, whenever it asks."""
+        interval_ns = picture.snapshot.interval_ns
+        if self.is_frozen and self.snapshot is not None:
+            self.waves.take_up_to(picture.waves, interval_ns, self.snapshot.scan, self.snapshot.t_ns)
+        else:
+            self.waves.take(picture.waves, interval_ns)
+
+    def _note_skipped(self, first: int) -> None:
+        """Take from the waves the STATUS edges whose lines were left out before line `first`."""
+        for name in self.drawn_instances:
+            known = self.history.of(name)
+            last = known[-1].seq if known else 0
+            newest = takewhile(lambda line: line.seq > last, reversed(self.waves.of(name).edges))  # noqa: B023
+            for line in reversed([line for line in newest if line.seq < first]):
+                assert isinstance(line.event, StatusEdge)
+                self.history.note(line, line.event)
+
+    def _begin_anew(self, bench: int) -> None:
+        self.bench, self._seq = bench, 0
+        self.lines.clear()
+        self.waves = WaveShelf()
+        self.thaw()
+        self.history, self.afterglow, self.provenance = History(), Afterglow(), Provenance()
+
+    def _take_project(self, project: Project) -> None:
+        self.project = project
+        self._sizes = {decl.name: decl.size for decl in project.data}
+        self._select()
+        self.peer = _one_of(self.peer, [peer.name for peer in project.peers])
+
+    def _select(self) -> None:
+        """Have an instance selected that is there: in a frozen view one of those that it shows."""
+        shown = self.instances if self.is_frozen else self.project.instances
+        self.selected = _one_of(self.selected, [instance.name for instance in shown])
+
+    def leave(self) -> None:
+        """Go back to the project that was opened; pictures of this bench that still come are too late."""
+        self._left, self.picture = self.bench, None
+        self.thaw()
+        self._take_project(self._home)
+
+    def restart(self) -> None:
+        """Know nothing: the engine has begun anew, and its first picture brings the project."""
+        self.leave()
+        self.live, self._left = None, None
+        self._begin_anew(NO_BENCH)
+        self._project_number = NO_BENCH
+
+    def freeze(self) -> None:
+        """Keep what is shown; the PLC runs on."""
+        self.is_frozen = self.picture is not None
+
+    def thaw(self) -> None:
+        """Show what is now again, from the next picture on."""
+        self._thawing = 2 if self.is_frozen else 0
+        self.is_frozen, self.fired = False, None
+        self._select()
+
+    def request(self) -> PictureRequest:
+        """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
+
+        The others' come along while they are few: nobody knows before `F` whose will be looked at behind it.
+        """
+        instance = self.instance
+        shown = (instance, *self._others(instance)) if instance else ()
+        data = tuple(dict.fromkeys(each.data for each in shown if each.data))
+        partial = tuple(each.name for each in shown)
+        most = THAW_LINES if self._thawing else MOST_LINES
+        waves = self.waves.asked(self.drawn_instances, self.frozen_at)
+        numbers = self.bench, self._project_number
+        return PictureRequest(
+            self._seq, data, partial, most, *numbers, waves, self.past_wanted, self.recordings_wanted
+        )
+
+    def _others(self, selected: InstanceSnapshot) -> Iterator[InstanceSnapshot]:
+        left, found = BYTES_ALONG, 0
+        for each in self.instances:
+            size = self._sizes.get(each.data or "", 0)
+            if each is not selected and found < MOST_ALONG and size <= left:
+                left, found = left - size, found + 1
+                yield each
+
+    # -- what is shown ------------------------------------------------------------------------------
+
+    @property
+    def snapshot(self) -> Snapshot | None:
+        """Return the PLC after its last scan."""
+        return self.picture.snapshot if self.picture else None
+
+    @property
+    def frozen_at(self) -> int | None:
+        """Return the scan that a frozen view shows, None where it is live."""
+        return self.picture.snapshot.scan if self.is_frozen and self.picture else None
+
+    @property
+    def unsaved(self) -> int:
+        """Return how many edits of the project are in no file."""
+        return self.live.unsaved if self.live else 0
+
+    @property
+    def unsaved_word(self) -> str:
+        """Return what these are: additions, or changes."""
+        return self.live.unsaved_word if self.live else ""
+
+    @property
+    def past(self) -> HistoryWindow | None:
+        """Return the newest window on the bytes received so far, also while the view is frozen."""
+        newest = self.live or self.picture
+        return newest.history if newest else None
+
+    @property
+    def instances(self) -> tuple[InstanceSnapshot, ...]:
+        """Return all instances in call order."""
+        return self.picture.snapshot.instances if self.picture else ()
+
+    @property
+    def t_ns(self) -> int:
+        """Return the time of the last scan."""
+        return self.picture.snapshot.t_ns if self.picture else 0
+
+    @property
+    def instance(self) -> InstanceSnapshot | None:
+        """Return the selected instance."""
+        return self._index().instances.get(self.selected)
+
+    @property
+    def drawn_instances(self) -> tuple[str, ...]:
+        """Return whose pins are drawn over time: the selected one, its neighbours where wanted."""
+        instance = self.instance
+        if instance is None or not self.draws_neighbours:
+            return (self.selected,) if self.selected else ()
+        others = (i.name for i in self.instances if i.connect == instance.connect and i is not instance)
+        return (self.selected, *others)[:MOST_DRAWN]
+
+    @property
+    def connection(self) -> ConnectionSnapshot | None:
+        """Return the CONNECT of the selected instance."""
+        instance = self.instance
+        return self.connection_of(instance) if instance else None
+
+    def connection_of(self, instance: InstanceSnapshot) -> ConnectionSnapshot | None:
+        """Return the CONNECT of an instance."""
+        return self._index().connections.get(instance.connect)
+
+    def listening(self) -> dict[str, str]:
+        """Return where passive CONNECTs are now, by name: the port that a free one has become."""
+        known = self._index().connections.values()
+        return {each.name: each.local for each in known if not each.active and each.state != "closed"}
+
+    def _index(self) -> Index:
+        """Return what is in the newest snapshot by name; made once a picture."""
+        if self._indexed.snapshot is not self.snapshot:
+            self._indexed = index_of(self.snapshot)
+        return self._indexed
+
+    @property
+    def peers(self) -> tuple[PeerSnapshot, ...]:
+        """Return all peers in the order of the project."""
+        return self.picture.peers if self.picture else ()
+
+    @property
+    def peer_snapshot(self) -> PeerSnapshot | None:
+        """Return the selected peer."""
+        return next((peer for peer in self.peers if peer.name == self.peer), None)
+
+    @property
+    def declaration(self) -> DataDecl | None:
+        """Return the DATA variable of the selected instance."""
+        instance = self.instance
+        return self.project.data_decl(instance.data) if instance and instance.data else None
+
+    @property
+    def data(self) -> bytes:
+        """Return the bytes of that variable."""
+        instance = self.instance
+        return self._bytes(self.picture.data, instance.data) if self.picture and instance else b""
+
+    @property
+    def partial(self) -> bytes:
+        """Return the bytes that the running job of the selected instance has collected."""
+        return self._bytes(self.picture.partial, self.selected) if self.picture else b""
+
+    @property
+    def has_bytes(self) -> bool:
+        """Return whether the picture that is shown has the selected instance's bytes."""
+        return self.picture is not None and any(name == self.selected for name, _ in self.picture.partial)
+
+    @staticmethod
+    def _bytes(pairs: tuple[tuple[str, bytes], ...], name: str | None) -> bytes:
+        return next((payload for key, payload in pairs if key == name), b"")
+
+
+def _one_of(name: str, names: list[str]) -> str:
+    """Return the name, the first one where it is not there, "" where there is none."""
+    return name if name in names else next(iter(names), "")

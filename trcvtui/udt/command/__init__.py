@@ -1,0 +1,1 @@
+"""`trcvtui udt` on the command line."""

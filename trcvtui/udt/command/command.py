@@ -1,0 +1,250 @@
+"""`trcvtui udt`: from what stands on the command line to the text on stdout.
+
+Rule: what only one of the commands needs is imported by that command; these sit in shell loops.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from trcvtui.errors import Problem, UserError, mistake, one_line
+from trcvtui.udt.layout.layout import Layout, lay_out
+from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
+from trcvtui.udt.notes import notes_of
+from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
+from trcvtui.udt.sources import read_file, read_files
+from trcvtui.udt.type_set import TypeSet
+from trcvtui.udt.types import Type
+
+EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
+# What a message calls the fields of a choice that have no option's name in it.
+OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
+
+
+def show(args: Namespace) -> Iterator[str]:
+    """Return the answer of `udt show`."""
+    from trcvtui.udt.report import show_json, show_text
+
+    layout = layout_of(args)
+    return show_json(layout) if args.format == "json" else show_text(layout)
+
+
+def decode(args: Namespace) -> Iterator[str]:
+    """Return the answer of `udt decode`."""
+    from trcvtui.udt.command.cli_input import given_bytes
+    from trcvtui.udt.report import decode_json, decode_text
+
+    layout = layout_of(args)
+    data = given_bytes(" ".join(args.hex))
+    if args.format == "json":
+        return decode_json(layout, data)
+    if args.format == "text":
+        return decode_text(layout, data)
+    from trcvtui.udt.command.table_forms import csv_lines, markdown, member_rows
+
+    rows = member_rows(layout, data, layout.name)
+    return markdown(rows) if args.format == "md" else csv_lines(rows)
+
+
+def encode(args: Namespace) -> str:
+    """Return the answer of `udt encode`."""
+    from trcvtui.udt.byte_forms import BYTE_FORMS
+    from trcvtui.udt.command.cli_input import given_values
+    from trcvtui.udt.report import encode_values
+
+    layout = layout_of(args)
+    content = encode_values(layout, given_values(args.values))
+    return BYTE_FORMS[args.format](content, layout.name)
+
+
+def export(args: Namespace) -> str:
+    """Return the answer of `udt export`, or the line that says which file has it."""
+    from trcvtui.udt import exports
+
+    exports.check(args.to, args.port)  # before the file is read: the arguments come first
+    text = exports.export(layout_of(args), args.to, args.port)
+    if args.out is None:
+        return text.removesuffix("\n")
+    from trcvtui.files import write_file
+
+    write_file(args.out, text, args.out)
+    return ""
+
+
+def compare(args: Namespace) -> tuple[Iterator[str], Callable[[], bool]]:
+    """Return the answer of `udt compare`, and what says after its last line whether both sides are equal."""
+    from trcvtui.udt.command.cli_input import given_bytes
+    from trcvtui.udt.compare.compare import Count
+    from trcvtui.udt.compare.compare import compare as side_by_side
+    from trcvtui.udt.compare.compare_report import compare_json, compare_text, is_equal
+
+    ours, theirs = _two_layouts(args)
+    data = given_bytes(" ".join(args.hex)) if args.hex else b""
+    comparison, count = side_by_side(ours, theirs), Count()
+    answer = compare_text if args.format == "text" else compare_json
+    return answer(comparison, data, count), lambda: is_equal(comparison, count)
+
+
+def fit(args: Namespace) -> tuple[str, bool]:
+    """Return the answer of `udt fit`, and whether one reading fits best."""
+    from trcvtui.udt.command.cli_input import given_messages
+    from trcvtui.udt.compare.fit import fit as ranked
+    from trcvtui.udt.compare.fit_report import fit_json, fit_text
+
+    ours = layout_of(args)
+    messages = given_messages(" ".join(args.hex))
+    fits = ranked(ours.type, messages, ours.name, own=ours.rules)
+    is_sure = bool(fits) and fits[0].fits_best
+    if args.format == "json":
+        import json
+
+        text = json.dumps(fit_json(fits), indent=2, allow_nan=False)  # ASCII: bytes from a wire stay data
+        return text.replace("\x7f", "\\u007f"), is_sure
+    sizes = " + ".join(f"{len(message)}" for message in messages[:8]) + (
+        " + ..." if len(messages) > 8 else ""
+    )
+    return fit_text(fits, f"{ours.name}, {sizes} bytes"), is_sure
+
+
+def two_sides_of_a_cure(args: Namespace) -> tuple[Layout, Layout]:
+    """Return our layout and theirs for `udt cure`: a layout option that is given once is theirs."""
+    for option in ("layout", "byte_order", "text"):
+        given: list[str | None] = getattr(args, option)
+        if len(given) == 1:
+            setattr(args, option, [None, *given])
+    return _two_layouts(args)
+
+
+# -- what the commands have in common ------------------------------------------------------------------------
+
+
+def layout_of(args: Namespace) -> Layout:
+    """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
+    choice = choice_of_options(args)
+    choice.rules()  # the arguments come first
+    types = types_of(args)
+    name, type_ = named_type(types, args.type, args)
+    rules, told = rules_of(choice, types, name)
+    layout = lay_out(type_, rules, name)
+    tell([*told, *notes_of(types, name, type_, rules)])
+    return layout
+
+
+def choice_of_options(args: Namespace) -> LayoutChoice:
+    """Return what the options say of the layout; raise UserError for one that says nothing known."""
+    return LayoutChoice(*(_option(field, getattr(args, field)) for field in LayoutChoice._fields))
+
+
+def _option(field: str, text: str | None) -> Any:
+    return (
+        None
+        if text is None
+        else choice_of(field, text, OPTION_NAMES.get(field, f"--{field.replace('_', '-')}"))
+    )
+
+
+def rules_of(choice: LayoutChoice, types: TypeSet, name: str) -> tuple[LayoutRules, list[str]]:
+    """Return the rules for a type, and a note where its source decided on the layout."""
+    own = types.layout(name)
+    if choice.layout is not None or not own:
+        return choice.rules(), []
+    return choice.rules(own), [f"{name}: a Siemens source, laid out as {own}; --layout takes another"]
+
+
+def tell(notes: Iterable[str]) -> None:
+    """Write notes on stderr, which may be closed (the shell's 2>&-)."""
+    for note in notes:
+        if sys.stderr is not None:
+            sys.stderr.write(f"note: {one_line(note)}\n")
+
+
+def types_of(args: Namespace) -> TypeSet:
+    """Return the types of FILE and of every `--with`."""
+    return read_files((args.file, *args.others), constants_of(args.constant))
+
+
+def named_type(types: TypeSet, name: str | None, args: Namespace) -> tuple[str, Type]:
+    """Return a type by name, or the only one of FILE; what another file may declare is asked for."""
+    try:
+        if name is None:
+            name = only_type(types, args)
+        return name, types.named(name, "--type")
+    except UserError as refused:
+        raise UserError([asked_for(problem) for problem in refused.problems]) from None
+
+
+def only_type(types: TypeSet, args: Namespace) -> str:
+    """Return the name of the only type of FILE, whatever the other files declare."""
+    if not args.others:
+        return types.only()
+    own = read_file(args.file)
+    return own.names()[0] if len(own.types) == 1 and not own.broken else _only_broken(own) or own.only()
+
+
+def _only_broken(own: TypeSet) -> str | None:
+    return next(iter(own.broken)) if len(own.broken) == 1 and not own.types else None
+
+
+def asked_for(problem: Problem) -> Problem:
+    """Return the problem with the option that mends it, where a name of another file is unknown."""
+    if problem.expected == KNOWN_TYPE:
+        return replace(problem, expected=f"{KNOWN_TYPE}: --with FILE that declares it")
+    name = unknown_name(problem)
+    if problem.expected == unknown_constant(name):
+        if problem.found != f"'{name}'":  # several values, or none
+            return replace(problem, expected=f"one number: --constant {name}=VALUE")
+        expected = f"a known constant: --constant {name}=VALUE, or --with FILE that declares it"
+        return replace(problem, expected=expected)
+    return problem
+
+
+def _two_layouts(args: Namespace) -> tuple[Layout, Layout]:
+    sides = [Namespace(**side) for side in _sides(args)]
+    choices = [choice_of_options(side) for side in sides]
+    for choice in choices:
+        choice.rules()
+    types = types_of(args)
+    layouts: list[Layout] = []
+    notes: dict[str, None] = {}
+    for side, choice in zip(sides, choices, strict=True):
+        name, type_ = named_type(types, side.type, args)
+        rules, told = rules_of(choice, types, name)
+        layouts.append(lay_out(type_, rules, name))
+        notes |= dict.fromkeys(told)
+    tell(notes)
+    return layouts[0], layouts[1]
+
+
+def _sides(args: Namespace) -> tuple[dict[str, str | None], dict[str, str | None]]:
+    """Return what the options say for ours and for theirs: given once one counts for both."""
+    ours: dict[str, str | None] = {}
+    theirs: dict[str, str | None] = {}
+    for option in ("type", *LayoutChoice._fields):
+        given: list[str] = getattr(args, option)
+        if len(given) > 2:
+            found = f"{len(given)} of them"
+            raise mistake(f"--{option.replace('_', '-')}", found, "one for both sides, or one for each")
+        ours[option], theirs[option] = (given[0], given[-1]) if given else (None, None)
+    return ours, theirs
+
+
+def constants_of(given: Sequence[str]) -> dict[str, int]:
+    """Return the constants of `--constant NAME=VALUE`; raise UserError with every one that is none."""
+    from trcvtui.udt.literals import parse_integer
+
+    constants: dict[str, int] = {}
+    problems: list[Problem] = []
+    for text in given:
+        name, _, value = text.partition("=")
+        number = parse_integer(value) if value else None
+        if not name.strip() or number is None:
+            problems.append(Problem("--constant", f"'{text}'", EXPECTED_CONSTANT))
+        else:
+            constants[name.strip()] = number
+    if problems:
+        raise UserError(problems)
+    return constants

@@ -1,0 +1,1 @@
+"""What mends a mismatch: a padded type, swap code, conversion code."""

@@ -1,0 +1,243 @@
+"""The corrective type: a declaration that under one layout lies as a type does under another.
+
+Gaps become members of their own. What cannot be reached becomes raw bytes, and is told with the reason; the
+result is laid out again and every member compared, so that what is called possible is proved.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from trcvtui.udt.cure.proof import RawMember, flat, prove
+from trcvtui.udt.cure.substitute import Note, stand_in
+from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out
+from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
+from trcvtui.udt.layout.padding import Filling, Unreachable
+from trcvtui.udt.layout.placing import Placing
+from trcvtui.udt.types import ELEMENTARY, Array, Struct, Type, Union, type_text
+
+MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be used again and again
+BYTE: Final = ELEMENTARY["BYTE"]
+
+
+class Unreached(NamedTuple):
+    """A member that is raw bytes in the corrective type, or is not in it (a bit): its path, "" is all; why.
+
+    Of the elements of an ARRAY the first is named. The reason names the part of it that is why.
+    """
+
+    path: str
+    why: str
+
+
+class Corrective(NamedTuple):
+    """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion."""
+
+    type: Type
+    layout: Layout
+    unreached: tuple[Unreached, ...]
+    notes: tuple[Note, ...]
+
+    @property
+    def is_possible(self) -> bool:
+        """Return whether every member lies at the wanted place, and the size is the wanted one."""
+        return not self.unreached
+
+
+def corrective(wanted: Layout, rules: LayoutRules) -> Corrective:
+    """Return the type that under `rules` lies as `wanted` does; its byte order is that of `rules`.
+
+    For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
+    other way round.
+    """
+    tries = [_corrected(wanted, rules, pack) for pack in ((None, 1) if rules.takes_pack else (None,))]
+    return min(tries, key=lambda found: (_is_all_raw(found), len(found.unreached)))
+
+
+def _is_all_raw(found: Corrective) -> bool:
+    return any(not one.path for one in found.unreached)
+
+
+def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> Corrective:
+    rebuild = _Rebuild(wanted, rules, pack)
+    try:
+        type_ = rebuild.type(wanted.type, wanted.root, "")
+        layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
+        prove(wanted.root, layout.root, rebuild.raw)
+        unreached = tuple(Unreached(one.path, one.reason) for one in rebuild.unreached)
+        return Corrective(type_, layout, unreached, tuple(rebuild.notes))
+    except Unreachable as failed:
+        return all_raw(wanted, rules, f"{failed.path}: {failed.why}" if failed.path else failed.why)
+
+
+def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> Corrective:
+    """Return the type as bytes and nothing else, which every layout can hold."""
+    raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
+    return Corrective(raw, lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}"), (Unreached("", why),), ())
+
+
+def _suffix(wanted: Layout) -> str:
+    return wanted.rules.name.replace("-", "_")
+
+
+def _without_indices(path: str) -> str:
+    return re.sub(r"\[[^\]]*\]", "", path)
+
+
+class _Raw(NamedTuple):
+    """A member that became raw: its path, the path behind it of what is why, and the words."""
+
+    path: str
+    inner: str
+    why: str
+
+    @property
+    def reason(self) -> str:
+        """Return the words, with the part of the member that they speak of."""
+        return f"{self.path}{self.inner}: {self.why}" if self.inner else self.why
+
+
+class _Built(NamedTuple):
+    """A STRUCT that was rebuilt, or why it cannot be; paths are those behind its own."""
+
+    type: Struct | Union | None
+    unreached: list[_Raw]
+    notes: list[Note]
+    failed: tuple[str, str] = ("", "")
+
+
+class _Rebuild:
+    """One rebuilding of a declaration; each STRUCT is rebuilt once, however many members have its type."""
+
+    def __init__(self, wanted: Layout, rules: LayoutRules, pack: int | None) -> None:
+        self.theirs, self.rules, self.pack = wanted.rules, rules, pack
+        self.name = wanted.name
+        self.suffix = _suffix(wanted)
+        self.placing = Placing(rules)
+        self.unreached: list[_Raw] = []
+        self.notes: list[Note] = []
+        self.raw: set[RawMember] = set()
+        self._built: dict[int, _Built] = {}
+
+    def type(self, type_: Type, node: Node, path: str) -> Type:
+        """Return the type in place of this one; raise Unreachable."""
+        match type_:
+            case Array():
+                assert isinstance(node, PlacedArray)
+                return self.array(type_, node, path)
+            case Struct() | Union():
+                assert isinstance(node, PlacedStruct)
+                return self.once(type_, node, path)
+            case _:
+                assert isinstance(node, PlacedLeaf)
+                found, why = stand_in(node, self.theirs, self.rules, path)
+                if found is None:
+                    raise Unreachable(path, why)
+                if why:
+                    self.notes.append(Note(path, why))
+                return found
+
+    def once(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
+        """Return the STRUCT rebuilt, and tell for this path what became raw in it."""
+        if id(type_) not in self._built:
+            self._built[id(type_)] = self.built(type_, node, path)
+        built = self._built[id(type_)]
+        if built.type is None:
+            raise Unreachable((path + built.failed[0]).removeprefix("."), built.failed[1])
+        for one in built.unreached[: max(MOST_TOLD - len(self.unreached), 0)]:
+            self.unreached.append(one._replace(path=_below(path, one.path)))
+        for note in built.notes[: max(MOST_TOLD - len(self.notes), 0)]:
+            self.notes.append(note._replace(path=_below(path, note.path)))
+        return built.type
+
+    def built(self, type_: Struct | Union, node: PlacedStruct, path: str) -> _Built:
+        others = self.unreached, self.notes
+        self.unreached, self.notes = [], []
+        try:
+            made = self.struct(type_, node) if isinstance(type_, Struct) else self.union(type_, node)
+            return _Built(self.named(type_, made, path), self.unreached, self.notes)
+        except Unreachable as failed:
+            return _Built(None, [], [], (f".{failed.path}" if failed.path else "", failed.why))
+        finally:
+            self.unreached, self.notes = others
+
+    def array(self, type_: Array, node: PlacedArray, path: str) -> Type:
+        first = ",".join(str(low) for low, _ in type_.bounds)
+        element = self.type(type_.element, node.element, f"{path}[{first}]")
+        found = type_ if element is type_.element else Array(type_.bounds, element)
+        placed = self.placing.place(found, path)
+        assert isinstance(placed, PlacedArray)
+        if (placed.pitch, placed.row_size) != (node.pitch, node.row_size):
+            why = f"its elements are {node.pitch} bytes apart, under {self.rules.name} {placed.pitch}"
+            raise Unreachable(path, why)
+        return found
+
+    def struct(self, type_: Struct, node: PlacedStruct) -> Filling:
+        """Return the members of a STRUCT, their paths told from its own begin."""
+        limit = node.size & -node.size or 1  # no multiple of more is the size: no member may be aligned to it
+        fill = self.filling(type_, node, max(limit, self.rules.struct_floor))
+        for name, offset, bit, child, inner in _members(type_, node):
+            mark = len(self.unreached), len(self.notes)
+            try:
+                fill.put(name, self.type(inner, child, name), offset, bit, name)
+            except Unreachable as failed:
+                del self.unreached[mark[0] :], self.notes[mark[1] :]
+                self.unreached.append(_Raw(name, failed.path[len(name) :], failed.why))
+                self.raw.add((id(node), name))
+                fill.put_raw(name, offset, child.size, bit is not None, name)
+        fill.finish(node.size, "")
+        return fill
+
+    def union(self, type_: Union, node: PlacedStruct) -> Filling:
+        fill = self.filling(type_, node)
+        for name, _, bit, child, inner in _members(type_, node):
+            fill.overlay(name, self.type(inner, child, name), bit, name)
+        fill.cover(node.size, "")
+        return fill
+
+    def filling(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Filling:
+        cap = max(self.pack, 1) if self.pack is not None else self.placing.cap(type_)
+        return Filling(self.placing, cap, {name.casefold() for name, *_ in flat(node)}, limit)
+
+    def named(self, type_: Struct | Union, fill: Filling, path: str) -> Struct | Union:
+        """Return the type as it was where nothing had to change."""
+        members = tuple(fill.members)
+        is_old = type_.base is None and self.pack is None and len(members) == len(type_.members)
+        if is_old and all(new.type is old.type for new, old in zip(members, type_.members, strict=True)):
+            return type_
+        pack = type_.pack if self.pack is None else self.pack
+        name = type_.name
+        if pack is not None and not name:  # only a type of its own can have a pack_mode
+            name = re.sub(r"\W+", "_", f"{self.name}.{_without_indices(path)}")
+        name = f"{name}_{self.suffix}" if name else ""
+        made = Struct if isinstance(type_, Struct) else Union
+        return made(name, members, None, pack)
+
+
+def _below(path: str, inner: str) -> str:
+    return f"{path}.{inner}" if path else inner
+
+
+def _members(
+    type_: Struct | Union, node: PlacedStruct, at: int = 0
+) -> Iterator[tuple[str, int, int | None, Node, Type]]:
+    """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
+    types: list[Type] = [] if type_.base is None else [type_.base]
+    types += [member.type for member in type_.members]
+    for name, offset, bit, child, inner in zip(
+        node.names, node.offsets, node.bits, node.nodes, types, strict=True
+    ):
+        if name:
+            is_bit = isinstance(child, PlacedLeaf) and child.is_bit
+            yield name, at + offset, bit if is_bit else None, child, inner
+        else:
+            assert isinstance(child, PlacedStruct) and isinstance(inner, Struct | Union)
+            yield from _members(inner, child, at + offset)
+
+
+def told(found: Corrective) -> list[str]:
+    """Return what is to be said about a corrective type, one line each."""
+    lines = [f"{one.path or type_text(found.type)}: not reached: {one.why}" for one in found.unreached]
+    return lines + [f"{note.path}: {note.text}" for note in found.notes]

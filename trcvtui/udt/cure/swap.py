@@ -1,0 +1,273 @@
+"""Swap code for the sender's side: every number of a type, its bytes turned round, in ST or in SCL.
+
+Rule: the swapped telegram is a type of its own in which each number is a bit string of its size: a REAL whose
+bytes are turned round is no number, and must not pass through one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final, Literal, NamedTuple
+
+from trcvtui.udt.layout.layout import Layout, lay_out
+from trcvtui.udt.layout.rules import S7, LayoutRules
+from trcvtui.udt.renaming import st_renamed, st_word
+from trcvtui.udt.st_write import scl_name, scl_text, st_text
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    Array,
+    Elementary,
+    Enumeration,
+    Kind,
+    Member,
+    Struct,
+    Subrange,
+    Text,
+    Type,
+    Union,
+    type_text,
+)
+
+Language = Literal["st", "scl"]
+BITS: Final = {2: "WORD", 4: "DWORD", 8: "LWORD"}
+# TIA converts these by way of a number.
+SCL_VIA: Final = {
+    "TIME": "DINT",
+    "LTIME": "LINT",
+    "DATE": "UINT",
+    "TOD": "UDINT",
+    "LTOD": "ULINT",
+    "LDT": "LINT",
+}
+HELPERS: Final = {
+    "SWAP2": """FUNCTION SWAP2 : WORD
+VAR_INPUT x : WORD; END_VAR
+SWAP2 := ROL(x, 8);
+END_FUNCTION
+""",
+    "SWAP4": """FUNCTION SWAP4 : DWORD
+VAR_INPUT x : DWORD; END_VAR
+SWAP4 := (ROL(x, 8) AND 16#00FF00FF) OR (ROR(x, 8) AND 16#FF00FF00);
+END_FUNCTION
+""",
+    "SWAP8": """FUNCTION SWAP8 : LWORD
+VAR_INPUT x : LWORD; END_VAR
+SWAP8 := (ROL(x, 8) AND 16#000000FF000000FF) OR (ROL(x, 24) AND 16#0000FF000000FF00)
+    OR (ROR(x, 24) AND 16#00FF000000FF0000) OR (ROR(x, 8) AND 16#FF000000FF000000);
+END_FUNCTION
+""",
+    # REAL_TO_DWORD rounds to a whole number in CODESYS; the bits come through a UNION.
+    "REAL_BITS": """TYPE U_REAL_BITS :
+UNION
+    r : REAL;
+    d : DWORD;
+END_UNION
+END_TYPE
+FUNCTION REAL_BITS : DWORD
+VAR_INPUT x : REAL; END_VAR
+VAR u : U_REAL_BITS; END_VAR
+u.r := x;
+REAL_BITS := u.d;
+END_FUNCTION
+""",
+    "LREAL_BITS": """TYPE U_LREAL_BITS :
+UNION
+    r : LREAL;
+    d : LWORD;
+END_UNION
+END_TYPE
+FUNCTION LREAL_BITS : LWORD
+VAR_INPUT x : LREAL; END_VAR
+VAR u : U_LREAL_BITS; END_VAR
+u.r := x;
+LREAL_BITS := u.d;
+END_FUNCTION
+""",
+}
+
+
+def language_of(rules: LayoutRules) -> Language:
+    """Return the language of a side: an S7 is programmed in SCL."""
+    return "scl" if rules.name == S7.name else "st"
+
+
+class Swap(NamedTuple):
+    """The swapped telegram as a type and as text, helper functions, statements; `left_out` is not swapped."""
+
+    type: Type
+    types: str
+    helpers: str
+    code: str
+    left_out: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """Return everything in one text."""
+        return "\n".join(part for part in (self.types, self.helpers, self.code) if part)
+
+
+def swap_code(sent: Layout, language: Language = "st", source: str = "msg", target: str = "wire") -> Swap:
+    """Return what turns round the bytes of every number of the variable `source`, into `target`."""
+    return _Swapping(sent.rules, language).swap(sent, source, target)
+
+
+class _At(NamedTuple):
+    """Where the statements are: the type as declared, target, source, the path as declared."""
+
+    plain: Type
+    to: str
+    of: str
+    path: str
+    depth: int = 0
+    indent: str = ""
+
+
+class _Swapping:
+    def __init__(self, rules: LayoutRules, language: Language) -> None:
+        self.rules, self.language = rules, language
+        self.left_out: list[str] = []
+        self.helpers: set[str] = set()
+        self.deepest = 0
+        self._made: dict[int, Struct] = {}
+
+    def swap(self, sent: Layout, source: str, target: str) -> Swap:
+        plain = sent.type
+        if self.language == "st":
+            sent = lay_out(st_renamed(sent.type), self.rules, st_word(sent.name))
+        made = self.turned(sent.type)
+        assert lay_out(made, self.rules).size == sent.size
+        body = "\n".join(self.statements(sent.type, _At(plain, target, source, "")))
+        write = st_text if self.language == "st" else scl_text
+        types = write(made, f"{sent.name}_swapped") if made is not sent.type else ""
+        helpers = "\n".join(text for name, text in HELPERS.items() if name in self.helpers)
+        loops = ", ".join(f"i{number}" for number in range(1, self.deepest + 1))
+        mark = "#" if self.language == "scl" else ""
+        note = f"{loops} : DINT; " if loops else ""
+        name = getattr(made, "name", "") or f"{sent.name}_swapped"
+        head = f"// {source} : {sent.name}; {target} : {name}; {note}send {mark}{target}"
+        return Swap(made, types, helpers, f"{head}\n{body}\n", tuple(self.left_out))
+
+    def turned(self, type_: Type) -> Type:
+        """Return the type with a bit string for every number."""
+        match type_:
+            case Array(bounds=bounds, element=element):
+                made = self.turned(element)
+                return type_ if made is element else Array(bounds, made)
+            case Struct():
+                if id(type_) not in self._made:
+                    self._made[id(type_)] = self.turned_struct(type_)
+                return self._made[id(type_)]
+            case _:
+                row = self.number(type_)
+                return type_ if row is None or row.kind is Kind.BITS else ELEMENTARY[BITS[row.size]]
+
+    def turned_struct(self, type_: Struct) -> Struct:
+        members = tuple(Member(member.name, self.turned(member.type)) for member in type_.members)
+        base = None if type_.base is None else self.turned_struct(type_.base)
+        pairs = zip(members, type_.members, strict=True)
+        if base is type_.base and all(new.type is old.type for new, old in pairs):
+            return type_
+        return Struct(f"{type_.name}_swapped" if type_.name else "", members, base, type_.pack)
+
+    def stored(self, type_: Type) -> Elementary | None:
+        """Return the stored type of a value that is neither a text nor an address."""
+        return self.rules.stored(type_) if isinstance(type_, Elementary | Subrange | Enumeration) else None
+
+    def number(self, type_: Type) -> Elementary | None:
+        """Return the stored type of what is turned round as one number."""
+        row = self.stored(type_)
+        if row is None or row.size not in BITS or row.code.endswith("s") or row.kind is Kind.ADDRESS:
+            return None
+        return row
+
+    def is_bytes(self, type_: Type) -> bool:
+        """Return whether no byte of the type has another place after the swap."""
+        match type_:
+            case Array(element=element):
+                return self.is_bytes(element)
+            case Struct() | Union():
+                parts = [member.type for member in type_.members] + ([type_.base] if type_.base else [])
+                return all(map(self.is_bytes, parts))
+            case Text(wide=wide):
+                return not wide
+            case _:
+                row = self.stored(type_)
+                return row is not None and (row.size == 1 or (row.name, row.code) == ("DT", "8s"))
+
+    def statements(self, type_: Type, at: _At) -> Iterator[str]:
+        """Yield the lines that fill the target."""
+        _, to, of, path, _, indent = at
+        row = self.number(type_)
+        if self.is_bytes(type_) and _has_name(type_):
+            yield f"{indent}{self.named(to)} := {self.named(of)};"
+        elif row is not None:
+            yield f"{indent}{self.named(to)} := {self.swapped(row, self.named(of))};"
+        elif isinstance(type_, Array):
+            yield from self.loops(type_, at)
+        elif isinstance(type_, Struct):
+            assert isinstance(at.plain, Struct)
+            for (inner, own), (plain, declared) in zip(_members(type_), _members(at.plain), strict=True):
+                name = own if self.language == "st" else scl_name(own)
+                below = f"{path}.{declared}" if path else declared
+                there = at._replace(plain=plain, to=f"{to}.{name}", of=f"{of}.{name}", path=below)
+                yield from self.statements(inner, there)
+        else:
+            what = "a UNION: swap the member that is in use" if isinstance(type_, Union) else type_text(type_)
+            self.left_out.append(f"{path or of}: {what}")
+            yield f"{indent}// {to} is not swapped here: {what}"
+
+    def loops(self, type_: Array, at: _At) -> Iterator[str]:
+        depth, indent = at.depth, at.indent
+        names = [f"i{depth + number}" for number in range(1, len(type_.bounds) + 1)]
+        self.deepest = max(self.deepest, depth + len(names))
+        inner = indent
+        for name, (low, high) in zip(names, type_.bounds, strict=True):
+            yield f"{inner}FOR {self.named(name)} := {low} TO {high} DO"
+            inner += "    "
+        index = f"[{','.join(map(self.named, names))}]"
+        assert isinstance(at.plain, Array)
+        below = at.path + index, depth + len(names), inner
+        there = _At(at.plain.element, at.to + index, at.of + index, *below)
+        yield from self.statements(type_.element, there)
+        for _ in names:
+            inner = inner[:-4]
+            yield f"{inner}END_FOR;"
+
+    def swapped(self, row: Elementary, value: str) -> str:
+        """Return the expression of a number whose bytes are turned round."""
+        bits = BITS[row.size]
+        if self.language == "scl":
+            via = SCL_VIA.get(row.name)
+            if via:
+                value = f"{row.name}_TO_{via}({value})"
+            same = row.kind is Kind.BITS
+            return f"SWAP({value})" if same else f"SWAP({via or row.name}_TO_{bits}({value}))"
+        self.helpers.add(f"SWAP{row.size}")
+        if row.kind is Kind.REAL:
+            self.helpers.add(f"{row.name}_BITS")
+            value = f"{row.name}_BITS({value})"
+        elif row.kind is not Kind.BITS:
+            value = f"{row.name}_TO_{bits}({value})"
+        return f"SWAP{row.size}({value})"
+
+    def named(self, path: str) -> str:
+        """Return a path as the language writes a local variable."""
+        return f"#{path}" if self.language == "scl" else path
+
+
+def _members(type_: Struct) -> Iterator[tuple[Type, str]]:
+    if type_.base is not None:
+        yield from _members(type_.base)
+    for member in type_.members:
+        yield member.type, member.name
+
+
+def _has_name(type_: Type) -> bool:
+    """Return whether a variable of the type can be assigned as a whole: both sides name the same type."""
+    match type_:
+        case Array(element=element):
+            return _has_name(element)
+        case Struct(name=name):
+            return bool(name)
+        case _:
+            return True

@@ -1,0 +1,163 @@
+"""A type laid out in memory: every leaf and every gap with its offset, as the rules of the layout say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from trcvtui.errors import mistake
+from trcvtui.udt.layout.codec import Codec, Page, codec_of, page_of
+from trcvtui.udt.layout.layout_tree import (
+    Leaf,
+    Node,
+    PlacedLeaf,
+    find,
+    gaps,
+    kinds,
+    leaf_number_at,
+    leaves_within,
+    next_leaf,
+    walk,
+)
+from trcvtui.udt.layout.placing import MOST_BYTES, MOST_LEAVES, Placing
+from trcvtui.udt.layout.rules import (
+    BYTE_ORDERS,
+    DEFAULT_LAYOUT,
+    LAYOUT_ALIASES,
+    LAYOUTS,
+    LayoutRules,
+    rules_for,
+)
+from trcvtui.udt.types import Enumeration, Struct, Type, Union, type_text
+
+__all__ = [
+    "BYTE_ORDERS",
+    "DEFAULT_LAYOUT",
+    "LAYOUTS",
+    "LAYOUT_ALIASES",
+    "MOST_BYTES",
+    "MOST_LEAVES",
+    "Layout",
+    "LayoutRules",
+    "Leaf",
+    "lay_out",
+    "rules_for",
+]
+
+_PAGES_KEPT = 8
+
+
+# No slots: the compiled codec is kept on the layout, made when first asked for.
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A type laid out; leaves are numbered from 0 in declared order, offsets and sizes are in bytes.
+
+    That is offset order, but for the members of a UNION.
+    """
+
+    name: str
+    type: Type
+    rules: LayoutRules
+    root: Node = field(repr=False)
+
+    @property
+    def size(self) -> int:
+        """Return the size in bytes, the gap at the end included."""
+        return self.root.size
+
+    @property
+    def align(self) -> int:
+        """Return the alignment that the type has as a member."""
+        return min(self.root.align, self.rules.cap)
+
+    @property
+    def leaf_count(self) -> int:
+        """Return the number of leaves."""
+        return self.root.leaves
+
+    @cached_property
+    def codec(self) -> Codec:
+        """Return the codec of the whole layout, compiled once."""
+        return codec_of(self.root, BYTE_ORDERS[self.rules.byte_order])
+
+    def leaves(self, start: int = 0, stop: int | None = None) -> Iterator[Leaf]:
+        """Yield the leaves of number start..stop-1 (default: all), made as they are asked for."""
+        return walk(self.root, "", 0, max(start, 0), self.leaf_count if stop is None else stop)
+
+    def kinds(self) -> Iterator[PlacedLeaf]:
+        """Yield every leaf of the declaration once, that of an ARRAY for all of its elements."""
+        return kinds(self.root)
+
+    def leaf(self, number: int) -> Leaf:
+        """Return one leaf by its number."""
+        for leaf in self.leaves(number, number + 1):
+            return leaf
+        raise IndexError(number)
+
+    def page(self, start: int, stop: int) -> Page:
+        """Return the leaves of number start..stop-1 with a codec for just these; the last pages are kept."""
+        pages = self._pages
+        if (start, stop) not in pages:
+            if len(pages) >= _PAGES_KEPT:
+                del pages[next(iter(pages))]
+            leaves = tuple(self.leaves(start, stop))
+            pages[start, stop] = page_of(max(start, 0), leaves, BYTE_ORDERS[self.rules.byte_order])
+        return pages[start, stop]
+
+    @cached_property
+    def _pages(self) -> dict[tuple[int, int], Page]:
+        return {}
+
+    def leaf_at(self, place: int, bit: int | None = None) -> int | None:
+        """Return the number of the first leaf that covers the byte at `place`, or that bit of it."""
+        return leaf_number_at(self.root, place, bit)
+
+    def leaves_within(self, length: int) -> int:
+        """Return how many leaves lie wholly in the first `length` bytes."""
+        return leaves_within(self.root, length)
+
+    def next_leaf(self, length: int) -> int | None:
+        """Return the number of the leaf that the byte behind `length` bytes belongs to; None at the end."""
+        return next_leaf(self.root, length)
+
+    def number_of(self, path: str) -> int:
+        """Return the number of the leaf at a path such as `st.arr[2].x`; raise UserError if there is none."""
+        try:
+            number, node = find(self.root, path)
+        except LookupError as unknown:
+            where, found = f"{self.name}, '{path[:60]}'", f"'{str(unknown)[:60]}'"
+            raise mistake(where, found, "a member or an index within bounds") from None
+        if not isinstance(node, PlacedLeaf):
+            raise mistake(
+                self.name, f"'{path[:60]}', which has members of its own", "the path of one of them"
+            )
+        return number
+
+    def padding(self) -> Iterator[tuple[int, int]]:
+        """Yield offset and size of every gap, in offset order; a byte of which one bit is used is none."""
+        first = end = 0
+        for start, stop in gaps(self.root):
+            if start > end:
+                if end > first:
+                    yield first, end - first
+                first = start
+            end = stop
+        if end > first:
+            yield first, end - first
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Between processes only the declaration travels; the tree is made again on the other side.
+        return lay_out, (self.type, self.rules, self.name)
+
+
+def lay_out(type_: Type, rules: LayoutRules, name: str = "") -> Layout:
+    """Return the layout of a type; raise UserError when it or a STRING in it is too long."""
+    name = _spelled(type_, name) or type_text(type_)
+    return Layout(name, type_, rules, Placing(rules).place(type_, name))
+
+
+def _spelled(type_: Type, name: str) -> str:
+    # Names are the same in any case (IEC 61131-3); shown is the one in the declaration.
+    own = type_.name if isinstance(type_, Struct | Union | Enumeration) else name
+    return own if own.casefold() == name.casefold() else name

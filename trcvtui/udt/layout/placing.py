@@ -1,0 +1,138 @@
+"""Where members lie: one walk over a declaration, by the rules of a layout (udt.md section 3).
+
+Rule: alignment applies to the members of a STRUCT only; a lone scalar, text or array of these is tight
+(baosky.md section 9). Each STRUCT is placed once, however many members have its type.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake
+from trcvtui.udt.layout.coding import coding_of
+from trcvtui.udt.layout.layout_tree import Node, Part, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
+from trcvtui.udt.layout.rules import LayoutRules
+from trcvtui.udt.types import Array, LeafType, Struct, Text, Type, Union, Unplaced, type_text
+
+# TRCV_C takes 65535 bytes at most; the limits leave room for DATA that is wrong on purpose (80A5).
+MOST_BYTES = 4 * 1024 * 1024
+MOST_LEAVES = 1024 * 1024
+
+_N = TypeVar("_N", PlacedStruct, PlacedArray)
+
+
+class Placing:
+    """One laying out, with the structures and unions that are placed so far."""
+
+    def __init__(self, rules: LayoutRules) -> None:
+        self.rules = rules
+        self.placed: dict[Struct | Union, PlacedStruct] = {}
+        self.refused: set[Struct | Union] = set()
+
+    def place(self, type_: Type, where: str) -> Node:
+        """Return the type laid out; raise UserError when something in it cannot be, or is too large."""
+        match type_:
+            case Array():
+                return self.place_array(type_, where)
+            case Struct() | Union():
+                if type_ in self.refused:
+                    raise UserError(())  # what is wrong in it is told where it stands first
+                if type_ not in self.placed:
+                    place = self.place_struct if isinstance(type_, Struct) else self.place_union
+                    try:
+                        self.placed[type_] = place(type_, where)
+                    except UserError:
+                        self.refused.add(type_)
+                        raise
+                return self.placed[type_]
+            case Unplaced(name=name, why=why):
+                raise mistake(where, f"{name}, {why}", "a type that can be laid out")
+            case _:
+                return self.place_leaf(type_, where)
+
+    def place_leaf(self, type_: LeafType, where: str) -> PlacedLeaf:
+        if isinstance(type_, Text):
+            form = self.rules.text
+            if form.length(type_) > form.most(type_):
+                raise mistake(where, type_text(type_), f"at most {form.most(type_)} characters")
+            align = max(2 if type_.wide else 1, self.rules.text_floor)
+            return PlacedLeaf(type_, coding_of(type_, self.rules), form.size(type_), align)
+        row = self.rules.stored(type_)
+        is_bit = row.name in self.rules.bits
+        return PlacedLeaf(type_, coding_of(type_, self.rules), row.size, row.align, is_bit)
+
+    def place_array(self, type_: Array, where: str) -> PlacedArray:
+        element = self.place(type_.element, where)
+        align = max(element.align, self.rules.array_floor)
+        pitch = _up(element.size, min(element.align, self.rules.cap))
+        return _checked(PlacedArray(type_, element, pitch, align), where)
+
+    def parts(self, type_: Struct | Union, where: str) -> list[tuple[str, Type, Node]]:
+        """Return the members, before them what the type EXTENDS as one member without a name.
+
+        Raise UserError with what is wrong in all of them.
+        """
+        members: list[tuple[str, Type]] = [] if type_.base is None else [("", type_.base)]
+        members += [(member.name, member.type) for member in type_.members]
+        placed: list[tuple[str, Type, Node]] = []
+        problems: list[Problem] = []
+        for name, inner in members:
+            try:
+                placed.append((name, inner, self.place(inner, f"{where}.{name}" if name else where)))
+            except UserError as refused:
+                problems.extend(refused.problems)
+        if len(placed) < len(members):
+            raise UserError(problems[:MOST_SHOWN])
+        return placed
+
+    def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
+        cap, rules, parts = self.cap(type_), self.rules, self.parts(type_, where)
+        placed: list[Part] = []
+        end, align, bit = 0, rules.struct_floor if parts else 1, 0
+        for name, inner, node in parts:
+            step = max(min(node.align, cap), rules.member_floor)
+            align = max(align, step)
+            is_bit = isinstance(node, PlacedLeaf) and node.is_bit
+            if is_bit and 0 < bit < 8:
+                placed.append(Part(name, end - 1, node, bit))  # the next bit of the byte that is begun
+                bit += 1
+                continue
+            offset = _up(end, step)
+            placed.append(Part(name, offset, node))
+            end = _up(offset + node.size, self.end_floor(inner))
+            bit = int(is_bit)
+        return _checked(PlacedStruct(placed, _up(end, align), align), where)
+
+    def place_union(self, type_: Struct | Union, where: str) -> PlacedStruct:
+        cap, parts = self.cap(type_), self.parts(type_, where)
+        align = self.rules.struct_floor if parts else 1
+        end = 0
+        for _, inner, node in parts:
+            align = max(align, min(node.align, cap), self.rules.member_floor)
+            end = max(end, _up(node.size, self.end_floor(inner)))
+        placed = [Part(name, 0, node) for name, _, node in parts]
+        return _checked(PlacedUnion(placed, _up(end, align), align), where)
+
+    def cap(self, type_: Struct | Union) -> int:
+        """Return the largest alignment of the type's members: its own pack_mode, if the layout has such."""
+        if type_.pack is None or not self.rules.takes_pack:
+            return self.rules.cap
+        return max(type_.pack, 1)
+
+    def end_floor(self, type_: Type) -> int:
+        """Return the multiple at which a member of this type ends."""
+        if isinstance(type_, Array):
+            return self.rules.array_floor
+        return 2 if isinstance(type_, Text) and self.rules.string_even else 1
+
+
+def _up(offset: int, align: int) -> int:
+    return -(-offset // align) * align
+
+
+def _checked(node: _N, where: str) -> _N:
+    if node.size > MOST_BYTES:
+        raise mistake(where, f"{node.size} bytes", f"at most {MOST_BYTES} bytes")
+    if node.leaves > MOST_LEAVES:
+        raise mistake(where, f"{node.leaves} elements", f"at most {MOST_LEAVES} elements")
+    return node

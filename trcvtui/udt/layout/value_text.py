@@ -1,0 +1,89 @@
+"""A decoded value as a person reads it: hex beside bit strings, names beside the numbers of an enumeration.
+
+Rule: bytes are data, so no control code passes; and what is odd about them is shown (udt.md U11, U12).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Final
+
+from trcvtui.errors import one_line
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.layout_tree import Leaf
+from trcvtui.udt.types import Elementary, Enumeration, Kind, Pointer, Subrange, Text
+
+NO_DATA: Final = "no data"
+
+
+def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
+    """Return the text of a leaf's value; with the leaf's own bytes as `raw` oddities are told too."""
+    if value is None:
+        return NO_DATA
+    odd = leaf.coding.odd
+    return _plain_text(leaf, value) + (odd(raw) if odd and len(raw) == leaf.size else "")
+
+
+def _plain_text(leaf: Leaf, value: Value) -> str:
+    match leaf.type:
+        case Text():
+            return _quoted(value)
+        case Enumeration() as type_:
+            return f"{value} ({_name(type_, value)})"
+        case Subrange(base=base, low=low, high=high):
+            inside = isinstance(value, int) and low <= value <= high
+            return _elementary_text(base, leaf.size, value) + ("" if inside else f" (not {low}..{high})")
+        case Pointer():
+            return str(value)
+        case Elementary() as row:
+            return _elementary_text(row, leaf.size, value)
+
+
+def _elementary_text(row: Elementary, size: int, value: Value) -> str:
+    match row.kind:
+        case Kind.BOOL:
+            return str(value).upper()
+        case Kind.BITS:
+            return f"{value} (16#{value:0{2 * size}X})"
+        case Kind.REAL:
+            return real_text(float(value), size)
+        case Kind.CHARACTER:
+            return _quoted(value)
+        case _:
+            return str(value)
+
+
+def real_text(value: float, size: int) -> str:
+    """Return the shortest digits that give the same REAL (size 4) or LREAL (size 8) again."""
+    if not math.isfinite(value):
+        return special_text(value)
+    if size == 8:
+        return repr(value)
+    stored = struct.pack("<f", value)
+    return next(text for text in _digits(value) if _packed(text) == stored)
+
+
+def special_text(value: float) -> str:
+    """Return the name of a number that is none: NaN, Infinity or -Infinity."""
+    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+
+
+def _digits(value: float) -> list[str]:
+    # Nine digits tell any two REALs apart; Python writes the last form, so that 1e+06 reads 1000000.0.
+    return [repr(float(f"{value:.{digits}g}")) for digits in range(6, 9)] + [repr(value)]
+
+
+def _packed(text: str) -> bytes:
+    try:
+        return struct.pack("<f", float(text))
+    except OverflowError:  # rounded up to beyond the largest REAL
+        return b""
+
+
+def _quoted(value: Value) -> str:
+    return f"'{one_line(str(value))}'"
+
+
+def _name(type_: Enumeration, value: Value) -> str:
+    return next((name for name, number in type_.values if number == value), "no name")

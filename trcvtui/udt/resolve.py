@@ -1,0 +1,413 @@
+"""Specifications made into types: names looked up, formulas worked out, and all that is wrong kept.
+
+Rule: a bad type never hides a good one; each bad type knows everything that is wrong in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+
+from trcvtui.errors import MOST_SHOWN, Problem, UserError
+from trcvtui.udt.ast import (
+    ArraySpec,
+    Declaration,
+    EnumSpec,
+    Formula,
+    Number,
+    PointerSpec,
+    RangeSpec,
+    Reference,
+    Spec,
+    StructSpec,
+    TextSpec,
+    UnplacedSpec,
+)
+from trcvtui.udt.builtin_types import WELL_KNOWN
+from trcvtui.udt.constants import Constants
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    VENDOR_NAMES,
+    Array,
+    Elementary,
+    Enumeration,
+    Kind,
+    Member,
+    Pointer,
+    Struct,
+    Subrange,
+    Text,
+    Type,
+    Union,
+    Unplaced,
+)
+
+# Baosky allows 6 or 8 levels (baosky.md section 8); beyond this no tool in the field follows.
+MOST_NESTED = 32
+KNOWN = "a known "
+KNOWN_TYPE = f"{KNOWN}type"
+KNOWN_CONSTANT = KNOWN + 'constant: "{0}" = VALUE in [constants] of the project, or --constant {0}=VALUE'
+MOST_WALKED = 200  # types on the search for a circle
+WHOLE = (Kind.INTEGER, Kind.BITS)
+
+
+class Joining:
+    """One joining: what is declared, what became of it, and what is wrong with it (an ordered set each)."""
+
+    def __init__(
+        self,
+        constants: Constants,
+        known: Mapping[str, tuple[str, Type]],
+        broken: Mapping[str, tuple[Problem, ...]],
+        last_wins: Collection[str] = (),
+    ) -> None:
+        self.constants, self.known, self.broken = constants, known, broken
+        self.last_wins = frozenset(name.casefold() for name in last_wins)
+        self.declared: dict[str, Declaration] = {}
+        self.places: dict[str, list[str]] = {}
+        self.types: dict[str, Type] = {}
+        self.depths: dict[str, int] = {}
+        self.bad: dict[str, dict[Problem, None]] = {}
+        self.notes: dict[str, dict[str, None]] = {}
+
+    def declare(self, declaration: Declaration) -> None:
+        key = declaration.name.casefold()
+        places = self.places.setdefault(key, [])
+        places.append(declaration.where)
+        if len(places) > 1 and key in self.last_wins:
+            self.bad.pop(key, None)
+            self.declared[key] = declaration
+        first = self.declared.setdefault(key, declaration)
+        for problem in declaration.problems:
+            self.refuse(key, problem)
+        if first is not declaration:
+            expected = f"one declaration of it; the first is at {first.where}"
+            self.refuse(key, Problem(declaration.where, f"'{declaration.name}' a second time", expected))
+        if declaration.name.upper() in ELEMENTARY and declaration.name.upper() not in VENDOR_NAMES:
+            self.refuse(
+                key, Problem(declaration.where, f"'{declaration.name}'", "a name that no IEC type has")
+            )
+
+    def refuse(self, key: str, *problems: Problem) -> None:
+        bad = self.bad.setdefault(key, {})
+        for problem in problems:
+            # What a type only inherits from the types it uses is bounded: a chain of bad types stays cheap.
+            if len(bad) < 2 * MOST_SHOWN or len(problems) == 1:
+                bad[problem] = None
+
+    def build_all(self) -> None:
+        for declaration in self.declared.values():
+            if isinstance(declaration.spec, EnumSpec):
+                self.constants.add_values(declaration.name, declaration.spec.values)
+        for key in self.in_order():
+            declaration = self.declared[key]
+            if declaration.spec is None:
+                continue
+            type_, depth = self.build(declaration.spec, declaration.name, key)
+            if depth > MOST_NESTED:
+                found, expected = f"'{declaration.name}' nested {depth} deep", f"at most {MOST_NESTED} levels"
+                self.refuse(key, Problem(declaration.where, found, expected))
+            if type_ is not None and key not in self.bad:
+                self.types[key], self.depths[key] = type_, depth
+
+    def in_order(self) -> list[str]:
+        """Return all declared keys, each after the ones it uses, without recursion: chains may be long."""
+        order: list[str] = []
+        seen: set[str] = set()
+        for root in self.declared:
+            path = [] if root in seen else [(root, self.uses(root))]
+            seen.add(root)
+            while path:
+                key, rest = path[-1]
+                used = next((used for used in rest if used not in seen), None)
+                if used is None:
+                    order.append(key)
+                    path.pop()
+                else:
+                    seen.add(used)
+                    path.append((used, self.uses(used)))
+        return order
+
+    def uses(self, key: str) -> Iterator[str]:
+        spec = self.declared[key].spec
+        names = (self.key_of(reference) for reference in references(spec)) if spec else ()
+        return (name for name in names if name in self.declared)
+
+    def key_of(self, reference: Reference) -> str:
+        """Return what a name is looked up by: `Lib.T` whole, or where that is unknown, T (udt.md 5)."""
+        whole = reference.name.casefold()
+        return whole if self.is_declared(whole) else whole.rpartition(".")[2]
+
+    def is_declared(self, key: str) -> bool:
+        return key in self.declared or key in self.known or key in self.broken
+
+    # -- one specification -------------------------------------------------------------------------------
+
+    def build(self, spec: Spec, name: str, user: str) -> tuple[Type | None, int]:
+        """Return the type of a specification and how deep it nests; None when something in it is bad."""
+        match spec:
+            case Text():
+                return spec, 0
+            case Reference():
+                return self.look_up(spec, user)
+            case ArraySpec():
+                return self.build_array(spec, user)
+            case StructSpec():
+                return self.build_struct(spec, name, user)
+            case EnumSpec():
+                return self.build_enum(spec, name, user), 0
+            case TextSpec():
+                return self.build_text(spec, user), 0
+            case RangeSpec():
+                return self.build_range(spec, user), 0
+            case PointerSpec(text):
+                return Pointer(text), 0
+            case UnplacedSpec():
+                return Unplaced(spec.name, spec.why), 0
+
+    def build_array(self, spec: ArraySpec, user: str) -> tuple[Type | None, int]:
+        element, depth = self.build(spec.element, "", user)
+        bounds = [self.limits(low, high, user) for low, high in spec.bounds]
+        known = tuple([pair for pair in bounds if pair is not None])
+        if element is None or len(known) < len(bounds):
+            return None, depth + 1
+        return Array(known, element), depth + 1
+
+    def build_text(self, spec: TextSpec, user: str) -> Type | None:
+        length = self.whole(spec.length, user)
+        if length is not None and length < 1:
+            self.refuse(user, _wrong(spec.length, length, "a length of 1 or more"))
+            return None
+        return None if length is None else Text(length, spec.wide, spec.utf8)
+
+    def build_range(self, spec: RangeSpec, user: str) -> Type | None:
+        base = self.look_up(spec.base, user)[0]
+        unknown = self.unknown_in(spec.low, spec.high)
+        limits = None if unknown else self.limits(spec.low, spec.high, user)
+        if isinstance(base, Subrange):
+            base = base.base
+        if base is not None and not (isinstance(base, Elementary) and base.kind in WHOLE):
+            self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", "an integer type such as INT"))
+            return None
+        if base is not None and unknown:
+            text = f"{base.name}({_number_text(spec.low)}..{_number_text(spec.high)})"
+            told = (
+                f"{spec.base.where}: {text} without a known {', '.join(unknown)} is laid out as {base.name}"
+            )
+            self.notes.setdefault(user, {})[told] = None
+            return base
+        if base is None or limits is None:
+            return None
+        low, high = base.limits
+        if limits[0] < low or limits[1] > high:
+            found = f"{base.name}({limits[0]}..{limits[1]})"
+            self.refuse(user, Problem(spec.base.where, found, f"limits from {low} to {high}"))
+            return None
+        return Subrange(base, *limits)
+
+    def build_struct(self, spec: StructSpec, name: str, user: str) -> tuple[Type | None, int]:
+        base, deepest = self.build_base(spec, user)
+        firsts = _members_of(base)
+        members: list[Member] = []
+        for member in spec.members:
+            first = firsts.setdefault(member.name.casefold(), member.where)
+            if first is not member.where:
+                expected = f"a new name; the first is at {first}" if first else "a name that its base has not"
+                self.refuse(user, Problem(member.where, f"member '{member.name}' a second time", expected))
+            type_, depth = self.build(member.spec, "", user)
+            deepest = max(deepest, depth)
+            if type_ is not None:
+                members.append(Member(member.name, type_))
+        if len(members) < len(spec.members) or (spec.base is not None and base is None):
+            return None, deepest + 1
+        if spec.is_union:
+            assert not isinstance(base, Struct)
+            return Union(name, tuple(members), base, spec.pack), deepest + 1
+        assert not isinstance(base, Union)
+        return Struct(name, tuple(members), base, spec.pack), deepest + 1
+
+    def build_base(self, spec: StructSpec, user: str) -> tuple[Struct | Union | None, int]:
+        if spec.base is None:
+            return None, 0
+        base, depth = self.look_up(spec.base, user)
+        word = "UNION" if spec.is_union else "STRUCT"
+        if isinstance(base, Union if spec.is_union else Struct):
+            return base, depth
+        if base is not None:
+            self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", f"a {word} to extend"))
+        return None, depth
+
+    def build_enum(self, spec: EnumSpec, name: str, user: str) -> Type | None:
+        base = ELEMENTARY["INT"] if spec.base is None else self.look_up(spec.base, user)[0]
+        if isinstance(base, Subrange):
+            base = base.base
+        if isinstance(base, Elementary) and base.kind in WHOLE:
+            return Enumeration(name, base, self.values(spec, name), spec.base is not None)
+        if base is not None and spec.base is not None:
+            self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", "an integer type such as INT"))
+        return None
+
+    def values(self, spec: EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
+        """Return names and numbers; None for what cannot be worked out: only the size is known (U8)."""
+        values: list[tuple[str, int | None]] = []
+        number: int | None = -1
+        for value, own in spec.values:
+            if own is not None:
+                number = self.quietly(own, name)
+            elif number is not None:
+                number += 1
+            values.append((value, number))
+        return tuple(values)
+
+    # -- names and numbers -------------------------------------------------------------------------------
+
+    def look_up(self, reference: Reference, user: str) -> tuple[Type | None, int]:
+        row = ELEMENTARY.get(reference.name.upper())
+        key = self.key_of(reference)
+        # A vendor's own name may be declared in a file of another vendor: then that is meant.
+        if row is not None and not (reference.name.upper() in VENDOR_NAMES and self.is_declared(key)):
+            return row, 0
+        if key in self.types:
+            type_ = self.types[key]
+            if not isinstance(type_, Struct | Union | Enumeration):  # no name of its own in the user's type
+                self.notes.setdefault(user, {}).update(self.notes.get(key, {}))
+            return type_, self.depths[key]
+        if key in self.known:
+            return self.known[key][1], 0
+        if key in self.bad or key in self.broken:
+            self.refuse(user, *(self.bad.get(key) or self.broken[key]))
+        elif key in self.declared:
+            circle = self.circle(key, user)
+            found = f"'{reference.name}', which contains this member"
+            if len(circle) > 1:
+                found = f"'{reference.name}' in a circle: {', '.join(circle)}, {circle[0]}"
+            expected = "a type that does not contain itself"
+            if self.is_base(reference, user):
+                found, expected = (
+                    f"'{reference.name}', which extends this",
+                    "a type that does not extend itself",
+                )
+            self.refuse(user, Problem(reference.where, found, expected))
+        elif key in WELL_KNOWN:
+            return WELL_KNOWN[key], 0
+        else:
+            self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
+        return None, 0
+
+    def circle(self, key: str, user: str) -> list[str]:
+        """Return the names of declarations from a user over this key back to it, the shortest way.
+
+        Empty when that is too long to be read.
+        """
+        before, waiting = {key: ""}, [key]
+        for found in waiting:
+            if user in before or len(waiting) > MOST_WALKED:
+                break
+            for used in self.uses(found):
+                if used not in before:
+                    before[used] = found
+                    waiting.append(used)
+        names: list[str] = []
+        at = user if user in before else ""
+        while at:
+            names.append(self.declared[at].name)
+            at = before[at]
+        return [*names[:1], *reversed(names[1:])] if len(names) <= MOST_SHOWN else []
+
+    def is_base(self, reference: Reference, user: str) -> bool:
+        spec = self.declared[user].spec if user in self.declared else None
+        return isinstance(spec, StructSpec) and spec.base is reference
+
+    def limits(self, low: Number, high: Number, user: str) -> tuple[int, int] | None:
+        """Return `low..high` worked out, None when that fails; the higher one is not below the lower one."""
+        first, last = self.whole(low, user), self.whole(high, user)
+        if first is None or last is None:
+            return None
+        if last < first:
+            if isinstance(high, Formula) or isinstance(low, int):
+                problem = _wrong(high, last, f"a number from {first} upwards", self.place(user))
+            else:
+                problem = _wrong(low, first, f"a number up to {last}")
+            self.refuse(user, problem)
+            return None
+        return first, last
+
+    def whole(self, number: Number, user: str) -> int | None:
+        """Return the value of a number; keep what is unknown in it."""
+        if isinstance(number, int):
+            return number
+        unknown: list[str] = []
+        try:
+            value = self.constants.value(number, unknown)
+        except UserError as refused:
+            self.refuse(user, *refused.problems)
+            return None
+        for name in unknown:
+            reason = self.constants.reason(name)
+            found = f"'{name}', {reason}" if reason else f"'{name}'"
+            self.refuse(user, Problem(number.where, found, unknown_constant(name)))
+        return value
+
+    def unknown_in(self, *numbers: Number) -> list[str]:
+        """Return the names in numbers that have no value; a number that is wrong in itself has none."""
+        unknown: list[str] = []
+        for number in numbers:
+            try:
+                self.constants.value(number, unknown)
+            except UserError:
+                return []
+        return list(dict.fromkeys(unknown))
+
+    def quietly(self, number: Number, scope: str) -> int | None:
+        try:
+            return self.constants.value(number, [], scope)
+        except UserError:
+            return None
+
+    def place(self, user: str) -> str:
+        return self.declared[user].where if user in self.declared else "type"
+
+
+def unknown_constant(name: str) -> str:
+    """Return what is expected in place of a constant that nobody declares."""
+    return KNOWN_CONSTANT.format(name)
+
+
+def unknown_name(problem: Problem) -> str:
+    """Return the name of the type or constant that a problem says is unknown."""
+    name, reason, _ = problem.found[1:].rpartition("', which ")
+    return name if reason else problem.found[1:-1]
+
+
+def _number_text(number: Number) -> str:
+    return number.text if isinstance(number, Formula) else str(number)
+
+
+def references(spec: Spec) -> Iterator[Reference]:
+    """Yield every name of a type in a specification."""
+    match spec:
+        case Reference():
+            yield spec
+        case ArraySpec(_, element):
+            yield from references(element)
+        case EnumSpec(base=Reference() as base) | RangeSpec(base=base):
+            yield base
+        case StructSpec(members, base):
+            if base is not None:
+                yield base
+            for member in members:
+                yield from references(member.spec)
+
+
+def _members_of(base: Struct | Union | None) -> dict[str, str]:
+    """Return the names of all members of a base and its own bases; where they stand is not known here."""
+    names: dict[str, str] = {}
+    while base is not None:
+        names |= {member.name.casefold(): "" for member in base.members}
+        base = base.base
+    return names
+
+
+def _wrong(number: Number, value: int, expected: str, where: str = "") -> Problem:
+    if isinstance(number, Formula):
+        return Problem(number.where, f"'{number.text}', which is {value}", expected)
+    return Problem(where, str(value), expected)

@@ -1,0 +1,256 @@
+"""C headers: `typedef struct {...} T;` read by pycparser (the extra `c`), made ready by `c_source.py`.
+
+A type has here the size that every compiler gives it; one that differs between compilers (`long`, `size_t`),
+a bit-field and an alignment of its own are refused by name. `int` and enumerations count as 4 bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.udt.ast import (
+    ArraySpec,
+    Constant,
+    Declaration,
+    Declarations,
+    EnumSpec,
+    Formula,
+    MemberSpec,
+    Number,
+    PointerSpec,
+    Reference,
+    Spec,
+    StructSpec,
+)
+from trcvtui.udt.sources.c_number import fold, formula
+from trcvtui.udt.sources.c_parse import Macros, evaluate, parsed
+from trcvtui.udt.sources.c_source import CSource
+from trcvtui.udt.sources.c_types import C_TYPES, FOUR_BYTES, NO_ONE_SIZE
+from trcvtui.udt.type_set import MOST_NESTED
+from trcvtui.udt.types import ELEMENTARY
+
+MOST_DIMENSIONS = 8
+
+PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
+
+
+def read_c(text: str, name: str) -> Declarations:
+    """Return what a C header declares; raise UserError where pycparser is not there."""
+    try:
+        from pycparser.c_parser import CParser  # type: ignore[import-untyped]
+    except ImportError:
+        raise mistake(name, "a C header, but no pycparser", "it: pip install 'trcvtui[c]'") from None
+    source = CSource(text, name, evaluate)
+    reader = _Reader(source)
+    for node in parsed(CParser, source):
+        reader.outer(node)
+    return Declarations(
+        tuple(reader.types),
+        tuple(source.problems),
+        tuple(map(Constant, reader.constants, reader.constants.values())),
+    )
+
+
+class _Reader:
+    """The walk over the declarations of a header."""
+
+    def __init__(self, source: CSource) -> None:
+        self.source = source
+        self.types: list[Declaration] = []
+        self.tags: dict[str, str] = {}
+        self.aliases: dict[str, Reference] = {}
+        self.macros = Macros(source)
+        self.constants: dict[str, Number] = {}
+        for name in source.numbers:
+            value = self.macros.macro(name)
+            if value is not None:
+                self.constants[name] = value
+        self.problems: list[Problem] = []
+        self.notes: dict[str, None] = {}
+
+    def where(self, node: Any) -> str:
+        """Return file, line and column of a node, both from 1."""
+        place = getattr(node, "coord", None)
+        return self.source.name if place is None else f"{self.source.name}:{place.line}:{place.column or 1}"
+
+    def look_up(self, name: str) -> int | None:
+        known = self.constants.get(name)
+        return known if isinstance(known, int) else None
+
+    # -- declarations ------------------------------------------------------------------------------------
+
+    def outer(self, node: Any) -> None:
+        """Read an outer declaration: a typedef, a STRUCT, UNION or enumeration with a tag, a constant."""
+        kind = type(node).__name__
+        if isinstance(node, Declaration):
+            self.types.append(node)
+        elif kind == "Typedef":
+            self.typedef(node)
+        elif kind == "Decl":
+            inner = node.type
+            while type(inner).__name__ in ("ArrayDecl", "PtrDecl", "TypeDecl"):
+                inner = inner.type
+            self.tagged(inner)
+            value = fold(node.init, self.look_up) if node.init is not None and "const" in node.quals else None
+            if node.name and value is not None:
+                self.constants[node.name] = value
+
+    def typedef(self, node: Any) -> None:
+        inner = node.type.type if type(node.type).__name__ == "TypeDecl" else None
+        tag = getattr(inner, "name", None) if type(inner).__name__ in ("Struct", "Union", "Enum") else None
+        if tag and _is_definition(inner):
+            self.tags[tag] = node.name
+        elif tag == node.name:
+            return  # typedef struct T T;
+        spec = self.declare(node.name, node, lambda: self.spec(node.type, 0))
+        if isinstance(spec, Reference) and spec.name.upper() in ELEMENTARY:
+            self.aliases[node.name] = spec
+        if node.name.upper() in ELEMENTARY and isinstance(spec, Reference):
+            self.types.pop()  # `typedef unsigned short UINT;` says what UINT is: nothing new to declare
+
+    def tagged(self, node: Any) -> None:
+        """Declare a STRUCT, UNION or enumeration under its tag; values of an enumeration are constants."""
+        if type(node).__name__ not in ("Struct", "Union", "Enum") or not _is_definition(node):
+            return
+        if node.name:
+            self.tags.setdefault(node.name, node.name)
+            self.declare(node.name, node, lambda: self.inner(node, 0))
+        elif type(node).__name__ == "Enum":
+            self.enum(node)
+
+    def declare(self, name: str, node: Any, read: Callable[[], Spec]) -> Spec | None:
+        """Keep one declaration with what is wrong in it, and what is worth a note."""
+        self.problems, self.notes = [], {}
+        spec: Spec | None = None
+        try:
+            spec = read()
+        except UserError as refused:
+            self.problems.extend(refused.problems)
+        where = self.where(node)
+        self.types.append(Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
+        return spec
+
+    # -- types -------------------------------------------------------------------------------------------
+
+    def spec(self, node: Any, depth: int) -> Spec:
+        """Return the type of a declarator."""
+        match type(node).__name__:
+            case "TypeDecl":
+                return self.inner(node.type, depth)
+            case "ArrayDecl":
+                return self.array(node, depth)
+            case "PtrDecl":
+                return PointerSpec("POINTER TO " + _target(node.type))
+        raise mistake(self.where(node), "a function", "a type with a size")
+
+    def inner(self, node: Any, depth: int) -> Spec:
+        """Return a type by name, or one written in place."""
+        if depth > MOST_NESTED:
+            raise mistake(self.where(node), "a type nested deeper", f"at most {MOST_NESTED} levels")
+        kind = type(node).__name__
+        if kind == "IdentifierType":
+            return self.named(node)
+        if not _is_definition(node):
+            return Reference(self.tags.get(node.name, node.name), self.where(node))
+        return self.enum(node) if kind == "Enum" else self.struct(node, depth)
+
+    def named(self, node: Any) -> Reference:
+        words = sorted(word for word in node.names if word != "signed" or "char" in node.names)
+        if len(words) > 1 and "int" in words and words != ["int", "unsigned"]:
+            words.remove("int")
+        if words == ["unsigned"]:
+            words = ["int", "unsigned"]
+        name = " ".join(words) or "int"
+        if name in self.aliases:
+            return self.aliases[name]._replace(where=self.where(node))
+        is_plc = name.isupper() and any(include.endswith(PLC_TYPES) for include in self.source.includes)
+        if name in NO_ONE_SIZE and not is_plc:
+            raise mistake(self.where(node), f"'{' '.join(node.names)}'", NO_ONE_SIZE[name])
+        if name in FOUR_BYTES:
+            self.notes["int is taken as 4 bytes"] = None
+        return Reference(C_TYPES.get(name, name), self.where(node))
+
+    def struct(self, node: Any, depth: int) -> StructSpec:
+        """Return a STRUCT or UNION; a bad member is noted and left out."""
+        place = self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
+        members: list[MemberSpec] = []
+        for at, member in enumerate(node.decls or ()):
+            try:
+                members.extend(self.member(member, at, depth + 1))
+            except UserError as refused:
+                self.problems.extend(refused.problems)
+        is_union = type(node).__name__ == "Union"
+        return StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
+
+    def member(self, node: Any, at: int, depth: int) -> Iterator[MemberSpec]:
+        if type(node).__name__ != "Decl":
+            return
+        if node.bitsize is not None:
+            expected = "a whole type such as uint8_t: where a bit lies, each compiler decides"
+            raise mistake(self.where(node), f"bit-field '{node.name or ''}'", expected)
+        if node.align:
+            raise mistake(self.where(node), f"_Alignas at '{node.name}'", "a member without it")
+        if node.name is None:
+            if type(node.type).__name__ not in ("Struct", "Union") or node.type.name:
+                raise mistake(self.where(node), "a member without a name", "a name")
+            self.notes["a member without a name is called anonymous_N"] = None
+            yield MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), self.where(node))
+            return
+        yield MemberSpec(node.name, self.spec(node.type, depth), self.where(node))
+
+    def array(self, node: Any, depth: int) -> Spec:
+        bounds: list[tuple[Number, Number]] = []
+        where = self.where(node)
+        while type(node).__name__ == "ArrayDecl":
+            bounds.append((0, self.last_index(node)))
+            node = node.type
+        if len(bounds) > MOST_DIMENSIONS:
+            raise mistake(where, f"{len(bounds)} dimensions", f"at most {MOST_DIMENSIONS}")
+        element = self.spec(node, depth + 1)
+        if isinstance(element, Reference) and element.name == "CHAR":
+            self.notes["char[] is read as ARRAY OF CHAR: a text ends with its NUL"] = None
+        return ArraySpec(tuple(bounds), element)
+
+    def last_index(self, node: Any) -> Number:
+        """Return the last index of an array: the number in its brackets less one."""
+        where = self.where(node)
+        if node.dim is None:
+            raise mistake(where, "an array without a length", "[N]")
+        length = fold(node.dim, self.look_up)
+        if length is None:
+            text = formula(node.dim)
+            if text is None:
+                raise mistake(
+                    where, "a length that is no number", "a number, or + - * / of names and numbers"
+                )
+            return Formula(f"{text} - 1", where)
+        if length < 1:
+            raise mistake(where, f"[{length}]", "a length of 1 or more")
+        return length - 1
+
+    def enum(self, node: Any) -> EnumSpec:
+        """Return an enumeration; its values become constants."""
+        self.notes["an enum is taken as 4 bytes"] = None
+        values: list[tuple[str, Number | None]] = []
+        number: int | None = -1
+        for row in node.values.enumerators:
+            given = fold(row.value, self.look_up)
+            number = given if row.value is not None else None if number is None else number + 1
+            if number is not None:
+                self.constants[row.name] = number
+            values.append((row.name, number if number is not None else Formula("?", self.where(row))))
+        return EnumSpec(Reference("DINT", self.where(node)), tuple(values))
+
+
+def _is_definition(node: Any) -> bool:
+    return (node.values if type(node).__name__ == "Enum" else node.decls) is not None
+
+
+def _target(node: Any) -> str:
+    """Return what a pointer points to, in a word."""
+    while type(node).__name__ in ("TypeDecl", "PtrDecl", "ArrayDecl"):
+        node = node.type
+    names = getattr(node, "names", None)
+    return " ".join(names) if names else getattr(node, "name", None) or "a function"

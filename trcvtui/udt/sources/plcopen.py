@@ -1,0 +1,234 @@
+"""PLCopen TC6 XML: `dataType/baseType/{struct,enum,array,derived,string,...}`, with the CODESYS additions.
+
+Every version of the schema is read by local names. A `dataType` counts wherever it stands: CODESYS writes
+some into `addData` of a resource. Where the export carries the ST text of a type, that text is read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.udt.ast import (
+    ArraySpec,
+    Constant,
+    Declaration,
+    Declarations,
+    EnumSpec,
+    Formula,
+    MemberSpec,
+    Number,
+    PointerSpec,
+    RangeSpec,
+    Reference,
+    Spec,
+    StructSpec,
+)
+from trcvtui.udt.formula import read_number
+from trcvtui.udt.literals import parse_integer
+from trcvtui.udt.sources.st import read_spec
+from trcvtui.udt.sources.twincat import named, qualified, read_inside
+from trcvtui.udt.sources.xml_source import Element
+from trcvtui.udt.sources.xml_types import bounds, deeper, text_type
+from trcvtui.udt.words import NAME
+
+NOT_TYPES = ("documentation", "addData")
+_NAME = re.compile(rf"{NAME}(\.{NAME})*")
+
+
+def read_plcopen(root: Element) -> Declarations:
+    """Return all data types of a project, and the constants of its global variables."""
+    types: list[Declaration] = []
+    problems: list[Problem] = []
+    for element in root.below("dataType", "union"):
+        # A UNION without a name is the type of somebody's variable.
+        if element.name == "union" and not element.get("name"):
+            continue
+        try:
+            types.extend(_declarations(element))
+        except UserError as refused:
+            problems.extend(refused.problems)
+    if not types and not problems:
+        problems.append(Problem(root.where, "no data type", "<dataType> in a PLCopen project"))
+    constants = [constant for list_ in root.below("globalVars") for constant in _constants(list_).constants]
+    return Declarations(tuple(types), tuple(problems), tuple(constants))
+
+
+def _declarations(element: Element) -> Iterator[Declaration]:
+    """Yield the type of an element; more only if its ST text declares more."""
+    name = element.needed("name")
+    plain = _plain_text(element)
+    if plain is not None:
+        read = read_inside(plain)
+        if read.types or read.problems:
+            for type_ in read.types:
+                yield named(type_, name)
+            if read.problems:
+                yield Declaration(name, None, plain.where, read.problems)
+            return
+    walk = _Walk()
+    spec: Spec | None = None
+    try:
+        spec = walk.struct(element, 0) if element.name == "union" else walk.base(element, 0)
+        if isinstance(spec, StructSpec):
+            spec = spec._replace(base=_extends(element), pack=_pack(element))
+    except UserError as refused:
+        walk.problems.extend(refused.problems)
+    yield Declaration(name, spec, element.where, tuple(walk.problems))
+
+
+def _additions(element: Element, kind: str) -> Iterator[Element]:
+    """Yield what the vendor added under `.../plcopenxml/kind`."""
+    added = element.at("addData")
+    for data in added.all("data") if added else ():
+        if data.get("name").rpartition("/")[2].lower() == kind:
+            yield from data.children
+
+
+def _plain_text(element: Element) -> Element | None:
+    """Return the element that holds the ST text of a type; None without."""
+    for plain in _additions(element, "interfaceasplaintext"):
+        text = plain.at("xhtml") or plain
+        if text.text.strip():
+            return text
+    return None
+
+
+def _extends(element: Element) -> Reference | None:
+    for inheritance in _additions(element, "datatypeinheritance"):
+        base = inheritance.at("Extends")
+        if base is not None and base.text.strip():
+            return Reference(base.text.strip(), base.where)
+    return None
+
+
+def _pack(element: Element) -> int | None:
+    for attributes in _additions(element, "attributes"):
+        for attribute in attributes.all("Attribute"):
+            if attribute.get("Name").lower() == "pack_mode":
+                pack = parse_integer(attribute.get("Value"))
+                if pack not in (0, 1, 2, 4, 8):
+                    raise mistake(attribute.where, f"pack_mode '{attribute.get('Value')}'", "0, 1, 2, 4 or 8")
+                return pack
+    return None
+
+
+def _constants(list_: Element) -> Declarations:
+    """Return the constants of one list of global variables."""
+    plain = _plain_text(list_)
+    if plain is not None:
+        return qualified(read_inside(plain), list_.get("name"))
+    found: list[Constant] = []
+    for variable in list_.all("variable") if list_.get("constant").strip() in ("true", "1") else ():
+        value = variable.at("initialValue", "simpleValue")
+        whole = parse_integer(value.get("value")) if value else None
+        if whole is not None and variable.get("name"):
+            found.append(Constant(variable.get("name"), whole, variable.where))
+    return qualified(Declarations((), (), tuple(found)), list_.get("name"))
+
+
+class _Walk:
+    """The walk through one type, and what is wrong in it."""
+
+    def __init__(self) -> None:
+        self.problems: list[Problem] = []
+
+    def base(self, element: Element, depth: int) -> Spec:
+        """Return the type in the <baseType> of an element."""
+        inner = element.at("baseType")
+        if inner is None:
+            raise mistake(element.where, f"<{element.name}> without a type", "<baseType>")
+        return self.type(inner, depth)
+
+    def type(self, element: Element, depth: int) -> Spec:
+        """Return the type in a <type> or <baseType>."""
+        inner = _inner(element)
+        if inner is None:
+            raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")
+        return SPECS.get(inner.name, _Walk.elementary)(self, inner, deeper(depth, inner))
+
+    def struct(self, element: Element, depth: int) -> Spec:
+        members: list[MemberSpec] = []
+        for variable in element.all("variable"):
+            try:
+                name, type_ = variable.needed("name"), variable.at("type")
+                if type_ is None:
+                    raise mistake(variable.where, f"member '{name}' without a type", "<type>")
+                members.append(MemberSpec(name, self.type(type_, depth), variable.where))
+            except UserError as refused:
+                self.problems.extend(refused.problems)
+        return StructSpec(tuple(members), is_union=element.name == "union")
+
+    def array(self, element: Element, depth: int) -> Spec:
+        pairs = [bounds(d.needed("lower"), d.needed("upper"), d.where) for d in element.all("dimension")]
+        if not pairs:
+            raise mistake(element.where, "<array> without bounds", '<dimension lower="..." upper="..."/>')
+        return ArraySpec(tuple(pairs), self.base(element, depth))
+
+    def enum(self, element: Element, _depth: int) -> Spec:
+        list_, base = element.at("values"), _inner(element.at("baseType"))
+        values = [(value.needed("name"), _value(value)) for value in (list_.all("value") if list_ else ())]
+        if not values:
+            raise mistake(element.where, "<enum> without values", '<value name="..."/>')
+        return EnumSpec(_reference(base) if base else None, tuple(values))
+
+    def range(self, element: Element, _depth: int) -> Spec:
+        limits, base = element.at("range"), _inner(element.at("baseType"))
+        if limits is None or base is None:
+            raise mistake(element.where, f"<{element.name}> without all its parts", "<range> and <baseType>")
+        low, high = bounds(limits.needed("lower"), limits.needed("upper"), limits.where)
+        return RangeSpec(_reference(base), low, high)
+
+    def pointer(self, element: Element, _depth: int) -> Spec:
+        target = _inner(element.at("baseType"))
+        return PointerSpec("POINTER TO " + (_reference(target).name if target else "?"))
+
+    def derived(self, element: Element, _depth: int) -> Spec:
+        name = element.needed("name")
+        # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
+        return Reference(name, element.where) if _NAME.fullmatch(name) else read_spec(name, element.where)
+
+    def string(self, element: Element, _depth: int) -> Spec:
+        return text_type(element.get("length"), element.name.lower() == "wstring", element.where)
+
+    def elementary(self, element: Element, _depth: int) -> Spec:
+        return _reference(element)
+
+
+def _inner(element: Element | None) -> Element | None:
+    """Return the element that stands for a type in <type> or <baseType>; None without."""
+    return (
+        next((child for child in element.children if child.name not in NOT_TYPES), None) if element else None
+    )
+
+
+def _value(value: Element) -> Number | None:
+    """Return the number of a value of an enumeration; None is one more than the value before."""
+    text = value.get("value").strip()
+    try:
+        return read_number(text, value.where) if text else None
+    except UserError:
+        return Formula(text, value.where)  # only the size is known (udt.md U8)
+
+
+def _reference(element: Element) -> Reference:
+    """Return a type by its name: `<derived name="T"/>`, or `<INT/>`."""
+    name = element.needed("name") if element.name == "derived" else element.name
+    return Reference(name, element.where)
+
+
+SPECS: dict[str, Callable[[_Walk, Element, int], Spec]] = {
+    "struct": _Walk.struct,
+    "union": _Walk.struct,
+    "array": _Walk.array,
+    "enum": _Walk.enum,
+    "subrangeSigned": _Walk.range,
+    "subrangeUnsigned": _Walk.range,
+    "pointer": _Walk.pointer,
+    "derived": _Walk.derived,
+    "string": _Walk.string,
+    "wstring": _Walk.string,
+    "STRING": _Walk.string,
+    "WSTRING": _Walk.string,
+}

@@ -1,0 +1,249 @@
+"""ST text of every dialect: TYPE ... END_TYPE, NAMESPACE, constants; all other blocks are passed over.
+
+Rule: a mistake ends its declaration, never the file. The types themselves are read in `st_spec.py`.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+
+from trcvtui.errors import UserError
+from trcvtui.udt.ast import Constant, Declaration, Declarations, Reference, Spec, StructSpec
+from trcvtui.udt.layout.rules import S7
+from trcvtui.udt.sources.dialect import IEC, Dialect
+from trcvtui.udt.sources.st_cursor import CLOSERS, OPENERS
+from trcvtui.udt.sources.st_spec import SpecParser, encoded
+from trcvtui.udt.sources.st_tokens import Shape, Source, Token
+
+ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
+# TIA: what stands between the name of a type and STRUCT, each up to the end of its line.
+HEADER_LINES = ("TITLE", "AUTHOR", "FAMILY", "NAME", "VERSION", "KNOW_HOW_PROTECT")
+CONSTANT_BLOCKS = ("VAR", "VAR_GLOBAL")
+VARIABLES = (*CONSTANT_BLOCKS, "VAR_EXTERNAL", "VAR_CONFIG")
+OTHER_BLOCKS = frozenset(
+    {
+        *VARIABLES,
+        *("FUNCTION", "FUNCTION_BLOCK", "PROGRAM", "DATA_BLOCK", "ORGANIZATION_BLOCK", "CONFIGURATION"),
+        *("CLASS", "INTERFACE", "METHOD", "PROPERTY", "ACTION"),
+    }
+)
+PACKS = (0, 1, 2, 4, 8)
+OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as standard access"
+
+# Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
+_PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""
+_ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
+
+
+def read_st(text: str, name: str, first_line: int = 1, dialect: Dialect = IEC) -> Declarations:
+    """Return what ST text declares; `name` is the file as messages call it, `first_line` where it begins."""
+    return Parser(Source(name, text, first_line, dialect.nests_comments), dialect).file()
+
+
+def read_spec(text: str, where: str, first_line: int = 1, dialect: Dialect = IEC) -> Spec:
+    """Return the one type that a text names, such as `ARRAY[0..9] OF BYTE`; raise UserError."""
+    parser = SpecParser(Source(where, text, first_line, dialect.nests_comments), dialect)
+    spec = parser.spec()
+    if parser.problems:
+        raise UserError(parser.problems)
+    if not parser.at_end():
+        raise parser.refusal("the end of the type")
+    return spec
+
+
+class Parser(SpecParser):
+    """What stands around the types."""
+
+    def __init__(self, source: Source, dialect: Dialect = IEC) -> None:
+        super().__init__(source, dialect)
+        self.types: list[Declaration] = []
+        self.constants: list[Constant] = []
+        self.layout = dialect.layout
+        self.since = 0  # the first token behind the last declaration: pragmas from here on belong to the next
+        self.ends = _block_ends(source.tokens)
+
+    def file(self) -> Declarations:
+        """Return all declarations up to the end of the text."""
+        while not self.at_end():
+            if self.accept("TYPE"):
+                self.block()
+            elif self.accept("NAMESPACE"):
+                self.skip_name()
+            elif self.sees("USING"):
+                self.skip_to(";", *self.starts())
+            elif self.end_of_block() is not None or self.sees(*OTHER_BLOCKS):
+                self.other_block()
+            elif self.dialect.has_objects:
+                self.advance()
+            elif not self.accept(";") and not self.accept("END_NAMESPACE"):
+                self.note(self.refusal("'TYPE'"))
+                self.advance()
+                self.skip_to(*self.starts())
+                self.accept("END_TYPE")
+        return Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
+
+    def starts(self) -> tuple[str, ...]:
+        """Return the words with which reading can go on behind something unknown."""
+        return ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
+
+    def skip_name(self) -> None:
+        try:
+            self.qualified("the name of a namespace")
+        except UserError as refused:
+            self.note(refused)
+
+    def block(self) -> None:
+        """Read the declarations of one TYPE ... END_TYPE."""
+        while not self.accept("END_TYPE"):
+            if self.block_ends() or self.is_other_block():
+                self.note(self.refusal("'END_TYPE'"))
+                return
+            declaration = self.declaration()
+            if declaration:
+                self.types.append(declaration)
+
+    def is_other_block(self) -> bool:
+        """Return whether a block of another kind begins here: its word, and then its name."""
+        return self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
+
+    def declaration(self) -> Declaration | None:
+        """Return one declaration with its own problems; None when it has not even a name."""
+        others, self.problems = self.problems, []
+        self.nested, self.notes = 0, []
+        name: Token | None = None
+        spec: Spec | None = None
+        try:
+            if self.sees(*ACCESS) and self.is_name(1):
+                self.advance()
+            name = self.name("the name of a type or 'END_TYPE'")
+            spec = self.declared()
+            self.rest(spec, "END_TYPE")
+        except UserError as refused:
+            self.note(refused)
+            self.skip_statement()
+            if self.sees(*CLOSERS):
+                self.advance()
+                self.accept(";")
+        self.since = self.at
+        own, self.problems = self.problems, others
+        if name is None:
+            self.problems += own
+            return None
+        return Declaration(name.name, spec, self.where(name), tuple(own), tuple(dict.fromkeys(self.notes)))
+
+    def declared(self) -> Spec:
+        """Return what stands behind the name of a type: EXTENDS, colon or header, the type."""
+        base = self.extends()
+        self.header()
+        if base is None:
+            base = self.extends()
+            if base is not None:
+                self.accept(":")
+        pragmas = self.pragmas_since()
+        first = self.token
+        spec = encoded(self.spec(), pragmas)
+        if base is not None and not isinstance(spec, StructSpec):
+            raise self.refusal("STRUCT or UNION behind EXTENDS", first)
+        if isinstance(spec, StructSpec):
+            spec = spec._replace(base=base, pack=self.pack(pragmas, first))
+        access = [found[1].upper() for text in pragmas if (found := re.search(_ACCESS, text))]
+        if access:
+            self.layout = S7.name
+        if "TRUE" in access:
+            self.notes.append(OPTIMISED)
+        return spec
+
+    def pragmas_since(self) -> list[str]:
+        """Return the pragmas between the last declaration and the cursor."""
+        return self.pragmas(self.since, self.at)
+
+    def extends(self) -> Reference | None:
+        """Return the name behind EXTENDS, None where there is no such word."""
+        if not self.accept("EXTENDS"):
+            return None
+        token, name = self.qualified("a type")
+        return Reference(name, self.where(token))
+
+    def header(self) -> None:
+        """Go behind the colon, or in front of STRUCT behind the header lines of a TIA source."""
+        if self.accept(":"):
+            return
+        before = self.tokens[self.at - 1]
+        if not (self.dialect.has_header or before.shape is Shape.QUOTED or self.sees(*HEADER_LINES)):
+            raise self.refusal("':'")
+        while self.sees(*HEADER_LINES):
+            is_free, line = self.sees("TITLE"), self.source.line(self.token.place)
+            while not self.at_end() and self.source.line(self.token.place) == line:
+                if self.sees("STRUCT") and not is_free:
+                    break
+                self.advance()
+        if not self.sees("STRUCT"):
+            raise self.refusal("'STRUCT'")
+
+    def pack(self, pragmas: list[str], token: Token) -> int | None:
+        """Return the pack_mode among the pragmas of a type; refuse one that no compiler takes."""
+        found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
+        if found is None:
+            return None
+        number = int(found[1]) if found[1] in map(str, PACKS) else None
+        if number is None:
+            raise self.refusal(f"pack_mode 0, 1, 2, 4 or 8 instead of '{found[1][:20]}'", token)
+        return number
+
+    # -- other blocks ------------------------------------------------------------------------------------
+
+    def end_of_block(self) -> int | None:
+        """Return the index of the END_ word of the block that begins here, None if there is none."""
+        places = [] if self.sees(*OPENERS) else self.ends.get(self.end_word(), [])
+        after = bisect_right(places, self.at)
+        return places[after] if after < len(places) else None
+
+    def end_word(self) -> str:
+        return "END_VAR" if self.sees(*VARIABLES) else f"END_{self.token.upper}"
+
+    def other_block(self) -> None:
+        """Go behind a block that declares no types; keep the constants of one that declares those."""
+        end = self.end_of_block()
+        if end is None:
+            self.note(self.refusal(f"'{self.end_word()}' behind it"))
+            self.advance()
+            self.skip_to(*self.starts())
+            return
+        is_variables = self.advance().upper in CONSTANT_BLOCKS
+        while self.sees("RETAIN", "PERSISTENT", *ACCESS):
+            self.advance()
+        if is_variables and self.accept("CONSTANT"):
+            while self.at < end:
+                self.constant(end)
+        self.at = end + 1
+        self.since = self.at
+
+    def constant(self, end: int) -> None:
+        """Keep `MAX : INT := 5;` if it is a whole number or a formula; pass over everything else."""
+        try:
+            names = [self.name("the name of a constant")]
+            while self.accept(","):
+                names.append(self.name("the name of a constant"))
+            self.skip_until(end, ":=", ";")
+            if self.accept(":="):
+                number = self.number()
+                if self.sees(";") or self.at == end:
+                    self.constants.extend(Constant(name.name, number, self.where(name)) for name in names)
+        except UserError:
+            pass  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
+        self.skip_until(end, ";")
+        self.at = min(self.at + 1, end)
+
+    def skip_until(self, end: int, *texts: str) -> None:
+        while self.at < end and not self.sees(*texts):
+            self.advance()
+
+
+def _block_ends(tokens: list[Token]) -> dict[str, list[int]]:
+    """Return where each END_ word stands."""
+    ends: dict[str, list[int]] = {}
+    for at, token in enumerate(tokens):
+        if token.upper.startswith("END_"):
+            ends.setdefault(token.upper, []).append(at)
+    return ends

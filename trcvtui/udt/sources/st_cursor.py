@@ -1,0 +1,168 @@
+"""A place in the tokens of an ST text: look, take, refuse, and go on behind a mistake."""
+
+from __future__ import annotations
+
+import re
+
+from trcvtui.errors import Problem, UserError
+from trcvtui.udt.ast import Formula, Number
+from trcvtui.udt.formula import DEEPEST
+from trcvtui.udt.literals import parse_integer
+from trcvtui.udt.sources.st_tokens import Shape, Source, Token
+
+OPENERS = ("STRUCT", "UNION")
+CLOSERS = ("END_STRUCT", "END_UNION")
+BLOCK_ENDS = ("END_TYPE", "TYPE", "END_NAMESPACE")
+MEMBER_ENDS = (*CLOSERS, *BLOCK_ENDS)
+# No names: one of these where a name should be means that something before it is missing.
+RESERVED = frozenset({*OPENERS, *MEMBER_ENDS, "ARRAY", "OF"})
+
+
+class Cursor:
+    """One pass over the tokens of a source, and the problems met on the way."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.tokens = source.tokens
+        self.at = 0
+        self.problems: list[Problem] = []
+
+    @property
+    def token(self) -> Token:
+        """Return the token at the cursor; at the end of the text an END, again and again."""
+        return self.tokens[self.at]
+
+    def at_end(self) -> bool:
+        """Return whether the text is used up."""
+        return self.token.shape is Shape.END
+
+    def where(self, token: Token) -> str:
+        """Return file, line and column of a token."""
+        return self.source.where(token.place)
+
+    def sees(self, *texts: str) -> bool:
+        """Return whether the token is one of these keywords (upper case) or symbols."""
+        return self.token.upper in texts
+
+    def advance(self) -> Token:
+        """Return the token and go behind it."""
+        token = self.token
+        if token.shape is not Shape.END:
+            self.at += 1
+        return token
+
+    def accept(self, text: str) -> bool:
+        """Go behind the token if it is this keyword or symbol; return whether it was."""
+        if not self.sees(text):
+            return False
+        self.at += 1
+        return True
+
+    def expect(self, text: str) -> None:
+        """Go behind this keyword or symbol; raise UserError when it is not there."""
+        if not self.accept(text):
+            raise self.refusal(f"'{text}'")
+
+    def name(self, what: str) -> Token:
+        """Return the name at the cursor and go behind it; raise UserError, naming what was expected."""
+        if not self.is_name() or (self.token.upper in RESERVED and not self.is_member_type()):
+            raise self.refusal(what)
+        return self.advance()
+
+    def is_name(self, ahead: int = 0) -> bool:
+        """Return whether this token, or one ahead, is a word or a quoted name."""
+        token = self.tokens[min(self.at + ahead, len(self.tokens) - 1)]
+        if token.shape is Shape.QUOTED:
+            return token.text[0] != "'" and len(token.text) > 2
+        return token.shape is Shape.WORD
+
+    def qualified(self, what: str) -> tuple[Token, str]:
+        """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go behind it."""
+        first = self.name(what)
+        parts = [first.name]
+        while self.sees(".") and self.is_name(1):
+            self.advance()
+            parts.append(self.advance().name)
+        return first, ".".join(parts)
+
+    def is_member_type(self) -> bool:
+        """Return whether this is a member called Type, as real files have it: no block begins `TYPE :`."""
+        return self.sees("TYPE") and self.tokens[self.at + 1].upper in (":", ",")
+
+    def block_ends(self) -> bool:
+        """Return whether the block of declarations is surely over."""
+        return self.at_end() or (self.sees(*BLOCK_ENDS) and not self.is_member_type())
+
+    def number(self) -> Number:
+        """Return the number at the cursor, a formula if it is more than a literal, and go behind it."""
+        first = self.at
+        self.expression(0)
+        formula = self.formula(first)
+        plain = parse_integer(formula.text)
+        return formula if plain is None else plain
+
+    def formula(self, first: int) -> Formula:
+        """Return what stands from a token up to the cursor as a formula."""
+        taken = self.tokens[first : self.at]
+        return Formula("".join(token.text for token in taken), self.where(self.tokens[first]))
+
+    def expression(self, depth: int) -> None:
+        """Go behind an expression of literals and names."""
+        while True:
+            while self.sees("+", "-"):
+                self.advance()
+            if self.sees("(") and depth < DEEPEST:
+                self.advance()
+                self.expression(depth + 1)
+                self.expect(")")
+            else:
+                self.operand()
+            if not self.sees("+", "-", "*", "/"):
+                return
+            self.advance()
+
+    def operand(self) -> None:
+        """Go behind `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""
+        if self.token.shape is Shape.NUMBER and parse_integer(self.token.text) is not None:
+            self.advance()
+            return
+        self.accept("#")  # TIA: a constant of the block itself
+        self.qualified("a whole number")
+        if self.accept("#"):
+            if self.sees("+", "-"):
+                self.advance()
+            if self.token.shape is Shape.NUMBER:
+                self.advance()
+            else:
+                self.qualified("a value")
+
+    def text_from(self, first: int) -> str:
+        """Return the text from a token up to the cursor as one writes it in one line."""
+        text = " ".join(token.text for token in self.tokens[first : self.at])
+        text = re.sub(r" ?(\.\.|[\[(.#]) ?", r"\1", text)
+        return re.sub(r" ([\]),:])", r"\1", text)
+
+    def refusal(self, expected: str, token: Token | None = None) -> UserError:
+        """Return the UserError of a token (default: the one at the cursor) that the grammar does not take."""
+        return self.source.refusal(token or self.token, expected)
+
+    def note(self, refused: UserError) -> None:
+        """Keep what is wrong, to go on and find more."""
+        self.problems.extend(refused.problems)
+
+    def skip_to(self, *texts: str) -> None:
+        """Go in front of the first of these keywords or symbols, or to the end."""
+        while not self.at_end() and not self.sees(*texts):
+            self.advance()
+
+    def skip_statement(self) -> None:
+        """Go behind the semicolon or STRUCT that ends this statement, or before what surely follows."""
+        depth = 0
+        while not self.block_ends():
+            if depth == 0 and self.sees(*CLOSERS):
+                return
+            word = self.advance().upper
+            depth += (word in OPENERS) - (word in CLOSERS)
+            if depth == 0 and word in (";", *CLOSERS):
+                self.accept(";")
+                return

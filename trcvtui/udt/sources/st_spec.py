@@ -1,0 +1,291 @@
+"""The types of the ST grammar: STRUCT, UNION, ARRAY, STRING, enumeration, subrange, pointer, FB instance.
+
+Rule: a mistake ends its member, never the STRUCT around it.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Callable
+
+from trcvtui.errors import UserError
+from trcvtui.udt.ast import (
+    ArraySpec,
+    EnumSpec,
+    MemberSpec,
+    Number,
+    PointerSpec,
+    RangeSpec,
+    Reference,
+    Spec,
+    StructSpec,
+    TextSpec,
+    UnplacedSpec,
+)
+from trcvtui.udt.resolve import MOST_NESTED
+from trcvtui.udt.sources.dialect import IEC, Dialect
+from trcvtui.udt.sources.st_cursor import CLOSERS, MEMBER_ENDS, Cursor
+from trcvtui.udt.sources.st_tokens import Shape, Source
+from trcvtui.udt.types import ELEMENTARY, Kind, Text
+
+MOST_DIMENSIONS = 8
+QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN")
+OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
+WHOLE = (Kind.INTEGER, Kind.BITS)
+_UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
+
+
+class SpecParser(Cursor):
+    """One method a rule of the grammar in udt.md section 5; each leaves the cursor behind what it read."""
+
+    def __init__(self, source: Source, dialect: Dialect = IEC) -> None:
+        super().__init__(source)
+        self.dialect = dialect
+        self.nested = 0
+        self.notes: list[str] = []  # of the declaration at hand
+
+    def spec(self) -> Spec:
+        """Return a type, whatever it is."""
+        self.nested += 1
+        if self.nested > MOST_NESTED:
+            raise self.refusal(f"at most {MOST_NESTED} levels of STRUCT and ARRAY")
+        rule = SPECS.get(self.token.upper, SpecParser.named)
+        if self.sees("POINTER", "REFERENCE") and self.tokens[self.at + 1].upper != "TO":
+            rule = SpecParser.named  # POINTER alone is a type of S7
+        spec = rule(self)
+        self.nested -= 1
+        return spec
+
+    def struct(self) -> Spec:
+        """Return STRUCT ... END_STRUCT or UNION ... END_UNION; a bad member is noted and left out."""
+        word = self.advance().upper
+        if self.sees(*QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
+            self.notes += [OVERLAP] if self.sees("OVERLAP") else []
+            self.advance()
+        members: list[MemberSpec] = []
+        nested = self.nested
+        while not self.accept(f"END_{word}"):
+            if self.block_ends() or self.sees(*CLOSERS):
+                raise self.refusal(f"a member or 'END_{word}'")
+            if self.accept(";"):
+                continue
+            try:
+                members.extend(self.member(f"END_{word}"))
+            except UserError as refused:
+                self.note(refused)
+                self.skip_statement()
+                self.nested = nested
+        return StructSpec(tuple(members), is_union=word == "UNION")
+
+    def member(self, end: str) -> list[MemberSpec]:
+        """Return the members of one line: `A, B : LREAL := 1.0;`."""
+        first = self.at
+        names = [self.name(f"a member or '{end}'")]
+        while self.accept(","):
+            names.append(self.name("the name of a member"))
+        if self.sees("AT"):
+            self.skip_to(":", ";", *MEMBER_ENDS)
+        self.expect(":")
+        pragmas = self.pragmas(first, self.at)
+        spec = encoded(self.spec(), pragmas)
+        self.rest(spec, end)
+        return [MemberSpec(name.name, spec, self.where(name)) for name in names]
+
+    def pragmas(self, first: int, last: int) -> list[str]:
+        """Return the pragmas in front of the tokens of number first..last."""
+        pragmas = self.source.pragmas
+        start, stop = bisect_left(pragmas, (first, "")), bisect_left(pragmas, (last + 1, ""))
+        return [text for _, text in pragmas[start:stop]]
+
+    def rest(self, spec: Spec, end: str) -> None:
+        """Skip initial value and semicolon, which may be missing behind END_STRUCT or before `end`."""
+        if self.accept(":="):
+            self.initial_value()
+        elif isinstance(spec, StructSpec):
+            self.accept(";")
+            return
+        if not self.sees(end):
+            self.expect(";")
+
+    def initial_value(self) -> None:
+        """Skip a value: everything up to a semicolon or to what ends the STRUCT or TYPE."""
+        if self.sees(";", *MEMBER_ENDS):
+            raise self.refusal("a value")
+        before = self.token
+        while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
+            # A colon stands in TOD#12:30 only; behind a name it is the next member: the semicolon is missing.
+            if self.token.shape is Shape.UNCLOSED or (self.sees(":") and before.shape is not Shape.NUMBER):
+                raise self.refusal("';'")
+            before = self.advance()
+
+    def array(self) -> Spec:
+        """Return ARRAY[..] OF a type."""
+        self.expect("ARRAY")
+        self.expect("[")
+        bounds = [self.bounds()]
+        while self.sees(",") and len(bounds) < MOST_DIMENSIONS:
+            self.advance()
+            bounds.append(self.bounds())
+        self.expect("]")
+        self.expect("OF")
+        return ArraySpec(tuple(bounds), self.spec())
+
+    def bounds(self) -> tuple[Number, Number]:
+        """Return `low..high`."""
+        low = self.number()
+        self.expect("..")
+        token, high = self.token, self.number()
+        if isinstance(low, int) and isinstance(high, int) and high < low:
+            raise self.refusal(f"a number from {low} upwards", token)
+        return low, high
+
+    def text(self) -> Spec:
+        """Return STRING or WSTRING, with a length as `[n]` or `(n)` or without."""
+        wide = self.advance().upper == "WSTRING"
+        closer = {"[": "]", "(": ")"}.get(self.token.upper)
+        if closer is None:
+            return Text(None, wide)
+        self.advance()
+        token, length = self.token, self.number()
+        if isinstance(length, int) and length < 1:
+            raise self.refusal("a length of 1 or more", token)
+        self.expect(closer)
+        return Text(length, wide) if isinstance(length, int) else TextSpec(length, wide)
+
+    def pointer(self) -> Spec:
+        """Return POINTER TO, REFERENCE TO or REF_TO; where it points to need not be known."""
+        first = self.at
+        if self.advance().upper != "REF_TO":
+            self.expect("TO")
+        self.spec()
+        return PointerSpec(self.text_from(first))
+
+    def named(self) -> Spec:
+        """Return a type by name; with brackets a subrange, an enumeration or an FB with its arguments."""
+        first, name = self.qualified("a type")
+        reference = Reference(name, self.where(first))
+        if not self.sees("("):
+            return reference
+        row = ELEMENTARY.get(name.upper())
+        if self.has_range():
+            return self.subrange(reference)
+        if row is None and not (self.nested == 1 and self.has_values()):
+            self.brackets()
+            return UnplacedSpec(name, "an FB instance", reference.where)
+        if self.has_values():
+            if row is not None and row.kind not in WHOLE:  # AX: named values of a REAL, a STRING
+                self.brackets()
+                return reference
+            return EnumSpec(reference, self.enumerators())
+        return self.subrange(reference)
+
+    def has_range(self) -> bool:
+        """Return whether `..` stands in the brackets that open here."""
+        depth, at = 0, self.at
+        while self.tokens[at].shape is not Shape.END:
+            symbol = self.tokens[at].upper
+            if symbol in (";", *MEMBER_ENDS):
+                return False
+            depth += (symbol == "(") - (symbol == ")")
+            if depth == 0 or (depth == 1 and symbol == ".."):
+                return depth == 1
+            at += 1
+        return False
+
+    def has_values(self) -> bool:
+        """Return whether the brackets that open here hold names of values."""
+        return self.is_name(1) and self.tokens[self.at + 2].text != "#"
+
+    def brackets(self) -> None:
+        """Skip brackets and what is in them."""
+        depth = 0
+        while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
+            symbol = self.advance().text
+            depth += (symbol == "(") - (symbol == ")")
+            if depth == 0:
+                return
+        raise self.refusal("')'")
+
+    def subrange(self, base: Reference) -> Spec:
+        """Return `INT(0..10)`; of a REAL the base, for its limits are no whole numbers."""
+        row = ELEMENTARY.get(base.name.upper())
+        if row is not None and row.kind is Kind.REAL:
+            self.brackets()
+            return base
+        self.expect("(")
+        low, high = self.bounds()
+        self.expect(")")
+        return RangeSpec(base, low, high)
+
+    def enumeration(self) -> Spec:
+        """Return `(a, b := 5)`, with a base type behind it or without."""
+        first = self.token
+        values = self.enumerators()
+        if self.is_name() and not self.sees(*MEMBER_ENDS):
+            token, base = self.qualified("a type")
+            return EnumSpec(Reference(base, self.where(token)), values)
+        own = self.dialect.enum_base
+        return EnumSpec(Reference(own, self.where(first)) if own else None, values)
+
+    def enumerators(self) -> tuple[tuple[str, Number | None], ...]:
+        """Return names and numbers of an enumeration; a comma may stand behind the last."""
+        self.expect("(")
+        values: dict[str, tuple[str, Number | None]] = {}
+        while not values or not self.sees(")"):
+            name = self.name("the name of a value")
+            key = name.name.casefold()
+            if key in values:
+                raise self.refusal("each name once in an enumeration", name)
+            values[key] = (name.name, self.enumerator() if self.accept(":=") else None)
+            if not self.accept(",") and not self.sees(")"):
+                raise self.refusal("',' or ')'")
+        self.expect(")")
+        return tuple(values.values())
+
+    def enumerator(self) -> Number:
+        """Return the number of a value; what is no whole number becomes a formula that nobody works out."""
+        start = self.at
+        try:
+            number = self.number()
+            if self.sees(",", ")"):
+                return number
+        except UserError:
+            pass
+        self.at = start
+        if self.sees(",", ")"):
+            raise self.refusal("a number")
+        depth = 0
+        while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
+            if depth == 0 and self.sees(",", ")"):
+                break
+            symbol = self.advance().text
+            depth += (symbol == "(") - (symbol == ")")
+        return self.formula(start)
+
+
+def encoded(spec: Spec, pragmas: list[str]) -> Spec:
+    """Return the type, a STRING of it in UTF-8 when an attribute says so (udt.md 2.2)."""
+    if not any(re.search(_UTF8, text) for text in pragmas):
+        return spec
+    match spec:
+        case ArraySpec(bounds, element):
+            return ArraySpec(bounds, encoded(element, pragmas))
+        case Text(length=length, wide=False):
+            return Text(length, utf8=True)
+        case TextSpec(wide=False):
+            return spec._replace(utf8=True)
+    return spec
+
+
+SPECS: dict[str, Callable[[SpecParser], Spec]] = {
+    "STRUCT": SpecParser.struct,
+    "UNION": SpecParser.struct,
+    "ARRAY": SpecParser.array,
+    "STRING": SpecParser.text,
+    "WSTRING": SpecParser.text,
+    "POINTER": SpecParser.pointer,
+    "REFERENCE": SpecParser.pointer,
+    "REF_TO": SpecParser.pointer,
+    "(": SpecParser.enumeration,
+}

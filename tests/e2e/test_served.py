@@ -27,8 +27,8 @@ from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui import files
 from trcvtui.cli import main
 from trcvtui.rig.engine.driver import EngineDriver
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.history import wave_files
+from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.copying import clipboard_and_files as keepsake
 from trcvtui.tui.copying import taking

@@ -9,12 +9,12 @@ import sys
 import pytest
 
 from tests.net.test_os_kernel import no_descriptor_left
-from trcvtui.net.connection.connection.config import ConnectConfig
-from trcvtui.net.connection.connection.connection_ids import Identities
-from trcvtui.net.connection.connection.ipv4 import broadcast_of
-from trcvtui.net.connection.connection.local_address import wrong_local_address
-from trcvtui.net.connection.connection.policy import Policy
-from trcvtui.net.connection.connection.set_up import SetUp, Stage
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.connection_ids import Identities
+from trcvtui.net.connection.ipv4 import broadcast_of
+from trcvtui.net.connection.local_address import wrong_local_address
+from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.set_up import SetUp, Stage
 from trcvtui.net.kernel import Endpoint, Fault, LocalAddress
 from trcvtui.net.os import addresses as os_addresses
 from trcvtui.net.os.addresses import interface_addresses

@@ -18,8 +18,8 @@ from trcvtui.net.kernel import CALLS
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.engine.timing import Punctuality
+from trcvtui.rig.picture import PictureRequest
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
 EXAMPLES = 150  # of one round; Hypothesis forgets them behind it

@@ -13,8 +13,8 @@ from trcvtui.project.file import read_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import Console
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.engine.update_pipe import Courier
+from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 FAR_AWAY = 10_000_000_000

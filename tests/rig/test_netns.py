@@ -13,10 +13,10 @@ from tests.rig.test_driver import wait_for
 from trcvtui.cli import KERNELS, main
 from trcvtui.net.os import namespace as os_namespace
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.rig.commands.reader.bench import Bench
+from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.words import Link
-from trcvtui.rig.engine.engine.driver import start_engine
-from trcvtui.rig.scenario.scenario.scenario import load_bench
+from trcvtui.rig.engine.driver import start_engine
+from trcvtui.rig.scenario.scenario import load_bench
 
 PASSIVE = str(CONFIGS / "passive.toml")
 TWO_ADDRESSES = """
@@ -106,7 +106,7 @@ def test_in_the_own_network_the_ledger_names_the_interface() -> None:
     script = (
         "from trcvtui.errors import UserError\n"
         "from trcvtui.net.os.kernel import OsKernel\n"
-        "from trcvtui.rig import wire\n"
+        "from trcvtui.rig.bench import cable as wire\n"
         "try:\n    wire.enter_own_network('live')\n"
         "except UserError as refused:\n    raise SystemExit(str(refused))\n"
         "for up in (False, True):\n    print(wire.set_link(OsKernel(), 'C1', up))"

@@ -11,8 +11,8 @@ from tests.rig.scenarios import BAOSKY, LEGACY, SIEMENS, play
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.status_report import as_text, explain, with_scenarios, with_telling
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.scenario.scenario.scenario import load_scenario
-from trcvtui.rig.scenario.scenario.scenario_index import scenarios_of, shown_by
+from trcvtui.rig.scenario.scenario import load_scenario
+from trcvtui.rig.scenario.scenario_index import scenarios_of, shown_by
 
 
 def expected(steps: Iterable[words.Step], blocks: dict[str, str]) -> set[tuple[int, str]]:

@@ -10,8 +10,8 @@ import pytest
 from trcvtui.cli import main
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.peers.routine import next_due
+from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario.race import race_file
 from trcvtui.rig.scenario.recorded_session import Seen
 from trcvtui.rig.scenario.scenario import load_scenario

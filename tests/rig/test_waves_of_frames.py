@@ -9,12 +9,12 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.history.pin_waveform import Window
 from trcvtui.rig.history.wave import Wave
 from trcvtui.rig.history.wave_files import Span, plain_text, svg_text, vcd_text
 from trcvtui.rig.history.wave_text import drawn, row_names
 from trcvtui.rig.history.waveform_cache import WaveShelf
+from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 INPUTS = {"LenPrefix": 8, "LenSuffix": 8, "SizeReceiveData": 32, "Timeout": 32, "Reset": 1}

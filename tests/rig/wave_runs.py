@@ -8,10 +8,10 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import Console
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.history.pin_waveform import Lane
 from trcvtui.rig.history.wave import Wave
 from trcvtui.rig.history.waveform_cache import WaveShelf
+from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 RECEIVER, SENDER = "TRCV_C_1", "TSEND_C_1"

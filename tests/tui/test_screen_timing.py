@@ -14,8 +14,8 @@ from textual.pilot import Pilot
 from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import SMALL, WIDE, follow, same_screen, screen_text
 from trcvtui.project.file import load_project
-from trcvtui.rig.commands.reader.bench import Bench
-from trcvtui.rig.engine.engine.local_driver import LocalDriver
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import duration
 from trcvtui.tui.panes.timing import Timing

@@ -52,7 +52,7 @@ class ConnectionNote:
 class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
-    `instance` has them: jobs of tasks of different priority can read in turns (net/connection/ownership.py, rule 3).
+    `instance` has them: jobs of tasks of different priority can read in turns (ownership.py, rule 3).
     """
 
     connection: str

@@ -23,7 +23,7 @@ Handle = NewType("Handle", int)
 
 DRAIN_BYTES: Final = 1 << 20  # unread input read away before a FIN, else the partner would see RST
 
-# The calls that a fault plan can make fail; `buffer` and `queue` are the PLC's own (net/connection/resources.py).
+# The calls that a fault plan can make fail; `buffer` and `queue` are the PLC's own (connection/resources.py).
 CALLS: Final = (
     "socket", "set_reuse", "bind", "listen", "poll_add", "poll_del", "accept", "resolve", "connect",
     "recv", "send", "shutdown", "abort", "close", "buffer", "queue",

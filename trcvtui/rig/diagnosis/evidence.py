@@ -9,8 +9,8 @@ from trcvtui.blocks.cause import Cause
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
-from trcvtui.rig.picture import Picture
 from trcvtui.rig.history.facts import Facts, Moment
+from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import PeerSnapshot
 
 if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is

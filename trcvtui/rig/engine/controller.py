@@ -25,13 +25,13 @@ from trcvtui.rig.commands.edit_words import Mend
 from trcvtui.rig.commands.lines import to_line
 from trcvtui.rig.commands.on_the_way import ends_of, free_port
 from trcvtui.rig.commands.reader import parse_line
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.engine.project_edits import Edits
 from trcvtui.rig.engine.trigger_watch import Watching
 from trcvtui.rig.history.job_history import JobHistory
 from trcvtui.rig.history.reader import HistoryReader
 from trcvtui.rig.history.waveform_delta import WaveNews
 from trcvtui.rig.history.waves import Waves
+from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario.recorded_session import Session
 from trcvtui.rig.scenario.scenario import load_scenario, start_steps

@@ -16,9 +16,9 @@ from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import Console
 from trcvtui.rig.engine.os_scheduling import be_punctual, quiet_collector
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.engine.timing import Punctuality
 from trcvtui.rig.engine.update_pipe import Courier
+from trcvtui.rig.picture import PictureRequest
 
 SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
 GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)

@@ -12,9 +12,9 @@ from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.triggers import Watch, read_trigger
-from trcvtui.rig.picture import Picture
 from trcvtui.rig.history.facts import Facts
 from trcvtui.rig.history.link_statistics import FactBook
+from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import Fired, PeerSnapshot
 
 BEFORE: Final = 2000  # lines of the ledger that a picture of a trigger brings at most

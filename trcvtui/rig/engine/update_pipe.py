@@ -20,8 +20,8 @@ from typing import Any, Final
 
 from trcvtui.plc.ledger import Line
 from trcvtui.rig import clock
-from trcvtui.rig.picture import Picture
 from trcvtui.rig.history.waveform_delta import Change, WaveNews
+from trcvtui.rig.picture import Picture
 
 LINES_A_PIECE: Final = 32
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us

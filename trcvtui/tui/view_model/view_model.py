@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.history.waveform_cache import WaveShelf
 from trcvtui.rig.history.window import HistoryRequest, HistoryWindow
+from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Answer, Fired, PeerSnapshot
 from trcvtui.tui.view_model.afterglow import Afterglow
 from trcvtui.tui.view_model.byte_origin import Provenance

@@ -14,7 +14,7 @@ import sys
 import urllib.error
 import urllib.request
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 from email.message import Message
 from pathlib import Path
 from typing import Any
@@ -122,7 +122,16 @@ def test_another_user_of_the_machine_who_has_no_token_gets_nothing(tmp_path: Pat
                 assert asked(address + path, Origin=address, **shown)[0] == 403, path
 
 
-async def test_screens_are_bounded_and_one_that_is_closed_makes_room() -> None:
+async def test_screens_are_bounded_and_one_that_is_closed_makes_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    started, start = [], asyncio.create_subprocess_shell
+
+    async def started_and_kept(command: str, **how: Any) -> asyncio.subprocess.Process:
+        started.append(await start(command, **how))
+        return started[-1]
+
+    monkeypatch.setattr(asyncio, "create_subprocess_shell", started_and_kept)
     door = listening(0)
     entrance = Entrance(door.getsockname()[1])
     # In the place of a screen stands a program that is there at once, and ends when it is told anything.
@@ -149,6 +158,11 @@ async def test_screens_are_bounded_and_one_that_is_closed_makes_room() -> None:
                 await each.close()
     finally:
         await runner.cleanup()
+        for program in started:  # the loop ends with this test: nothing of it may still run
+            with suppress(ProcessLookupError):
+                program.kill()
+            await program.wait()
+            program._transport.close()  # type: ignore[attr-defined]
 
 
 def test_root_says_that_a_browser_may_write_as_root(

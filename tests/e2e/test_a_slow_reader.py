@@ -14,7 +14,7 @@ from tests.e2e.terminal import need
 from trcvtui.plc import commands
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.scenario.command import LivePace
 
 FRAME = 4000
 MOST_SCANS = 3000

@@ -17,7 +17,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.plc import commands
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.scenario.command import LivePace
 
 MOST_SCANS = 500
 

@@ -15,8 +15,8 @@ from trcvtui.blocks.serial_events import FrameEnded
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import load_project
-from trcvtui.rig.bench.live_pace import LivePace
 from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.scenario.command import LivePace
 
 pytest.importorskip("serial")
 MOST_SCANS = 500

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.net.os.serial import OsSerialPort
-from trcvtui.net.os.serial_errors import fault_of
+from trcvtui.net.os.serial import OsSerialPort, fault_of
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.live_pace import LivePace
+from trcvtui.rig.scenario.command import LivePace
 from trcvtui.rig.scenario.report import JsonLines
 from trcvtui.rig.scenario.runner import Runner, Verdict, VirtualPace
 from trcvtui.rig.scenario.scenario import load_scenario

@@ -190,7 +190,7 @@ def test_no_command_waits_for_a_partner_whose_window_is_closed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     naps: list[int] = []
-    monkeypatch.setattr("trcvtui.rig.bench.live_pace.clock.sleep_until", naps.append)
+    monkeypatch.setattr("trcvtui.rig.scenario.command.clock.sleep_until", naps.append)
     steps = "set TRCV_C_1 CONT=1\nrun 3\npeer P1 connect\nrun 5\nexpect peer P1 connected\n"
     steps += "peer P1 send random 16000000 seed=1\nset TRCV_C_1 LEN=1\nset TRCV_C_1 LEN=2\nrun 2"
     file = scenario(tmp_path, steps)

@@ -16,8 +16,8 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.live_pace import LivePace
 from trcvtui.rig.commands.words import PlcStop
+from trcvtui.rig.scenario.command import LivePace
 
 pytestmark = NEEDS_OPENSSL
 SCANS = 900  # 9 s at most

@@ -8,8 +8,8 @@ from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.events import BytesReceived, ConnectionNote, What
 from trcvtui.plc.ledger import Event, Line, PeerSent
-from trcvtui.tui.view_model.advice import notes_of
 from trcvtui.tui.view_model.byte_origin import KEPT, KEPT_LINKS, MOST_PARTS, Provenance
+from trcvtui.tui.view_model.explain import notes_of
 
 PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"
 

@@ -18,8 +18,8 @@ from trcvtui.errors import UserError
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.project.file import load_project
 from trcvtui.rig import clock, demo_path
-from trcvtui.rig.bench.live_pace import LivePace
 from trcvtui.rig.engine.controller import fresh_bench
+from trcvtui.rig.scenario.command import LivePace
 from trcvtui.udt.exports import export
 from trcvtui.udt.exports.lua import filter_name
 from trcvtui.udt.layout.decode import decode

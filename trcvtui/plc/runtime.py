@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 from trcvtui.blocks.block import Binding
+from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.serial.recording import Recording
@@ -52,10 +53,21 @@ from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.link_snapshot import connection_snapshot
 from trcvtui.plc.serial_lines import SerialLines
-from trcvtui.plc.snapshot import ConnectionSnapshot, FramerSnapshot, SentBytes, Snapshot
+from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, FramerSnapshot, SentBytes, Snapshot
 from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
-from trcvtui.plc.variables import area_of, data_snapshot
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
+
+
+def area_of(decl: DataDecl) -> DataArea:
+    """Return the bytes of a variable."""
+    texts = text_lens_of(decl.type, decl.size)
+    return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized, texts)
+
+
+def data_snapshot(data: DataArea) -> DataSnapshot:
+    """Return a variable as it stands."""
+    return DataSnapshot(data.name, data.type_name, data.size, data.generation)
+
 
 T = TypeVar("T")
 

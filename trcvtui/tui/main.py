@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
@@ -12,7 +13,7 @@ from textual.containers import Container
 from textual.screen import Screen
 from textual.widget import Widget
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.tui import messages
 from trcvtui.tui.breakpoints import FRAME, PAIR, REST, TABS, grid_rows, grown, sizes
 from trcvtui.tui.pane_actions import Voice
@@ -23,7 +24,6 @@ from trcvtui.tui.panes.received import Received
 from trcvtui.tui.panes.status_card import StatusCard
 from trcvtui.tui.panes.status_history import StatusHistory
 from trcvtui.tui.panes.timing import Timing
-from trcvtui.tui.panes.timing_lines import is_for_timing, obey_line
 from trcvtui.tui.panes.udt_table import UdtTable
 from trcvtui.tui.prompt import Prompt
 from trcvtui.tui.view_model.view_model import Scene
@@ -35,6 +35,40 @@ from trcvtui.tui.widgets.keys import TAKEN
 from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.tab_line import TabLine
+
+if TYPE_CHECKING:
+    from trcvtui.tui.panes.timing import Timing
+
+EXPORT, FIND = "export", "find"
+EXPORT_LINES: Final = "export timing vcd|svg|text, perhaps a FILE"
+
+
+def is_for_timing(line: str) -> bool:
+    """Return whether a line is for the pane, not for the bench."""
+    return line.split(maxsplit=1)[:1] in ([EXPORT], [FIND])
+
+
+def obey_line(line: str, pane: Timing) -> str:
+    """Carry out a line; return what to tell about it, which may be nothing; raise UserError."""
+    words = line.split(maxsplit=3)
+    if words[0] == FIND:
+        return _find(words[1:], pane)
+    if len(words) < 3 or words[1] != "timing":
+        raise mistake("prompt", f"'{line}'", EXPORT_LINES)
+    path = Path(words[3]).expanduser() if len(words) > 3 else None
+    written, size = pane.write(words[2], path)
+    return f"{size} bytes in {written.absolute()}"
+
+
+def _find(words: list[str], pane: Timing) -> str:
+    if len(words) != 1:
+        raise mistake("prompt", f"'{' '.join([FIND, *words])}'", "find and a code such as 7008 or 16#80C5")
+    text = words[0].upper().removeprefix("W#").removeprefix("16#").removeprefix("0X")
+    if not 1 <= len(text) <= 4 or not all(digit in "0123456789ABCDEF" for digit in text):
+        raise mistake("prompt", f"'{words[0]}'", "a code of four hexadecimal digits")
+    pane.find(int(text, 16))
+    return ""
+
 
 if TYPE_CHECKING:
     from trcvtui.tui.copying.copy_formats import Format, Subject

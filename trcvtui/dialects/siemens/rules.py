@@ -15,14 +15,72 @@ from trcvtui.blocks.rules import AreaRules, NotConnected, Rules
 from trcvtui.blocks.status_sequence import Course
 from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.blocks import ALL
-from trcvtui.dialects.siemens.secure import SECURE_SET_UP
 from trcvtui.dialects.siemens.status import STATUS
-from trcvtui.dialects.siemens.types import TDIAG_STATUS
 from trcvtui.net.connection.connection_ids import Taken
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.loss import LossKind
 from trcvtui.net.connection.policy import Policy
 from trcvtui.net.connection.set_up import Stage
+from trcvtui.net.tls_words import TlsError
+
+# Words and numbers of State and Kind are the help's; the order of the fields is that of T_DIAG's table.
+TDIAG_STATUS: Final = """
+TYPE TDiag_State : (Down := 1, ActiveTrying := 2, PassiveWaiting := 3, Established := 4, Closing := 5) USINT;
+END_TYPE
+TYPE TDiag_Kind : (Configured := 1, Programmed := 3) USINT; END_TYPE
+TYPE TDiag_Status :
+STRUCT
+    InterfaceId : UINT; // HW_ANY
+    ID : UINT; // CONN_OUC
+    ConnectionType : BYTE; // 16#0B, 16#11 TCP; 16#0C, 16#12 ISO-on-TCP; 16#13 UDP
+    ActiveEstablished : BOOL;
+    State : TDiag_State;
+    Kind : TDiag_Kind;
+    SentBytes : UDINT;
+    ReceivedBytes : UDINT;
+END_STRUCT
+END_TYPE
+"""
+
+
+# A partner who refuses us with an alert, or does not go on, is a failed handshake: the alert stands in the
+# ledger. A name that does not match is one, too: no code of the table is nearer.
+
+_TLS: Final[dict[str, Condition]] = {
+    TlsError.PLAIN: Condition.TLS_MESSAGE,
+    TlsError.HANDSHAKE: Condition.TLS_HANDSHAKE,
+    TlsError.SILENT: Condition.TLS_HANDSHAKE,
+    TlsError.REFUSED: Condition.TLS_HANDSHAKE,
+    TlsError.WRONG_NAME: Condition.TLS_HANDSHAKE,
+    TlsError.NO_CERTIFICATE: Condition.TLS_UNSUPPORTED,
+    TlsError.UNSUPPORTED: Condition.TLS_UNSUPPORTED,
+    TlsError.DISCARDED: Condition.TLS_DISCARDED,
+    TlsError.NO_CA: Condition.TLS_NO_CA,
+    TlsError.EXPIRED: Condition.TLS_EXPIRED,
+    TlsError.INTEGRITY: Condition.TLS_INTEGRITY,
+    TlsError.EXTENSION: Condition.TLS_EXTENSION,
+    TlsError.REFERENCE: Condition.TLS_REFERENCE,
+}
+_CHANGED: Final = {"EBADMSG": Condition.TLS_INTEGRITY}  # by a planned fault
+_NAMES: Final = {
+    "EAI_AGAIN": Condition.NO_RESOLVER,
+    "EAI_NONAME": Condition.NAME_UNKNOWN,
+    "EAI_FAIL": Condition.NAME_UNKNOWN,
+}
+SECURE_SET_UP: Final[dict[tuple[Stage, str], Condition]] = {
+    **{
+        (stage, error): shows
+        for stage in (Stage.CONNECT, Stage.ACCEPT)
+        for error, shows in (_TLS | _CHANGED).items()
+    },
+    **{(Stage.CONNECT, error): shows for error, shows in _NAMES.items()},
+    (Stage.DESCRIPTION, Flaw.SERVER_BARE): Condition.TLS_SERVER_BARE,
+    (Stage.DESCRIPTION, Flaw.SECURE_DATAGRAMS): Condition.TLS_DATAGRAMS,
+    (Stage.DESCRIPTION, Flaw.CLIENT_ASKS): Condition.TLS_CLIENT_ASKS,
+    (Stage.DESCRIPTION, Flaw.SERVER_CHECKS): Condition.TLS_SERVER_CHECKS,
+    (Stage.DESCRIPTION, Flaw.CERTIFICATE): Condition.TLS_REFERENCE,
+}
+
 
 SECOND: Final = 1_000_000_000  # ns
 # A22: the help has DONE at TRCV_C, the FAQ NDR at both.

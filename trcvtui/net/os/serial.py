@@ -6,14 +6,104 @@ as long as a device hangs, nobody tries again.
 
 from __future__ import annotations
 
+import errno
 import select
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake
-from trcvtui.net.os.serial_errors import fault_of
-from trcvtui.net.os.serial_opening import Attempt, put_away
+from trcvtui.net.os.errors import error_name
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
+
+# Rule: these are the only threads below the rig: pyserial opens and closes with calls that wait, and a scan
+# must not. They hold nothing but their port.
+
+
+class Attempt:
+    """An attempt that runs. `is_over` tells when `port` or `problem` is there."""
+
+    def __init__(self, make_port: Callable[[], Any]) -> None:
+        self.port: Any = None
+        self.problem: Exception | None = None
+        self._over = threading.Event()
+        threading.Thread(target=self._run, args=(make_port,), daemon=True).start()
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether it has come to an end."""
+        return self._over.is_set()
+
+    def _run(self, make_port: Callable[[], Any]) -> None:
+        port = None
+        try:
+            port = make_port()
+            port.open()
+            self.port = port
+        except Exception as problem:  # whatever a driver or a URL handler raises: the port is not there
+            self.problem = problem
+            _close(port)
+        self._over.set()
+
+
+def put_away(port: Any) -> None:
+    """Close a port; that waits too (pyserial 3.5: 0.3 s for a socket, a driver until all is sent)."""
+    threading.Thread(target=_close, args=(port,), daemon=True).start()
+
+
+def _close(port: Any) -> None:
+    # pyserial 3.5 leaves a socket open that its partner has reset: its shutdown fails before its close.
+    left = getattr(port, "_socket", None)
+    with suppress(Exception):  # it is gone already
+        port.close()
+    if left is not None:
+        with suppress(OSError):
+            left.close()
+
+
+GONE: Final = "EIO"
+END: Final = "EOF"  # no errno: the far end has closed the connection in order
+MOST_WORDS: Final = 160
+NO_RESOLVER: Final = (-3, 11002)  # EAI_AGAIN of Linux, WSATRY_AGAIN
+# What pyserial 3.5 says where no call of the system has failed.
+SAID: Final = (
+    ("socket disconnected", END),
+    ("reader thread died", END),
+    ("does not seem to support", "ETIMEDOUT"),  # nobody has answered in RFC 2217
+    ("timeout while waiting", "ETIMEDOUT"),
+)
+
+
+def fault_of(call: str, problem: BaseException) -> Fault:
+    """Return a failure of a port as a Fault."""
+    name = next((name for each in _chain(problem) if (name := _name_of(each))), "") or _said(problem)
+    words = "".join([letter for letter in str(problem) if letter.isprintable()])
+    return Fault(call, name, words=words[:MOST_WORDS])
+
+
+def _chain(problem: BaseException | None) -> Iterator[BaseException]:
+    """Return a problem and those that it was raised behind."""
+    while problem is not None:
+        yield problem
+        problem = problem.__cause__ or problem.__context__
+
+
+def _name_of(problem: BaseException) -> str:
+    number = problem.args[0] if problem.args else None  # of an OSError with words alone it is a text
+    if type(problem).__name__ == "gaierror":  # its numbers are no errno
+        return "EAI_AGAIN" if number in NO_RESOLVER else "EAI_NONAME"
+    if isinstance(number, int) and number in errno.errorcode:  # termios.error is no OSError
+        return error_name(OSError(number, ""))
+    if isinstance(problem, TimeoutError):
+        return "ETIMEDOUT"
+    return "EINVAL" if isinstance(problem, ValueError) else ""
+
+
+def _said(problem: BaseException) -> str:
+    return next((name for words, name in SAID if words in str(problem)), GONE)
+
 
 PARITIES: Final = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
 HANDSHAKES: Final[dict[str, dict[str, bool]]] = {

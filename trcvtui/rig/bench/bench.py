@@ -27,15 +27,72 @@ from trcvtui.rig import clock
 from trcvtui.rig.bench.cable import set_link
 from trcvtui.rig.bench.program import Program, read_program
 from trcvtui.rig.commands import words as words
+from trcvtui.rig.commands.check_frames import Checker, frame
 from trcvtui.rig.commands.edit import edits_of
 from trcvtui.rig.commands.edit_words import MENDS, Mend
 from trcvtui.rig.commands.instances import after
 from trcvtui.rig.commands.routine import read_replies, read_routines
-from trcvtui.rig.peers.peer_links import link_of
-from trcvtui.rig.peers.routine import SelfActing
-from trcvtui.rig.peers.sequence_check import Checking
+from trcvtui.rig.commands.words import CheckOn, PeerSend
+from trcvtui.rig.peers.routine import SelfActing, next_due
 from trcvtui.rig.peers.udp_peer import AnyPeer, new_peer
-from trcvtui.rig.snapshots import PeerSnapshot
+from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
+
+
+def link_of(peer: PeerDecl, project: Project) -> str:
+    """Return the name that `link NAME down` needs for this peer, "" where no CONNECT leads to it."""
+    end = peer.remote if peer.udp else peer.end
+    if isinstance(end, str):
+        return end.removeprefix("@")
+    for config in project.connects:
+        if config.remote_port == f"@{peer.name}":
+            return config.name
+    for addr in project.addrs:
+        if addr.remote_port == f"@{peer.name}":
+            return next((i.connect for i in project.instances if i.addr == addr.name), "")
+    if end is None:
+        return ""
+    ports = [(c.name, c.local.port if peer.active else c.remote_port) for c in project.connects]
+    return next((name for name, port in ports if port == end.port != 0), "")
+
+
+class Checking:
+    """One `check on`; it ends with the next one, or with `check off`."""
+
+    def __init__(self, peer: AnyPeer, command: CheckOn) -> None:
+        self._peer = peer
+        self._command = command
+        self._data = Checker(command.size) if command.instance else None
+        self._echo = Checker(command.size)
+        self._sent = 0
+        self._next = 0
+        peer.inbox.checker = self._echo
+
+    @property
+    def instance(self) -> str:
+        """Return the instance whose DATA is judged, "" where none is."""
+        return self._command.instance
+
+    def step(self, now: int) -> None:
+        """Send the next frame, when it is due."""
+        if self._peer.can_send and now >= self._next and not self._peer.unsent:
+            self._next = next_due(self._next or now, self._command.every_ns, now)
+            self._peer.send(PeerSend(self._command.peer, frame(self._sent, self._command.size)), now)
+            self._sent += 1
+
+    def received(self, data: bytes) -> None:
+        """Judge the DATA of one DONE."""
+        if self._data is not None:
+            self._data.take(data)
+
+    def end(self) -> None:
+        """Judge no more."""
+        self._peer.inbox.checker = None
+
+    def snapshot(self) -> CheckSnapshot:
+        """Return what was sent and what has become of it."""
+        data = self._data.tally() if self._data is not None else None
+        return CheckSnapshot(self._sent, data, self._echo.tally())
+
 
 KERNELS: Final = ("sim", "live")
 

@@ -12,15 +12,15 @@ from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
 from trcvtui.net.kernel import CALLS
 from trcvtui.net.serial_line import SERIAL_CALLS
 from trcvtui.project.names import expected_name
-from trcvtui.project.project import InstanceDecl, Project
+from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project
 from trcvtui.project.tables import shown, whole
 from trcvtui.rig.commands.data import read_write
 from trcvtui.rig.commands.edit import read_add, read_change, read_remove, read_undo
-from trcvtui.rig.commands.feed import read_feed
 from trcvtui.rig.commands.instances import after, read_create, read_delete, read_download, read_resize
 from trcvtui.rig.commands.marks import read_prefix, read_suffix
 from trcvtui.rig.commands.peer import read_peer_command
 from trcvtui.rig.commands.read_conditions import read_expect, read_instance, read_wait
+from trcvtui.rig.commands.read_payload import FORMS, is_payload, read_payload
 from trcvtui.rig.commands.tokens import Words
 from trcvtui.rig.commands.values import duration, pin_value, value_of
 from trcvtui.rig.commands.words import (
@@ -29,6 +29,7 @@ from trcvtui.rig.commands.words import (
     Change,
     FaultClear,
     FaultOn,
+    FeedLine,
     Link,
     PinValue,
     PlcRun,
@@ -39,6 +40,31 @@ from trcvtui.rig.commands.words import (
     Set,
     Step,
 )
+
+BREAK: Final = "break"
+
+
+def may_be_fed(buffer: ComBufferDecl) -> bool:
+    """Return whether bench commands may let bytes arrive in a ComBuffer: a line of its own, no way out."""
+    return buffer.source in (SIMULATED, SERIAL) and not buffer.line
+
+
+def read_feed(words: Words, project: Project) -> FeedLine:
+    """Return `feed RX hex 01 02`, `feed RX text "abc"` or `feed RX break`; raise UserError."""
+    name = words.next("the name of a ComBuffer")
+    lines = [buffer.name for buffer in project.combuffers if may_be_fed(buffer)]
+    if name not in lines:
+        raise words.wrong(shown(name), expected_name(name, lines, f'ComBuffer with source = "{SIMULATED}"'))
+    if words.peek() == BREAK:
+        words.next(BREAK)
+        return FeedLine(name, None)
+    form = words.peek()
+    if form and not is_payload(form):
+        expected = expected_name(form, (*FORMS, BREAK), "form of payload")
+        raise words.wrong(shown(words.next(BREAK)), expected)
+    payload = read_payload(words, project)
+    return FeedLine(name, payload.content, payload.text)
+
 
 SCANS: Final = whole(1, 1_000_000_000)
 COUNT: Final = whole(1, 1_000_000_000)

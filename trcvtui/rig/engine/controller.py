@@ -11,12 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.results import Endpoint
+from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 from trcvtui.project.project import Project
+from trcvtui.project.tables import shown
 from trcvtui.rig.bench.bench import KERNELS, Bench
 from trcvtui.rig.bench.conditions import found, holds
-from trcvtui.rig.bench.remarks import remark_on
 from trcvtui.rig.bench.split_test import Trials
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.edit import port_text
@@ -37,6 +39,78 @@ from trcvtui.rig.scenario.recorded_session import Session
 from trcvtui.rig.scenario.scenario import load_scenario, start_steps
 from trcvtui.rig.snapshots import Answer, EngineTiming
 from trcvtui.rig.wording import count
+from trcvtui.udt.command.command import constants_of
+from trcvtui.udt.sources import read_files
+
+# Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
+
+RELOAD, CONSTANT = "reload", "constant"
+LINES: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is for the screen's lab (L)"
+
+
+def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
+    """Return the project with its types as they stand in their files now, the constants, what to tell.
+
+    `rest` is what stands behind `udt`. A type that somebody uses and that is bad now is refused.
+    """
+    word, _, pairs = rest.strip().partition(" ")
+    if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):
+        raise mistake(where, shown(f"udt {rest}".strip()), LINES)
+    given = constants_of(pairs.split()) if word == CONSTANT else {}
+    constants = {**project.constants, **given}
+    if not project.udt_files:
+        return replace(project, constants=constants), given, "the project names no UDT files"
+    types = read_files(project.udt_files, constants, library=project.dialect.types)
+    used = {decl.type_name.casefold() for decl in project.data} & project.types.types.keys()
+    bad = [name for name in sorted(used) if name not in types.types]
+    if bad:
+        raise UserError(types.broken.get(bad[0]) or mistake(where, f"no {bad[0]}", "its type").problems)
+    told = f"{count(len(types.types), 'type')} read; `resize` takes a changed one into DATA"
+    return replace(project, types=types, constants=constants), given, told
+
+
+RESET: Final = "COM_RST"
+LATCHED: Final = ("LEN", "ADHOC")  # read when a job starts (design 6, row 17)
+CONNECTED, NO_EFFECT = "connected", "without effect"
+
+
+def remark_on(command: words.BenchCommand, snapshot: Snapshot) -> str:
+    """Return the remark on a command that was given after this snapshot, mostly ""."""
+    match command:
+        case words.Pulse(name, "COM_RST"):
+            return _on_reset(_instance(snapshot, name), snapshot)
+        case words.Set(name, pins):
+            instance = _instance(snapshot, name)
+            said = [_on_latched(instance, *pin) for pin in pins if pin[0] in LATCHED]
+            if any(pin == RESET and value for pin, value in pins):
+                said.append(_on_reset(instance, snapshot))
+            return "; ".join(filter(None, said))
+    return ""
+
+
+def _instance(snapshot: Snapshot, name: str) -> InstanceSnapshot | None:
+    return next((each for each in snapshot.instances if each.name == name), None)
+
+
+def _on_reset(instance: InstanceSnapshot | None, snapshot: Snapshot) -> str:
+    """Say when a rising edge of COM_RST does nothing and is not remembered (design 6, row 13)."""
+    if instance is None:
+        return ""
+    link = next((each for each in snapshot.connections if each.name == instance.connect), None)
+    stands = link is not None and link.state == CONNECTED
+    if not instance.pin("CONT") and (not stands or instance.condition == Condition.NO_JOB):
+        return f"{NO_EFFECT}: CONT is 0, and the edge is not remembered"
+    return (
+        "" if stands else f"{NO_EFFECT}: {instance.connect} is not connected, and the edge is not remembered"
+    )
+
+
+def _on_latched(instance: InstanceSnapshot | None, pin: str, value: object) -> str:
+    """Say when an input counts from the next job on only."""
+    if instance is None or not instance.need or instance.pin(pin) == value:
+        return ""
+    return f"from the next job: the one that runs goes on with {count(instance.need, 'byte')}"
+
 
 MOST_ANSWERS: Final = 64
 MOST_DATA: Final = (
@@ -179,7 +253,7 @@ class Console:
 
     def _udt(self, rest: str) -> str:
         """Read the UDTs again; what is in DATA stays as it is."""
-        from trcvtui.rig.engine.project_types import read_again  # read when first asked for
+        from trcvtui.rig.engine.controller import read_again  # read when first asked for
 
         if self.player is not None:
             return "the UDTs of a scenario are those of its own project"

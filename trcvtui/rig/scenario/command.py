@@ -9,12 +9,31 @@ from pathlib import Path
 
 from trcvtui.errors import UserError
 from trcvtui.files import refuse_input, replacing
+from trcvtui.rig import clock
 from trcvtui.rig.bench import cable as wire
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.live_pace import LivePace
 from trcvtui.rig.scenario.report import FORMATS, Document
 from trcvtui.rig.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario
+
+
+class LivePace:
+    """Scans at the pace of the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._start = clock.now_ns()
+        self._deadline = self._start
+
+    def next_scan(self, bench: Bench) -> None:
+        """Sleep until the next scan is due, then let it pass."""
+        clock.sleep_until(self._deadline)
+        now = clock.now_ns()
+        bench.step(now - self._start)
+        interval = bench.runtime.interval_ns
+        self._deadline += interval
+        if self._deadline < now:
+            self._deadline = now + interval
+
 
 HELD, FAILED, WRONG_FILE = 0, 1, 2
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import ClassVar, Final
+from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.app import SystemCommand
@@ -18,15 +18,13 @@ from textual.widget import Widget
 
 from trcvtui.errors import UserError
 from trcvtui.tui import messages
+from trcvtui.tui.copying.copy_formats import Format, Subject
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab.head import LabHead
-from trcvtui.tui.lab.lab_copy import text_of
 from trcvtui.tui.lab.panes import CureText, FitList, LabHex
 from trcvtui.tui.lab.tree import ColumnHead, LabTree
 from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab
-from trcvtui.tui.lab_model.lab_bytes import HEX
-from trcvtui.tui.lab_model.lab_choices import Choice, bytes_of, layouts_of, types_of
-from trcvtui.tui.lab_model.lab_keys import ACTIONS, COMMANDS, KEYS
+from trcvtui.tui.lab_model.lab_bytes import ABOUT, HEX, SOURCES
 from trcvtui.tui.lab_model.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
 from trcvtui.tui.lab_words import UDT, is_for_lab
 from trcvtui.tui.view_model.view_model import Scene
@@ -37,6 +35,122 @@ from trcvtui.tui.widgets.line_view import LineView, pane_title
 from trcvtui.tui.widgets.outcome_line import OutcomeLine
 from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.tab_line import TabLine
+from trcvtui.udt.byte_forms import hex_lines
+from trcvtui.udt.compare.fit_report import reason_lines
+from trcvtui.udt.layout.rules import LAYOUTS
+
+KEYS: Final = (
+    ("e", "byte order"), ("f", "fit"), ("c", "cure"), ("o p", "profile"), ("s", "STRING"), ("x", "swap"),
+    (":", "command"), ("?", "help"), ("esc", "leave"),
+)  # fmt: skip
+ACTIONS: Final = {
+    "e": "order('theirs')", "f": "fit", "c": "cure", "o p": "profile('theirs')", "s": "text('theirs')",
+    "x": "exchange", "b": "bytes", "z": "fold_all", "y": "yank", "d": "language", ":": "ask('')",
+    "?": "help", "esc": "leave",
+}  # fmt: skip
+# Title, what stands behind "key", action: the palette and the tests draw from it.
+COMMANDS: Final = (
+    ("Choose the type", "t", "type"),
+    ("Choose our profile", "o", "profile('ours')"),
+    ("Choose their profile", "p", "profile('theirs')"),
+    ("Other byte order for theirs", "e", "order('theirs')"),
+    ("Other byte order for ours", "E", "order('ours')"),
+    ("Next STRING form for theirs", "s", "text('theirs')"),
+    ("Next STRING form for ours", "S", "text('ours')"),
+    ("Exchange ours and theirs", "x", "exchange"),
+    ("Choose the bytes", "b", "bytes"),
+    ("Which profile fits?", "f", "fit"),
+    ("Cure: type for our side, for the sender, swap code", "c", "cure"),
+    ("Cure in ST or SCL", "d", "language"),
+    ("Next difference", "n", "difference(1)"),
+    ("Fold everything, open everything", "z", "fold_all"),
+    ("Open a type file", "O", "ask('udt open ')"),
+    ("Hex to look at", "X", "ask('udt hex ')"),
+    ("Constants that are unknown", "C", "constants"),
+    ("Problems in the type files", "w", "problems"),
+    ("Take a changed type into DATA", "R", "into_data"),
+    ("Let DATA lie as theirs", "V", "data_as_theirs"),
+    ("Yank", "y", "yank"),
+    ("Command line", ":", "ask('udt ')"),
+    ("Help", "?", "help"),
+    ("Leave the lab", "esc", "leave"),
+)
+
+
+if TYPE_CHECKING:
+    from trcvtui.tui.lab.panes import CureText
+
+MOST_ROWS: Final = 70_000
+
+
+def _nothing(of: Subject) -> str:
+    return ""
+
+
+def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
+    """Return what a pane is about, with its name; None where there is nothing."""
+    match pane:
+        case "tree":
+            text, name, suffix = _compared(lab), "both sides", ".txt"
+        case "hex":
+            text, name, suffix = hex_lines(lab.bytes.content, ""), "bytes as hex", ".txt"
+        case "fit":
+            text, name, suffix = _ranking(lab), "the ranking", ".txt"
+        case _:
+            found = cure.write()
+            text = found.source if found.text else ""
+            name, suffix = f"the cure in {cure.language.upper()}", f".{cure.language}"
+    return (Format(pane[0], name, _nothing, suffix), text) if text else None
+
+
+def _compared(lab: Lab) -> str:
+    from trcvtui.udt.compare.compare import Count
+    from trcvtui.udt.compare.compare_report import compare_text  # read when first asked for
+
+    comparison = lab.comparison()
+    if comparison is None or comparison.row_count > MOST_ROWS:
+        return ""
+    return "".join(f"{line}\n" for line in compare_text(comparison, lab.bytes.content, Count()))
+
+
+def _ranking(lab: Lab) -> str:
+    lines = [lab.judgement] if lab.fits else []
+    for found in lab.fits:
+        lines.append(str(found))
+        lines += [f"    {line}" for line in reason_lines(found)]
+    return "\n".join(lines) + "\n" if lines else ""
+
+
+class Choice(NamedTuple):
+    """Names with what is to be known of them; `line` takes the name in place of {}."""
+
+    title: str
+    rows: list[tuple[str, str]]
+    now: str
+    line: str
+    is_bytes: bool = False
+
+
+def types_of(lab: Lab) -> Choice:
+    """Return the types that can be looked at."""
+    rows = [(name, "") for name in lab.type_names()]
+    return Choice(f"Types of {lab.files.name}", rows, lab.type_name, f"{UDT} type {{}}")
+
+
+def layouts_of(lab: Lab, side: str) -> Choice:
+    """Return the layouts that one side may have."""
+    rows = [
+        (name, f"{rules.byte_order}-endian, STRING {rules.text.name}, alignment up to {rules.cap}")
+        for name, rules in LAYOUTS.items()
+    ]
+    return Choice(f"Layout of {side}", rows, lab.profiles[side].layout, f"{UDT} {side} {{}}")
+
+
+def bytes_of(lab: Lab) -> Choice:
+    """Return the bytes that there are."""
+    rows = [(name, ABOUT[name]) for name in SOURCES]
+    return Choice("Bytes", rows, lab.bytes.source, f"{UDT} bytes {{}}", is_bytes=True)
+
 
 LEAST_WIDTH, LEAST_HEIGHT = 120, 30
 TABS: Final = "-tabs"

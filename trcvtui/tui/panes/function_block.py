@@ -6,19 +6,64 @@ from typing import ClassVar, Final
 
 from textual import events
 
-from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.plc.wired_pins import is_time
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
+from trcvtui.plc.wired_pins import BUFFER_PINS, DATA_PINS, is_time
 from trcvtui.project.secure_view import security_of
 from trcvtui.tui.formatting import cells, clip, count, lamp, plain
 from trcvtui.tui.messages import DescriptionWanted
 from trcvtui.tui.pane_actions import Voice
 from trcvtui.tui.panes.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text
 from trcvtui.tui.panes.framer_lines import framer_lines
-from trcvtui.tui.panes.serial_pins import line_for, why_not, wired_value
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.keys import PIN_LETTERS
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
+
+SHOWN: Final = 9  # columns of a mark inside the box
+NULL: Final = "0"
+FEEDABLE: Final = ("sim", "serial")
+
+
+def wired_value(pin: str, instance: InstanceSnapshot) -> str:
+    """Return what stands at such a pin: bytes of a mark, a variable, a ComBuffer."""
+    if pin in BUFFER_PINS:
+        return clip(instance.connect, SHOWN)
+    if pin in DATA_PINS:
+        return clip(instance.data or NULL, SHOWN)
+    mark = mark_of(pin, instance.framer)
+    if mark is None:
+        return NULL
+    return clip(mark.hex(" ").upper(), SHOWN) if mark else "none"
+
+
+def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
+    """Return the bytes of a prefix or suffix pin, None where the pointer is 0."""
+    if framer is None:
+        return None
+    return framer.prefix if pin.endswith("Prefix") else framer.suffix
+
+
+def line_for(pin: str, instance: InstanceSnapshot, scene: Scene) -> str:
+    """Return the beginning of the command that changes what stands at such a pin, "" where nothing does."""
+    if pin in BUFFER_PINS:
+        decl = next((b for b in scene.project.combuffers if b.name == instance.connect), None)
+        return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE else ""
+    if pin in DATA_PINS:
+        decl_data = scene.project.data_decl(instance.data) if instance.data else None
+        return f"resize {decl_data.name} {decl_data.type_name}" if decl_data is not None else ""
+    mark = mark_of(pin, instance.framer)
+    if mark is None:
+        return ""
+    written = f"hex {mark.hex(' ')}" if mark else "hex "
+    return f"{'prefix' if pin.endswith('Prefix') else 'suffix'} {instance.name} {written}"
+
+
+def why_not(pin: str, instance: InstanceSnapshot) -> str:
+    """Return why such a pin cannot be changed here."""
+    if pin in BUFFER_PINS:
+        return f"{instance.connect} is not a simulated line: its bytes come from elsewhere"
+    return f"{pin} of {instance.name} is 0: the project names its variable, `{pin} = ...`"
+
 
 IN_BOX: Final = 8
 OUT_BOX: Final = 8

@@ -15,12 +15,62 @@ from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.pane_actions import Voice
 from trcvtui.tui.panes.composer import Composer
 from trcvtui.tui.panes.line_feed import LineFeed
-from trcvtui.tui.panes.peer_list import PeerList
-from trcvtui.tui.panes.peer_notes import PeerNotes
+from trcvtui.tui.panes.peer_list import PeerList, check_text
 from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.button_line import ButtonLine
-from trcvtui.tui.widgets.line_view import LineView, pane_title
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, pane_title, row
+
+NO_RULES = "no reply rules; a: add one, such as on contains hex 05 send hex 06 {n}"
+
+
+class PeerNotes(LineView, can_focus=False):
+    """One line each, where the pane has room below the buttons."""
+
+    DEFAULT_CSS = "PeerNotes { height: 1fr; }"
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="peer-notes")
+        self._scene = scene
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._rows())
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        rows = self._rows()
+        return rows[y] if y < len(rows) else EMPTY
+
+    def _rows(self) -> list[Row]:
+        peer = self._scene.peer_snapshot
+        if peer is None:
+            return []
+        return [*self._check(peer), *self._trial(peer), *self._replies(peer)]
+
+    def _check(self, peer: PeerSnapshot) -> list[Row]:
+        return [row(check_text(peer.check))] if peer.check is not None else []
+
+    def _trial(self, peer: PeerSnapshot) -> list[Row]:
+        trial = self._scene.picture.trial if self._scene.picture else None
+        if trial is None or trial.peer != peer.name:
+            return []
+        text = clip(plain(trial.summary()), self.line_width - 15)
+        return [
+            row(("every split: ", "label"), (text, "warn" if trial.differing or trial.problem else "done"))
+        ]
+
+    def _replies(self, peer: PeerSnapshot) -> list[Row]:
+        if not peer.replies:
+            return [row((NO_RULES, "faint"))]
+        rows = []
+        for number, reply in enumerate(peer.replies, 1):
+            missed = f" missed {reply.missed}" if reply.missed else ""
+            head, hits = f"reply {number} ", f"{reply.hits:>6}×{missed}  "
+            text = clip(plain(reply.rule), self.line_width - len(head) - len(hits))
+            rows.append(row((head, "label"), (hits, "on" if reply.hits else "dim"), (text, "")))
+        return rows
+
 
 if TYPE_CHECKING:
     from trcvtui.tui.forms.split_test_screen import TrialScreen

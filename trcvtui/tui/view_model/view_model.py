@@ -19,7 +19,27 @@ from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Answer, Fired, PeerSnapshot
 from trcvtui.tui.view_model.afterglow import Afterglow
 from trcvtui.tui.view_model.byte_origin import Provenance
-from trcvtui.tui.view_model.status_edges import History
+
+KEPT_EDGES: Final = 1000
+
+
+class History:
+    """STATUS edges by instance; `skipped` counts ledger lines that never came to the screen."""
+
+    def __init__(self) -> None:
+        self._edges: dict[str, deque[Line]] = {}
+        self.skipped = 0
+
+    def note(self, line: Line, edge: StatusEdge) -> None:
+        """Append one edge."""
+        if edge.instance not in self._edges:
+            self._edges[edge.instance] = deque(maxlen=KEPT_EDGES)
+        self._edges[edge.instance].append(line)
+
+    def of(self, instance: str) -> deque[Line]:
+        """Return the edges of one instance, oldest first."""
+        return self._edges.get(instance) or deque()
+
 
 MOST_LINES: Final = 400
 NO_BENCH: Final = -1  # a number that no bench and no project has

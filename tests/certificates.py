@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.layers.tls import TlsSettings
 
 OPENSSL = shutil.which("openssl")
 NEEDS_OPENSSL = pytest.mark.skipif(OPENSSL is None, reason="the openssl program is not here")

@@ -22,8 +22,8 @@ from trcvtui.net.kernel import Fault as Failed
 from trcvtui.net.os import kernel as os_kernel
 from trcvtui.net.os import poll as os_poll
 from trcvtui.net.os import queues as os_queues
-from trcvtui.net.os.errors import error_name
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.os.options import error_name
 
 OF_THE_POLL_SET = [f for f in FACTS if f not in OF_THE_WIRE]
 

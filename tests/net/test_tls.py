@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
 from trcvtui.net.layer import Session
-from trcvtui.net.layers.tls import CAP, Tls, flaw_of_certificate
-from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.layers.tls import CAP, Tls, TlsSettings, flaw_of_certificate
 from trcvtui.net.tls_words import TlsError
 
 pytestmark = NEEDS_OPENSSL

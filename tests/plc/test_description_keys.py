@@ -11,8 +11,8 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.project.edit import adding
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
-from trcvtui.rig.commands.edit_words import Add
 from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import Add
 from trcvtui.rig.engine.project_save import save_project
 
 HEAD = 'dialect = "s7-1500"\n'

@@ -19,8 +19,8 @@ from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.counters_and_checksums import Fill
 from trcvtui.rig.commands.lines import LINES, to_line
 from trcvtui.rig.commands.reader import parse_line
-from trcvtui.rig.commands.reply_words import Contains, Matches, Starts
 from trcvtui.rig.commands.trace_pattern import ANY, Atom, TracePattern
+from trcvtui.rig.commands.words import Contains, Matches, Starts
 
 TRUTH = st.booleans()
 UDINT = st.integers(0, 4294967295)

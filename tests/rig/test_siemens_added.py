@@ -10,7 +10,7 @@ import pytest
 from tests.certificates import NEEDS_OPENSSL
 from tests.rig.test_project_save import driven, say
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
-from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.tui.forms.add_fields import KINDS, fields_of, first_name, line_of

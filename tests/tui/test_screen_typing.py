@@ -21,9 +21,8 @@ from trcvtui.project.file import load_project
 from trcvtui.rig.scenario.files import Found
 from trcvtui.tui.copying.copy_formats import subject_of
 from trcvtui.tui.copying.copy_menu import YankScreen
-from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField
+from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
 from trcvtui.tui.forms.change_fields import Part
-from trcvtui.tui.forms.change_screen import ChangeScreen
 from trcvtui.tui.forms.description import DescriptionScreen
 from trcvtui.tui.forms.message_list import MessagesScreen
 from trcvtui.tui.forms.split_test_screen import TrialScreen

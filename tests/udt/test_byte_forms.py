@@ -13,8 +13,8 @@ import pytest
 
 from tests.udt.udt_strategies import layout_of, types_of
 from trcvtui.udt.byte_forms import BYTE_FORMS
-from trcvtui.udt.command.table_forms import csv_lines, markdown, member_rows
 from trcvtui.udt.hexadecimal import parse_hex
+from trcvtui.udt.report import csv_lines, markdown, member_rows
 
 EVERY_BYTE = bytes(range(256)) + b"'\"\\\n?"
 NAME = "größe 1"

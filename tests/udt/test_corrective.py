@@ -9,8 +9,7 @@ from hypothesis import event, given, settings
 
 from tests.udt.test_fit import TELEGRAMS, TYPES
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.cure.padded_type import corrective, told
-from trcvtui.udt.cure.proof import prove
+from trcvtui.udt.cure.padded_type import corrective, prove, told
 from trcvtui.udt.layout.layout import LAYOUTS, Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.padding import Unreachable

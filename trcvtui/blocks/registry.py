@@ -28,7 +28,7 @@ from trcvtui.blocks.tcp.trcv import Trcv
 from trcvtui.blocks.tcp.trcv_c import TrcvC
 from trcvtui.blocks.tcp.tsend import Tsend
 from trcvtui.blocks.tcp.tsend_c import TsendC
-from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.blocks.udp.urecv_c import UrecvC
 from trcvtui.blocks.udp.usend_c import UsendC
 

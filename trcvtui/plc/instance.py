@@ -14,10 +14,9 @@ from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.registry import new_block
 from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
-from trcvtui.blocks.udp.udp_binding import UdpBinding
-from trcvtui.plc.framer_snapshot import framer_key, framer_snapshot
+from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.plc.ledger import InputEdge, StatusEdge
-from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_key, framer_snapshot
 from trcvtui.plc.stream_drain import StreamDrain
 from trcvtui.plc.stream_feed import StreamFeed
 from trcvtui.project.project import InstanceDecl

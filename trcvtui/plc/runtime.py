@@ -18,7 +18,7 @@ from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
-from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.resources import Resources
@@ -51,10 +51,17 @@ from trcvtui.plc.commands import (
 from trcvtui.plc.elements import elements_of, text_lens_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
-from trcvtui.plc.link_snapshot import connection_snapshot
 from trcvtui.plc.serial_lines import SerialLines
-from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, FramerSnapshot, SentBytes, Snapshot
-from trcvtui.plc.udp_snapshot import addr_snapshots, port_snapshot
+from trcvtui.plc.snapshot import (
+    ConnectionSnapshot,
+    DataSnapshot,
+    FramerSnapshot,
+    SentBytes,
+    Snapshot,
+    addr_snapshots,
+    connection_snapshot,
+    port_snapshot,
+)
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
 
 

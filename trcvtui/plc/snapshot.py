@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, Final
 
 from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing.marks import FrameMarks, Tally
 from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES
 from trcvtui.blocks.parameters import SENDERS as SENDERS
+from trcvtui.blocks.serial.receive_data import MILLISECOND
+from trcvtui.blocks.serial.receive_string import text_of
+from trcvtui.blocks.serial.reception import Reception
+from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.net.connection.connection import Connection, State
+from trcvtui.net.connection.udp_config import RemoteAddress
+from trcvtui.net.connection.udp_port import UdpPort
 from trcvtui.net.results import Fault
 
 
@@ -217,3 +226,97 @@ class Snapshot:
 _fields_of_connection: Final = attrgetter(*ConnectionSnapshot.__slots__)
 _fields_of_instance: Final = attrgetter(*InstanceSnapshot.__slots__)
 _fields_of_data: Final = attrgetter(*DataSnapshot.__slots__)
+
+
+def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
+    """Return a CONNECT as it stands at `now` (ns)."""
+    loss = connection.last_loss
+    retry = connection.retry_at
+    connected = connection.state is State.CONNECTED
+    return ConnectionSnapshot(
+        name=connection.config.name,
+        active=connection.config.active,
+        state=str(connection.state),
+        local=str(connection.local or ""),
+        remote=str((connection.peer if connected else connection.set_up.remote) or ""),
+        incarnation=connection.incarnation,
+        since_scan=connection.since_scan,
+        bytes_received=connection.bytes_received,
+        attempts=connection.attempts,
+        retry_in_ns=max(0, retry - now) if retry is not None else None,
+        last_loss=loss.kind.name.lower().replace("_", " ") if loss else "",
+        bytes_sent=connection.bytes_sent,
+        unacknowledged=connection.unacknowledged() if connection.bytes_sent else 0,
+        receivers=connection.receiving.owners(),
+        senders=connection.sending.owners(),
+        keep_alive_s=connection.config.keep_alive_s,
+        udp=connection.config.is_datagram,
+    )
+
+
+def port_snapshot(port: UdpPort, now: int) -> ConnectionSnapshot:
+    """Return a UDP_CONFIG: `created` is its ready state, `remote` the other end of the last datagram."""
+    waiting = port.retry_at is not None
+    return ConnectionSnapshot(
+        name=port.config.name,
+        active=False,
+        state="created" if port.is_open else "establishing" if waiting else "closed",
+        local=str(port.local or ""),
+        remote=str(port.peer or ""),
+        incarnation=port.incarnation,
+        since_scan=port.since_scan,
+        bytes_received=port.bytes_received,
+        attempts=port.attempts,
+        retry_in_ns=max(0, port.retry_at - now) if port.retry_at is not None else None,
+        last_loss="",
+        bytes_sent=port.bytes_sent,
+        receivers=port.receiving.owners(),
+        senders=port.sending.owners(),
+        udp=True,
+    )
+
+
+def addr_snapshots(addrs: Iterable[RemoteAddress]) -> tuple[AddrSnapshot, ...]:
+    """Return the ADDR records as they stand now."""
+    return tuple([AddrSnapshot(addr.name, str(addr), addr.generation) for addr in addrs])
+
+
+def framer_snapshot(
+    block: str, bound: SerialBinding, job: Reception, inputs: Mapping[str, bool | int]
+) -> FramerSnapshot:
+    """Return a receiving block's framer as it stands."""
+    is_text = "SizeReceiveData" not in inputs
+    if is_text:
+        prefix, suffix = _text(bound.prefix), _text(bound.suffix)
+        room = bound.data.size - 1 if bound.data is not None else 0
+        size = min(room, 255 if block.endswith("255") else 80)
+    else:
+        prefix = _pointed(bound.prefix, int(inputs["LenPrefix"]))
+        suffix = _pointed(bound.suffix, int(inputs["LenSuffix"]))
+        size = int(inputs["SizeReceiveData"])
+    return FramerSnapshot(
+        prefix,
+        suffix,
+        size,
+        int(inputs["Timeout"]) * MILLISECOND,
+        is_text,
+        job.framer.discarded,
+        job.framer.noise,
+        job.dropped,
+        job.tally,
+        job.last,
+    )
+
+
+def _text(area: DataArea | None) -> bytes | None:
+    return text_of(area) if area is not None else None
+
+
+def _pointed(area: DataArea | None, length: int) -> bytes | None:
+    return bytes(memoryview(area.content)[:length]) if area is not None else None
+
+
+def framer_key(bound: SerialBinding, job: Reception) -> tuple[object, ...]:
+    """Return what a framer's picture depends on beside the pins and the job: cheaper than the picture."""
+    written = [area.generation for area in (bound.prefix, bound.suffix) if area is not None]
+    return job.framer.discarded, job.tally, *written

@@ -18,7 +18,7 @@ from trcvtui.net.connection.description import Description
 from trcvtui.net.connection.description_check import Finding, Flaw, Protocol, meaning, narrow_tsap
 from trcvtui.net.connection.tcon_param import as_param
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
-from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import Endpoint
 from trcvtui.project.connect_descriptions import LOOPBACK, read_described
 from trcvtui.project.project import DataDecl, InstanceDecl, Project

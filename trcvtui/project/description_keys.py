@@ -6,7 +6,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import Description
 from trcvtui.net.connection.description_check import Flaw, Meaning, Protocol, meaning
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
-from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.connect_descriptions import NO_SERVER
 from trcvtui.project.tls_words import UNSAFE
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.tls_words import UNSAFE
 
 TLS: Final = "TLS"

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.net.connection.description import Description
 from trcvtui.net.connection.description_check import CHECKS_NAME, Finding, Flaw, Meaning
-from trcvtui.net.layers.tls_settings import TlsSettings
+from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.tables import FILE, TEXT, TRUTH, Table, of_text, shown, whole
 
 UNSAFE: Final = "none, this is unsafe"

@@ -16,7 +16,7 @@ from textual.widget import Widget
 from trcvtui.errors import UserError, mistake
 from trcvtui.tui import messages
 from trcvtui.tui.breakpoints import FRAME, PAIR, REST, TABS, grid_rows, grown, sizes
-from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.messages import Voice
 from trcvtui.tui.panes.function_block import FunctionBlock
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.peer_panel import PeerPanel
@@ -498,7 +498,7 @@ class MainScreen(Screen[None]):
 
     def change_part(self, part: Part) -> None:
         """Open the form that changes a part of the project."""
-        from trcvtui.tui.forms.change_screen import ChangeScreen  # read when first asked for
+        from trcvtui.tui.forms.add_screen import ChangeScreen  # read when first asked for
 
         self.app.push_screen(ChangeScreen(lambda: self._scene.project, part), self._changed)
 

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from textual.message import Message
 
 from trcvtui.plc.ledger import Line
+
+
+class Voice(NamedTuple):
+    """Send a bench command line; open the prompt with the beginning of one; say what is missing."""
+
+    submit: Callable[[str], None]
+    open_prompt: Callable[[str], None]
+    complain: Callable[[str], None]
 
 
 class InstanceSelected(Message):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.trial import RECEIVES
+from trcvtui.rig.commands.peer import RECEIVES
 from trcvtui.rig.snapshots import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')

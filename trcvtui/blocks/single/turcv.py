@@ -13,7 +13,7 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import no_socket, shown_as
 from trcvtui.blocks.tcp.addressed import wrong_structure
-from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.blocks.udp.urecv_c import DatagramIn
 
 

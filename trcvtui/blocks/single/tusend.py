@@ -11,7 +11,7 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.single.steps import IDLE, no_socket, shown_as
 from trcvtui.blocks.tcp.addressed import no_target
-from trcvtui.blocks.udp.udp_binding import UdpBinding
+from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.blocks.udp.usend_c import DatagramOut
 
 

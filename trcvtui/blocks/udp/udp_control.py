@@ -7,14 +7,34 @@ Rule 2: inputs are judged before the network is looked at; what shows for one sc
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.status_sequence import PLAIN_SET_UP
+from trcvtui.net.connection.ownership import Claim
 from trcvtui.net.connection.set_up import StepFault
+from trcvtui.net.connection.udp_config import RemoteAddress
 from trcvtui.net.connection.udp_port import UdpPort
+
+
+@dataclass(frozen=True, slots=True)
+class UdpBinding:
+    """CONFIG, ADDR and DATA of one instance. `data` None: the pin is open; `priority` is that of its task."""
+
+    env: Environment
+    port: UdpPort
+    address: RemoteAddress
+    data: DataArea | None
+    instance: str
+    priority: int = 1
+
+    def claim(self) -> Claim:
+        """Return this instance's claim on one direction of its UDP_CONFIG."""
+        return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
 
 
 class UdpPart:

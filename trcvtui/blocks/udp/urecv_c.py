@@ -11,8 +11,7 @@ from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse
 from trcvtui.blocks.tcp.not_connected import StandingRequest
-from trcvtui.blocks.udp.udp_binding import UdpBinding
-from trcvtui.blocks.udp.udp_control import UdpPart
+from trcvtui.blocks.udp.udp_control import UdpBinding, UdpPart
 from trcvtui.net.results import Datagram, Endpoint, Fault
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from enum import Enum, auto
+from enum import Enum, StrEnum, auto
 
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.loss import ConnectionLoss, Losses, LossKind, loss_of
@@ -20,10 +20,20 @@ from trcvtui.net.connection.ownership import Claim, Direction
 from trcvtui.net.connection.policy import Policy
 from trcvtui.net.connection.resources import Resources
 from trcvtui.net.connection.set_up import SetUp, Stage, StepFault
-from trcvtui.net.connection.state import State as State
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
 from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, Loss
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+
+
+class State(StrEnum):
+    """Where the connection stands."""
+
+    CLOSED = "closed"
+    QUEUED = "queued"
+    CREATED = "created"
+    ESTABLISHING = "establishing"
+    CONNECTED = "connected"
+
 
 # Rule 1: bytes that nobody acknowledges for 3 keep-alive intervals end the connection; idle ones are left to
 # keep-alive, which takes as long.

@@ -10,15 +10,31 @@ from __future__ import annotations
 
 import ssl
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
 from trcvtui.files import check_readable
-from trcvtui.net.layer import Ended, Message
+from trcvtui.net.layer import Ended, Message, Session
 from trcvtui.net.layers.tls_errors import ended_of
 from trcvtui.net.tls_words import Credentials, TlsError
 from trcvtui.net.work import HANDSHAKE as HANDSHAKE_UNITS
+
+
+@dataclass(frozen=True, slots=True)
+class TlsSettings(Credentials):
+    """Credentials that make sessions. Bytes flow as on plain TCP: no messages."""
+
+    is_message_oriented: bool = False
+    shares_port: bool = False
+
+    def new(self, is_active: bool) -> Session:
+        """Return a fresh session; the library is loaded with the first, for who has none need not wait."""
+        from trcvtui.net.layers.tls import Tls
+
+        return Tls(self, is_active)
+
 
 CAP: Final = 128 * 1024  # bytes
 PIECE: Final = 16 * 1024  # what one record carries at most

@@ -11,8 +11,8 @@ from typing import Final
 
 from trcvtui.net.connection.ipv4 import pair
 from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, WouldBlock
-from trcvtui.net.os.errors import error_name
 from trcvtui.net.os.link import CutLinks
+from trcvtui.net.os.options import error_name
 
 ICMP_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "ENETRESET"})
 MOST_ICMP: Final = 64  # so many messages are passed over in one call

@@ -27,10 +27,16 @@ from trcvtui.net.kernel import (
 )
 from trcvtui.net.os.addresses import interface_addresses
 from trcvtui.net.os.datagrams import DatagramCalls
-from trcvtui.net.os.errors import error_name
 from trcvtui.net.os.link import CutLinks
 from trcvtui.net.os.names import Questions
-from trcvtui.net.os.options import BASE, RESET_ON_CLOSE, REUSE, apply_options, limit_unacknowledged
+from trcvtui.net.os.options import (
+    BASE,
+    RESET_ON_CLOSE,
+    REUSE,
+    apply_options,
+    error_name,
+    limit_unacknowledged,
+)
 from trcvtui.net.os.poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
 from trcvtui.net.os.queues import path_of, read_away, unread_bytes
 

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Final
 
-from trcvtui.net.os.errors import error_name
+from trcvtui.net.os.options import error_name
 
 CAN_CUT: Final = sys.platform == "linux"
 CANNOT_CUT: Final = "this system cannot drop packets at a socket: link works on Linux and with --kernel sim"

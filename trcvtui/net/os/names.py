@@ -11,7 +11,7 @@ import sys
 from typing import Final
 
 from trcvtui.net.connection.ipv4 import octets
-from trcvtui.net.os.errors import error_name
+from trcvtui.net.os.options import error_name
 from trcvtui.net.results import WOULD_BLOCK, Fault, WouldBlock
 
 QUESTIONS: Final = 8

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 import struct
 import sys
@@ -9,6 +10,17 @@ from collections.abc import Iterator
 from typing import Final
 
 from trcvtui.net.kernel import SocketOptions
+
+SAME_ERROR: Final = {"EWOULDBLOCK": "EAGAIN", "ENOTSUP": "EOPNOTSUPP"}
+
+
+def error_name(problem: OSError | ValueError | KeyError) -> str:
+    """Return the POSIX name of a failure; an unknown handle and a closed socket object are EBADF."""
+    if not isinstance(problem, OSError):
+        return "EBADF"
+    name = errno.errorcode.get(problem.errno or 0, f"E{problem.errno}").removeprefix("WSA")
+    return SAME_ERROR.get(name, name)
+
 
 KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
 KEEP_ALIVE_PROBES: Final = 2

@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake
-from trcvtui.net.os.errors import error_name
+from trcvtui.net.os.options import error_name
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 

@@ -29,10 +29,9 @@ from trcvtui.rig.bench.program import Program, read_program
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.check_frames import Checker, frame
 from trcvtui.rig.commands.edit import edits_of
-from trcvtui.rig.commands.edit_words import MENDS, Mend
 from trcvtui.rig.commands.instances import after
 from trcvtui.rig.commands.routine import read_replies, read_routines
-from trcvtui.rig.commands.words import CheckOn, PeerSend
+from trcvtui.rig.commands.words import MENDS, CheckOn, Mend, PeerSend
 from trcvtui.rig.peers.routine import SelfActing, next_due
 from trcvtui.rig.peers.udp_peer import AnyPeer, new_peer
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot

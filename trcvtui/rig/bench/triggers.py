@@ -24,8 +24,7 @@ from trcvtui.rig.bench.conditions import pin_now
 from trcvtui.rig.commands.data import base_name, read_target
 from trcvtui.rig.commands.member_values import leaf_bytes, leaf_value
 from trcvtui.rig.commands.read_conditions import read_instance
-from trcvtui.rig.commands.tokens import Words
-from trcvtui.rig.commands.values import pin_value
+from trcvtui.rig.commands.tokens import Words, pin_value
 from trcvtui.rig.snapshots import Fired
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import Text

@@ -43,13 +43,13 @@ from trcvtui.project.project import (
     SequenceDecl,
 )
 from trcvtui.project.tables import Given, shown
-from trcvtui.rig.commands.edit_words import Add, AddData, Change, Mend, Remove, Undo
 from trcvtui.rig.commands.library import check_library, check_message, check_sequence
 from trcvtui.rig.commands.member_values import quoted, unquoted
 from trcvtui.rig.commands.on_the_way import complete, ends_of
 from trcvtui.rig.commands.routine import check_routine, read_replies, read_routines
 from trcvtui.rig.commands.send import read_send
 from trcvtui.rig.commands.tokens import Words
+from trcvtui.rig.commands.words import Add, AddData, Change, Mend, Remove, Undo
 from trcvtui.rig.wording import count
 
 KINDS: Final = tuple(FIELDS)

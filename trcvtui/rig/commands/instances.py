@@ -26,11 +26,20 @@ from trcvtui.project.parts import link_key
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import shown
 from trcvtui.rig.commands.edit import edits_of
-from trcvtui.rig.commands.edit_words import Add, AddData, Change, Remove, Undo
 from trcvtui.rig.commands.read_conditions import read_instance
-from trcvtui.rig.commands.tokens import Words
-from trcvtui.rig.commands.values import pin_value
-from trcvtui.rig.commands.words import BenchCommand, Create, Delete, Download, Resize
+from trcvtui.rig.commands.tokens import Words, pin_value
+from trcvtui.rig.commands.words import (
+    Add,
+    AddData,
+    BenchCommand,
+    Change,
+    Create,
+    Delete,
+    Download,
+    Remove,
+    Resize,
+    Undo,
+)
 from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE

@@ -9,8 +9,7 @@ from trcvtui.project.names import expected_name
 from trcvtui.project.project import MessageDecl, Project, SequenceDecl
 from trcvtui.project.tables import shown
 from trcvtui.rig.commands.send import read_send
-from trcvtui.rig.commands.tokens import Words
-from trcvtui.rig.commands.values import duration
+from trcvtui.rig.commands.tokens import Words, duration
 from trcvtui.rig.commands.words import PeerPlay, PeerSend
 
 MESSAGE: Final = "message"

@@ -13,7 +13,7 @@ from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.rig.commands.edit import add_line
 from trcvtui.rig.commands.member_values import quoted
-from trcvtui.rig.commands.reply_words import Contains, FieldIs, Match, Matches, Starts
+from trcvtui.rig.commands.words import Contains, FieldIs, Match, Matches, Starts
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.literals import format_time
 

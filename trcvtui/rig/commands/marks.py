@@ -6,10 +6,10 @@ from typing import Final
 
 from trcvtui.blocks.parameters import POINTERS
 from trcvtui.project.project import InstanceDecl, Project
-from trcvtui.rig.commands.mark_words import NONE, SetMark
 from trcvtui.rig.commands.read_conditions import read_instance
 from trcvtui.rig.commands.read_payload import read_payload
 from trcvtui.rig.commands.tokens import Words
+from trcvtui.rig.commands.words import NONE, SetMark
 from trcvtui.rig.wording import count
 
 PREFIX, SUFFIX = MARKS = "prefix", "suffix"

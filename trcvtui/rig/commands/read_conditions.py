@@ -10,9 +10,8 @@ from trcvtui.project.tables import shown
 from trcvtui.rig.commands.data import base_name, read_data_condition
 from trcvtui.rig.commands.inbox import KEPT_BYTES
 from trcvtui.rig.commands.read_payload import read_payload
-from trcvtui.rig.commands.tokens import Words
+from trcvtui.rig.commands.tokens import Words, duration, pin_value
 from trcvtui.rig.commands.trace_pattern import parse_pattern
-from trcvtui.rig.commands.values import duration, pin_value
 from trcvtui.rig.commands.words import (
     DEFAULT_LIMIT_NS,
     PEER_STATES,

@@ -11,8 +11,7 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown, whole
 from trcvtui.rig.commands.member_values import struct_bytes
 from trcvtui.rig.commands.payload import MOST_BYTES, file_bytes, random_bytes, text_bytes
-from trcvtui.rig.commands.tokens import Words
-from trcvtui.rig.commands.values import value_of
+from trcvtui.rig.commands.tokens import Words, value_of
 from trcvtui.udt.hexadecimal import parse_hex
 from trcvtui.udt.layout.layout import lay_out
 

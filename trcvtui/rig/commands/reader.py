@@ -21,8 +21,7 @@ from trcvtui.rig.commands.marks import read_prefix, read_suffix
 from trcvtui.rig.commands.peer import read_peer_command
 from trcvtui.rig.commands.read_conditions import read_expect, read_instance, read_wait
 from trcvtui.rig.commands.read_payload import FORMS, is_payload, read_payload
-from trcvtui.rig.commands.tokens import Words
-from trcvtui.rig.commands.values import duration, pin_value, value_of
+from trcvtui.rig.commands.tokens import Words, duration, pin_value, value_of
 from trcvtui.rig.commands.words import (
     FOREVER,
     BenchCommand,

@@ -12,12 +12,10 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown, whole
 from trcvtui.rig.commands.member_values import leaf_bytes, leaf_value
 from trcvtui.rig.commands.read_payload import Payload, read_payload
-from trcvtui.rig.commands.reply_words import Contains, FieldIs, Match, Matches, Starts
 from trcvtui.rig.commands.send import read_send
 from trcvtui.rig.commands.stream_pattern import StreamPattern
-from trcvtui.rig.commands.tokens import Words
-from trcvtui.rig.commands.values import value_of
-from trcvtui.rig.commands.words import ReplyOff, ReplyOn
+from trcvtui.rig.commands.tokens import Words, value_of
+from trcvtui.rig.commands.words import Contains, FieldIs, Match, Matches, ReplyOff, ReplyOn, Starts
 from trcvtui.udt.layout.layout import lay_out
 
 MOST_RULES: Final = 64  # of one peer

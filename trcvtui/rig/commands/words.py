@@ -8,17 +8,151 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from trcvtui.project.project import DataDecl, InstanceDecl
+from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
+from trcvtui.plc import commands
+from trcvtui.project.project import (
+    ComBufferDecl,
+    DataDecl,
+    Declaration,
+    Edits,
+    InstanceDecl,
+    MessageDecl,
+    PeerDecl,
+    SequenceDecl,
+)
+from trcvtui.project.tls_words import CertificateDecl
 from trcvtui.rig.commands.counters_and_checksums import Fill
-from trcvtui.rig.commands.edit_words import Add as Add
-from trcvtui.rig.commands.edit_words import AddData as AddData
-from trcvtui.rig.commands.edit_words import Change as Change
-from trcvtui.rig.commands.edit_words import Remove as Remove
-from trcvtui.rig.commands.edit_words import Undo as Undo
-from trcvtui.rig.commands.mark_words import SetMark as SetMark
-from trcvtui.rig.commands.reply_words import Match
 from trcvtui.rig.commands.trace_pattern import TracePattern
 from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.layout import Layout
+
+AddedDecl = (
+    ConnectConfig
+    | UdpConfig
+    | AddrParam
+    | ComBufferDecl
+    | InstanceDecl
+    | PeerDecl
+    | MessageDecl
+    | SequenceDecl
+    | CertificateDecl
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Add:
+    """`add connect C3 LocalPort=2001`, `add peer P2 remote=@C1`: one more entry of the project."""
+
+    decl: AddedDecl
+    with_it: tuple[Declaration, ...] = field(default=(), compare=False)  # made before it, on the way
+    text: str = field(default="", compare=False)  # as it was written, where more is made on the way
+    port: int = field(default=0, compare=False)  # that was chosen for it; it stands at the end of `text`
+
+
+@dataclass(frozen=True, slots=True)
+class AddData:
+    """`add data rx2 ARRAY[0..99] OF BYTE`: one more global variable; its bytes are 0."""
+
+    data: str
+    type_name: str
+    decl: DataDecl = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """`set connect C2 LocalPort=2500`: other keys of an entry; what runs on it is built anew."""
+
+    kind: str
+    name: str
+    written: str  # `LocalPort=2500`
+    before: Declaration = field(compare=False)
+    decl: Declaration = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Remove:
+    """`remove connect C2`: an entry that nobody uses is there no more."""
+
+    kind: str
+    name: str
+    decl: Declaration = field(compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Undo:
+    """`undo`: the newest edit of the project is taken back."""
+
+    edits: Edits = field(compare=False)
+
+
+Mend = Add | AddData | Change | Remove | Undo
+MENDS = (Add, AddData, Change, Remove, Undo)
+
+
+@dataclass(frozen=True, slots=True)
+class Contains:
+    """`contains hex 05`: these bytes anywhere in the stream, also when they come in pieces."""
+
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Starts:
+    """`starts hex 01 02`: the first bytes of the connection, or the first that come in a scan."""
+
+    payload: bytes
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Matches:
+    """`regex "id=[0-9]+;"`: a pattern over the stream, found with its last byte; as between the quotes."""
+
+    pattern: str
+
+
+@dataclass(frozen=True, slots=True)
+class FieldIs:
+    """`field Telegram.id = 7`: the stream cut into Telegrams from its beginning, and a member of one."""
+
+    type_name: str
+    path: str
+    value: Value
+    layout: Layout = field(compare=False, repr=False)
+
+
+Match = Contains | Starts | Matches | FieldIs
+
+
+NONE: Final = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class SetMark:
+    """`suffix RD hex 0D 0A`, `prefix RD none`; `pin` is the length, "" of a STRING."""
+
+    instance: str
+    mark: str
+    payload: bytes
+    data: str
+    pin: str
+    size: int  # of the variable
+    text: str = field(default="", compare=False)
+
+    def orders(self) -> tuple[commands.Command, ...]:
+        """Return what the PLC is told; all of it takes effect in the same scan."""
+        content = self.payload if self.pin else (self.payload + b"\0")[: self.size]
+        write = (commands.WriteData(self.data, 0, content),) if content else ()
+        length = (commands.SetInput(self.instance, self.pin, len(self.payload)),) if self.pin else ()
+        return (*write, *length)
+
+    def line(self) -> str:
+        """Return the command as it is written."""
+        written = self.text or (f"hex {self.payload.hex(' ')}" if self.payload else NONE)
+        return f"{self.mark} {self.instance} {written}"
+
 
 DEFAULT_LIMIT_NS: Final = 10_000_000_000
 DEFAULT_CHECK_NS: Final = 100_000_000

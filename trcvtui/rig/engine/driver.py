@@ -64,7 +64,7 @@ class EngineDriver:
 
     def _start(self) -> None:
         # Spawned, not forked: the same on every system, and nothing of this process leaks into the engine.
-        from trcvtui.rig.engine.process import engine_main
+        from trcvtui.rig.engine.engine import engine_main
 
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()

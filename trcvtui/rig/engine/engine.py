@@ -7,11 +7,16 @@ Rule 3: a fresh bench begins with its own time, its own deadlines and its own pu
 
 from __future__ import annotations
 
+import gc
 import os
+import signal
+from collections.abc import Sequence
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import Final
 
+from trcvtui.errors import UserError
+from trcvtui.files import close_files
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import Console
@@ -19,6 +24,59 @@ from trcvtui.rig.engine.os_scheduling import be_punctual, quiet_collector
 from trcvtui.rig.engine.timing import Punctuality
 from trcvtui.rig.engine.update_pipe import Courier
 from trcvtui.rig.picture import PictureRequest
+
+
+def engine_main(
+    channel: Channel,
+    path: Path,
+    kernel: str,
+    overrides: Sequence[str],
+    netns: bool = False,
+    read_only: bool = False,
+) -> None:
+    """Run the engine until the screen closes the channel; a crash is told before the process ends."""
+    gc.disable()  # the engine collects at the beginning of each bench only
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
+    try:
+        _run(channel, path, kernel, overrides, netns, read_only)
+    except UserError as wrong:
+        _tell(channel, wrong)
+    except Exception:
+        _tell(channel, _traceback())
+
+
+def _run(
+    channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool, read_only: bool
+) -> None:
+    from trcvtui.rig.scenario.scenario import load_bench
+
+    project = load_bench(path, overrides)
+    channel.send(project)  # at once: the screen reads no file, it has its own library to import meanwhile
+    from trcvtui.rig.engine.controller import fresh_bench
+    from trcvtui.rig.engine.engine import Engine
+
+    if netns:
+        from trcvtui.rig.bench.cable import enter_own_network
+
+        enter_own_network(kernel, project.sim)
+    bench = fresh_bench(project, kernel)
+    if read_only:
+        close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
+    Engine(channel, bench).run()
+
+
+def _traceback() -> str:
+    import traceback
+
+    return traceback.format_exc()
+
+
+def _tell(channel: Channel, last_words: str | UserError) -> None:
+    try:
+        channel.send(last_words)
+    except OSError:
+        return  # the screen is gone, and that was the reason
+
 
 SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
 GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)

@@ -15,10 +15,10 @@ from trcvtui.project.edit import difference
 from trcvtui.project.project import Edits as Steps
 from trcvtui.project.project import Project
 from trcvtui.project.toml_file import read_text
-from trcvtui.rig.commands.edit_words import MENDS, Mend
 from trcvtui.rig.commands.instances import after
 from trcvtui.rig.commands.lines import to_line
 from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.words import MENDS, Mend
 from trcvtui.rig.scenario.scenario import check_bench
 from trcvtui.rig.wording import count
 

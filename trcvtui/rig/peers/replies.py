@@ -12,9 +12,8 @@ from typing import Protocol
 
 from trcvtui.rig.commands.lines import rule_text
 from trcvtui.rig.commands.reply import MOST_RULES
-from trcvtui.rig.commands.reply_words import Contains, FieldIs, Match, Matches, Starts
 from trcvtui.rig.commands.stream_pattern import StreamPattern
-from trcvtui.rig.commands.words import PeerSend, ReplyOn
+from trcvtui.rig.commands.words import Contains, FieldIs, Match, Matches, PeerSend, ReplyOn, Starts
 from trcvtui.rig.snapshots import ReplySnapshot
 from trcvtui.udt.layout.decode import decode_leaves
 

@@ -10,8 +10,7 @@ from typing import Final
 
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import one_line
-from trcvtui.rig.scenario.race import race_file
-from trcvtui.rig.scenario.race_result import CALLED, FIELDS, InstanceRace, Race, Row, Shown
+from trcvtui.rig.scenario.race import CALLED, FIELDS, InstanceRace, Race, Row, Shown, race_file
 from trcvtui.udt.literals import format_time
 
 NOT_CALLED: Final = "-"

@@ -14,9 +14,8 @@ from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import moment, plain, status_word
 from trcvtui.tui.view_model.explain import why
 from trcvtui.udt.byte_forms import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
-from trcvtui.udt.command.table_forms import csv_lines, markdown, member_rows
 from trcvtui.udt.layout.decode import decode_leaves
-from trcvtui.udt.report import json_value
+from trcvtui.udt.report import csv_lines, json_value, markdown, member_rows
 
 if TYPE_CHECKING:
     from trcvtui.tui.view_model.view_model import Scene

@@ -3,13 +3,124 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.plc.wired_pins import buffer_pin
-from trcvtui.project.edit import SHARED_NAMES, names_of
-from trcvtui.project.project import Project
-from trcvtui.tui.forms.add_buffered import block_field, buffered_fields, combuffer_fields, last_of
-from trcvtui.tui.forms.add_described import BOOLS, AddField, connect_fields
+from trcvtui.plc.wired_pins import buffer_pin, data_pin, mark_pins
+from trcvtui.project.edit import SHARED_NAMES, names_of, structures_of
+from trcvtui.project.project import SERIAL, SIMULATED, Project
+
+BOOLS: Final = ("false", "true")
+
+
+@dataclass(frozen=True, slots=True)
+class AddField:
+    """One field: its key, what may stand there, what stands there first."""
+
+    key: str
+    hint: str
+    choices: tuple[str, ...] = ()
+    first: str = ""
+
+
+def connect_fields(project: Project) -> Sequence[AddField]:
+    """Return what most descriptions need; the line `add connect` takes every field of every structure."""
+    ends = tuple(f"@{name}" for kind in ("peer", "connect") for name in names_of(kind, project))
+    numbers = tuple(map(str, project.certificates))
+    older = project.dialect.structures == ("TCON_Param",)
+    taken = structures_of(project)
+    first = [
+        AddField("type", "none: plain TCP in what it takes", taken),
+        AddField("bytes", "hex of the DB in place of the fields"),
+        AddField("LocalAddress", "of the bench, for InterfaceId", first="127.0.0.1"),
+        AddField("ListenPort", "of the bench, 0: a free one"),
+    ]
+    if older:
+        return [*first, *_param(ends)]
+    return [
+        *first,
+        AddField("ID", "1 to 4095"),
+        AddField("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP"),
+        AddField("ActiveEstablished", "true: the PLC connects", BOOLS),
+        AddField("RemoteAddress", "0.0.0.0: anybody"),
+        AddField("RemoteQDN", "TCON_QDN: a name with a dot at its end"),
+        AddField("RemotePort", "a port, or @NAME", ends),
+        AddField("LocalPort", "passive: 1 to 49151"),
+        AddField("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1"),
+        AddField("RemoteTSelector", "that of the partner"),
+        AddField("IsoPort", "of the bench, in place of 102", ends),
+        AddField("ActivateSecureConn", "SEC: true is TLS", BOOLS),
+        AddField("TLSServerCertRef", "the number of a certificate", numbers),
+        AddField("TLSClientCertRef", "the number of a certificate", numbers),
+    ]
+
+
+def _param(ends: tuple[str, ...]) -> list[AddField]:
+    return [
+        AddField("ActiveEstablished", "no type: true, the PLC connects", BOOLS, "false"),
+        AddField("RemoteAddress", "no type: 0.0.0.0, anybody"),
+        AddField("RemotePort", "no type: a port, or @NAME", ends),
+        AddField("LocalPort", "no type: 0, a free one"),
+        AddField("id", "TCON_Param: 1 to 4095"),
+        AddField("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP"),
+        AddField("active_est", "TCON_Param: true, the PLC connects", BOOLS),
+        AddField("rem_staddr", "TCON_Param: 4 bytes of the address"),
+        AddField("local_tsap_id", "TCON_Param: port or TSAP in hex"),
+        AddField("rem_tsap_id", "TCON_Param: port or TSAP in hex"),
+    ]
+
+
+def last_of(names: tuple[str, ...]) -> str:
+    """Return the newest of these names, "" where there is none."""
+    return names[-1] if names else ""
+
+
+def block_field(project: Project, block: str) -> AddField:
+    """Return the field of the block."""
+    return AddField("block", "a block", project.dialect.blocks, block)
+
+
+def buffered_fields(project: Project, block: str) -> Sequence[AddField]:
+    """Return the fields of an instance on a ComBuffer, by the names of its pins."""
+    buffers, data = names_of("combuffer", project), names_of("data", project)
+    fields = [
+        block_field(project, block),
+        AddField(buffer_pin(block), "a ComBuffer", buffers, last_of(buffers)),
+    ]
+    if data_pin(block):
+        fields.append(AddField("data", f"the variable of {data_pin(block)}", data, last_of(data)))
+    fields += [AddField(pin, f"{mark}, none: 0", ("", *data)) for pin, mark in mark_pins(block).items()]
+    return [
+        *fields,
+        AddField("task", "a task", tuple(task.name for task in project.tasks), project.tasks[0].name),
+        AddField("inputs", _inputs_like(project, block)),
+    ]
+
+
+def _inputs_like(project: Project, block: str) -> str:
+    names = [pin.name for pin in project.pins(block) if pin.direction != "out"]
+    shown = [name for name in ("SizeReceiveData", "Length", "SendByte", "Timeout", "EN") if name in names]
+    return f"such as {' '.join(f'{name}=1' for name in shown[:1])}" if shown else "none"
+
+
+def combuffer_fields(project: Project) -> Sequence[AddField]:
+    """Return the fields of a ComBuffer; an empty one is its default."""
+    streams = {b: tuple(i.name for i in project.instances if i.block == b) for b in ("TRCV_C", "TSEND_C")}
+    ports = tuple(buffer.name for buffer in project.combuffers if buffer.serial is not None)
+    sources = (SIMULATED, SERIAL, *streams["TRCV_C"], *names_of("combuffer", project))
+    return [
+        AddField("source", "where bytes come from", sources, SIMULATED),
+        AddField("port", "serial: a device, socket://"),
+        AddField("baud", "serial: 9600"),
+        AddField("parity", "serial: none", ("none", "even", "odd", "mark", "space")),
+        AddField("stop_bits", "serial: 1", ("1", "1.5", "2")),
+        AddField("data_bits", "serial: 8", ("8", "7", "6", "5")),
+        AddField("handshake", "serial: none", ("none", "rts/cts", "dsr/dtr", "xon/xoff")),
+        AddField("line", "what sends what is written", ("", *ports, *streams["TSEND_C"])),
+        AddField("size", "bytes that have room, 300"),
+        AddField("per_cycle", "bytes a scan, 0: all"),
+    ]
+
 
 TITLES: Final = {
     "instance": "an instance",

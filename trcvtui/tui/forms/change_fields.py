@@ -12,8 +12,7 @@ from trcvtui.project.keys import KeyValue
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.rig.commands.edit import words_of
 from trcvtui.rig.commands.member_values import quoted
-from trcvtui.tui.forms.add_described import BOOLS, AddField
-from trcvtui.tui.forms.add_fields import BARE, QUOTED, fields_of
+from trcvtui.tui.forms.add_fields import BARE, BOOLS, QUOTED, AddField, fields_of
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.udt.layout.layout import LAYOUTS
 from trcvtui.udt.layout.rules import BYTE_ORDERS

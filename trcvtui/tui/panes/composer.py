@@ -10,7 +10,7 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.messages import Voice
 from trcvtui.tui.panes.cut_row import CutRow
 from trcvtui.tui.panes.splits import Cuts, cuts_of
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line

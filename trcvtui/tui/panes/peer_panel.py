@@ -12,7 +12,7 @@ from textual.widgets import Input
 
 from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.tui.formatting import clip, plain
-from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.messages import Voice
 from trcvtui.tui.panes.composer import Composer
 from trcvtui.tui.panes.line_feed import LineFeed
 from trcvtui.tui.panes.peer_list import PeerList, check_text

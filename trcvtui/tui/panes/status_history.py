@@ -8,8 +8,7 @@ from textual import events
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.tui.formatting import ON, clip, moment, plain, status_word
-from trcvtui.tui.messages import EdgeSelected
-from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.messages import EdgeSelected, Voice
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row

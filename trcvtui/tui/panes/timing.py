@@ -10,8 +10,7 @@ from textual import events
 
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
-from trcvtui.tui.messages import EdgeSelected
-from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.messages import EdgeSelected, Voice
 from trcvtui.tui.panes.timing_view import LABEL, TimingView
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row

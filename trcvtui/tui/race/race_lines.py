@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from trcvtui.rig.scenario.race import CALLED, InstanceRace, Row, Shown
 from trcvtui.rig.scenario.race_report import title_of
-from trcvtui.rig.scenario.race_result import CALLED, InstanceRace, Row, Shown
 from trcvtui.tui.formatting import clip, count, lamp, moment, pad
 from trcvtui.tui.widgets.line_view import Part
 

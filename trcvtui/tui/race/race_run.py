@@ -8,9 +8,8 @@ from pathlib import Path
 from threading import Thread
 
 from trcvtui.errors import UserError
-from trcvtui.rig.scenario.race import race_file
+from trcvtui.rig.scenario.race import InstanceRace, Race, Row, race_file
 from trcvtui.rig.scenario.race_report import DIALECT_NAMES
-from trcvtui.rig.scenario.race_result import InstanceRace, Race, Row
 from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.scenario.session_file import marked_scan
 

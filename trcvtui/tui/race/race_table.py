@@ -7,8 +7,8 @@ from typing import ClassVar, Final
 from textual import events
 from textual.binding import Binding, BindingType
 
+from trcvtui.rig.scenario.race import InstanceRace, Note, Race, Row
 from trcvtui.rig.scenario.race_report import DIALECT_NAMES, summary
-from trcvtui.rig.scenario.race_result import InstanceRace, Note, Race, Row
 from trcvtui.tui.formatting import count, pad, plain, wrapped
 from trcvtui.tui.messages import DialectToggled, RaceRowSelected
 from trcvtui.tui.race.race_lines import detail_lines, head_parts, row_parts

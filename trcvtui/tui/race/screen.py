@@ -17,7 +17,7 @@ from textual.containers import Vertical
 from textual.screen import Screen
 from textual.widget import Widget
 
-from trcvtui.rig.scenario.race_result import InstanceRace
+from trcvtui.rig.scenario.race import InstanceRace
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.race.race_folder import RaceFolder

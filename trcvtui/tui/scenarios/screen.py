@@ -19,7 +19,7 @@ from textual.widget import Widget
 from trcvtui.rig.snapshots import PlayerSnapshot
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import clip, count, plain
-from trcvtui.tui.pane_actions import Voice
+from trcvtui.tui.messages import Voice
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.status_card import StatusCard
 from trcvtui.tui.panes.status_history import StatusHistory

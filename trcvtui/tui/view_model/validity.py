@@ -24,8 +24,8 @@ def fault_of(line: str, project: Project) -> str:
 def said_before(line: str, project: Project) -> str:
     """Return what a line that edits the project would do: what changes, what is made, who begins anew."""
     from trcvtui.rig.commands.edit import told
-    from trcvtui.rig.commands.edit_words import MENDS
     from trcvtui.rig.commands.reader import parse_line  # as above
+    from trcvtui.rig.commands.words import MENDS
 
     try:
         command = parse_line(line, project, "prompt")

@@ -83,7 +83,7 @@ def decode(args: Namespace) -> Iterator[str]:
         return decode_json(layout, data)
     if args.format == "text":
         return decode_text(layout, data)
-    from trcvtui.udt.command.table_forms import csv_lines, markdown, member_rows
+    from trcvtui.udt.report import csv_lines, markdown, member_rows
 
     rows = member_rows(layout, data, layout.name)
     return markdown(rows) if args.format == "md" else csv_lines(rows)

@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-from trcvtui.udt.compare.pairing import Run, pair
+from trcvtui.udt.compare.difference import Run, pair
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.decode import decode_leaves
 from trcvtui.udt.layout.layout import Layout, Leaf

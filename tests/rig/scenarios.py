@@ -47,9 +47,9 @@ class Played:
         return [json.loads(line) for line in self.text.splitlines()][:-1]
 
 
-def play(path: Path, kernel: str) -> Played:
-    """Run one scenario; every handle must be free afterwards."""
-    scenario = load_scenario(path)
+def play(path: Path, kernel: str, *overrides: str) -> Played:
+    """Run one scenario; every handle must be free afterwards. `overrides` are those of `--set`."""
+    scenario = load_scenario(path, overrides)
     bench = Bench(scenario.project, kernel)
     out = io.StringIO()
     report = JsonLines(out.write, bench.runtime.interval_ns)

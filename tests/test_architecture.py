@@ -44,3 +44,19 @@ def test_no_status_number_stands_outside_the_dialects() -> None:
         if number.search(line) and "help=" not in line
     ]
     assert strangers == []
+
+
+def test_every_file_that_the_pages_for_contributors_name_is_there() -> None:
+    named = re.compile(
+        r"`((?:trcvtui/)?(?:net|udt|blocks|plc|project|rig|tui|dialects|tests|docs)/[\w./-]+)`"
+    )
+    missing = [
+        f"{page}: {name}"
+        for page in ("docs/architecture.md", "CONTRIBUTING.md")
+        for name in named.findall((PACKAGE.parent / page).read_text(encoding="utf-8"))
+        if not any(
+            (root / (name + end)).exists() for root in (PACKAGE, PACKAGE.parent) for end in ("", ".py")
+        )
+        if "NAME" not in name
+    ]
+    assert missing == []

@@ -1,16 +1,23 @@
 """trcvtui: a soft PLC on a test bench, in a terminal.
 
-The tour of the house, bottom to top; a folder imports only from folders below it.
+The tour of the house, bottom to top; a folder imports only from folders below it (docs/architecture.md).
 
-* errors.py   what the user can mend, and where
-* net/        how bytes travel: the kernel seam (kernel.py), the real and the simulated network behind it,
-              faults in front of it, and one CONNECT at work (connection.py, set_up.py)
-* udt/        what bytes mean: IEC types, layout, decode, encode
-* blocks/     what the PLC programmer calls: TRCV_C, in neutral conditions, with its cause
-* dialects/   which vendor's rules: STATUS words, switches, layout
-* plc/        one scan: inputs, program, outputs, communication (runtime.py); commands, snapshot, ledger
-* rig/        what stands around the PLC: the peer, the clock, the engine process, the scenario runner
+* errors.py, files.py, paths.py  what the user can mend; the one reader and writer of files; where files lie
+* net/        how bytes travel: the kernel seam (kernel.py), planned faults in front of it (faults.py)
+    connection/  one CONNECT: described, built, used, lost; who owns a direction
+    layers/      ISO-on-TCP and TLS on a stream
+    os/  sim/    the real network of this machine; the simulated one
+* udt/        what bytes mean: types, constants, names
+    sources/ layout/ compare/ cure/ exports/ command/
+* blocks/     what the PLC programmer calls, in neutral conditions with their cause
+    tcp/ udp/ serial/ framing/ single/
+* dialects/   which vendor's rules: STATUS words, switches, layout: baosky/ siemens/ twincat/
+* project/    a project file to a Project and back
+* plc/        one scan: inputs, program, outputs, communication (runtime.py); ledger, snapshot
+* rig/        what stands around the PLC
+    commands/ peers/ bench/ history/ diagnosis/ framing_advice/ scenario/ engine/
 * tui/        what is shown (the only floor that knows Textual)
+    view_model/ panes/ forms/ widgets/ copying/ lab_model/ lab/ race/ scenarios/ framings/
 * cli.py      the only door
 """
 

@@ -26,14 +26,6 @@ then this to transition true type union until using var var_access var_config va
 var_global var_in_out var_input var_output var_temp version while with wstring xor
 """
 ST_WORDS: Final = frozenset(WORDS.upper().split()) | {name.upper() for name in ELEMENTARY}
-C_KEYWORDS: Final = """
-alignas alignof asm auto bool break case char class const constexpr continue default delete do double else
-enum extern false float for goto if inline int long namespace new nullptr operator private protected public
-register restrict return short signed sizeof static static_assert struct switch template this thread_local
-true typedef typename typeof union unsigned using virtual void volatile wchar_t while
-int8_t uint8_t int16_t uint16_t int32_t uint32_t int64_t uint64_t
-"""
-C_WORDS: Final = frozenset(C_KEYWORDS.split())
 
 
 def st_word(name: str) -> str:
@@ -49,14 +41,6 @@ def st_word(name: str) -> str:
 def is_st_word(name: str) -> bool:
     """Return whether the name is a keyword, or an elementary type."""
     return name.upper() in ST_WORDS
-
-
-def c_word(name: str) -> str:
-    """Return the name as C can carry it."""
-    word = ascii_word(name)
-    if not word or word[0].isdigit():
-        word = "_" + word
-    return word + "_" if word in C_WORDS else word
 
 
 def st_renamed(type_: Type) -> Type:

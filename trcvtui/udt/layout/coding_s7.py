@@ -129,7 +129,6 @@ def dtl_coding(rules: LayoutRules) -> Coding:
 # -- S5TIME --------------------------------------------------------------------------------------------------
 
 BASES_MS = (10, 100, 1000, 10_000)
-LONGEST_S5_MS = 9_990_000
 
 
 def s5time_coding(rules: LayoutRules) -> Coding:

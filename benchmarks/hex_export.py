@@ -13,7 +13,7 @@ from typing import Final
 
 from benchmarks.figures import Effort, Figure
 from benchmarks.paired import alternate, ratios, spread
-from trcvtui.udt.command.hexdump import hexdump, hexdump_blocks
+from trcvtui.udt.byte_text import hexdump, hexdump_blocks
 
 SIZE: Final = 16 << 20
 SLOW_SIZE: Final = 2 << 20  # for hexdump itself

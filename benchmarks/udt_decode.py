@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from benchmarks.figures import Effort, Figure
 from benchmarks.paired import alternate, ratios, spread
-from trcvtui.udt.layout.decode import decode, decode_leaves
 from trcvtui.udt.layout.layout import MOST_LEAVES, Layout, lay_out, rules_for
 from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.layout.values import decode, decode_leaves
 from trcvtui.udt.types import ELEMENTARY, Array, Member, Struct
 
 NAMES: Final = ("BYTE", "DINT", "BYTE", "INT", "REAL", "LREAL", "WORD", "UDINT")

@@ -84,7 +84,7 @@ def _print(text: str) -> int:
 
 
 def _print_lines(lines: Iterable[str]) -> int:
-    from trcvtui.udt.layout.streaming import pages
+    from trcvtui.udt.layout.values import pages
 
     for page in pages(lines):
         _print("\n".join(page))
@@ -247,32 +247,32 @@ def _st(args: argparse.Namespace) -> int:
 
 
 def _udt_show(args: argparse.Namespace) -> int:
-    from trcvtui.udt.command import command
+    from trcvtui.udt import command
 
     return _print_lines(command.show(_with_examples(args)))
 
 
 def _udt_decode(args: argparse.Namespace) -> int:
-    from trcvtui.udt.command import command
+    from trcvtui.udt import command
 
     return _print_lines(command.decode(_with_examples(args)))
 
 
 def _udt_encode(args: argparse.Namespace) -> int:
-    from trcvtui.udt.command import command
+    from trcvtui.udt import command
 
     return _print(command.encode(_with_examples(args)))
 
 
 def _udt_export(args: argparse.Namespace) -> int:
-    from trcvtui.udt.command import command
+    from trcvtui.udt import command
 
     text = command.export(_with_examples(args))
     return _print(text) if text else GOOD
 
 
 def _udt_compare(args: argparse.Namespace) -> int:
-    from trcvtui.udt.command import command
+    from trcvtui.udt import command
 
     lines, is_equal = command.compare(_with_examples(args))
     _print_lines(lines)
@@ -280,7 +280,7 @@ def _udt_compare(args: argparse.Namespace) -> int:
 
 
 def _udt_fit(args: argparse.Namespace) -> int:
-    from trcvtui.udt.command import command
+    from trcvtui.udt import command
 
     text, is_sure = command.fit(_with_examples(args))
     _print(text)
@@ -289,7 +289,7 @@ def _udt_fit(args: argparse.Namespace) -> int:
 
 def _udt_cure(args: argparse.Namespace) -> int:
     from trcvtui.tui.lab_model.lab_fix import cure_source
-    from trcvtui.udt.command import command
+    from trcvtui.udt import command
 
     ours, theirs = command.two_sides_of_a_cure(_with_examples(args))
     return _print(cure_source(ours, theirs, args.form).rstrip("\n"))
@@ -443,7 +443,7 @@ def _add_st(parser: _Parser) -> None:
 
 
 def _add_udt(parser: _Parser) -> None:
-    from trcvtui.udt.command.arguments import add_udt
+    from trcvtui.udt.cli_input import add_udt
 
     parser.set_defaults(command=None)
     commands = {

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.rig.test_udp_blocks import Desk
-from trcvtui.udt.layout.decode import decode
 from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.layout.values import decode
 
 BENCH = """
 dialect = "s7-1500"

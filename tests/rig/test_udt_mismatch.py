@@ -16,8 +16,8 @@ from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.udt.compare.fit import fit, leaders, verdict
 from trcvtui.udt.cure.padded_type import corrective
-from trcvtui.udt.layout.decode import decode
 from trcvtui.udt.layout.layout import lay_out
+from trcvtui.udt.layout.values import decode
 from trcvtui.udt.st_write import st_text
 
 SEND = "peer Drive send udt AxisReport {axis=1, position=12.5}"

@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from trcvtui.udt import report
-from trcvtui.udt.compare import compare_report
+from trcvtui.udt.compare import compare as module
 from trcvtui.udt.compare.compare import Comparison, Count
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.layout import Layout
@@ -30,11 +30,11 @@ def decode_json(layout: Layout, data: Data) -> Any:
 
 def compare_text(both: Comparison, data: bytes) -> tuple[str, bool]:
     count = Count()
-    text = "\n".join(compare_report.compare_text(both, data, count))
-    return text, compare_report.is_equal(both, count)
+    text = "\n".join(module.compare_text(both, data, count))
+    return text, module.is_equal(both, count)
 
 
 def compare_json(both: Comparison, data: bytes) -> tuple[Any, bool]:
     count = Count()
-    answer = json.loads("\n".join(compare_report.compare_json(both, data, count)))
-    return answer, compare_report.is_equal(both, count)
+    answer = json.loads("\n".join(module.compare_json(both, data, count)))
+    return answer, module.is_equal(both, count)

@@ -14,9 +14,8 @@ from typing import Literal, NamedTuple
 from trcvtui.errors import UserError
 from trcvtui.udt.compare.fit import Fit, fit
 from trcvtui.udt.layout.coding import coding_of
-from trcvtui.udt.layout.encode import encode
-from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
-from trcvtui.udt.layout.profiles import Profile, profiles_for, shape
+from trcvtui.udt.layout.layout import Layout, Leaf, Profile, lay_out, profiles_for, shape
+from trcvtui.udt.layout.values import encode
 from trcvtui.udt.types import (
     DAY,
     ELEMENTARY,

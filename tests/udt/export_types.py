@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.layout.encode import encode
 from trcvtui.udt.layout.layout import LAYOUTS, Layout, lay_out, rules_for
+from trcvtui.udt.layout.values import encode
 
 SOURCE = """
 TYPE E_State : (Idle := 0, Running := 1, Off := 2, Fault := -1) INT; END_TYPE

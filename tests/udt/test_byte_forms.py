@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.udt.udt_strategies import layout_of, types_of
-from trcvtui.udt.byte_forms import BYTE_FORMS
-from trcvtui.udt.hexadecimal import parse_hex
+from trcvtui.udt.byte_text import BYTE_FORMS, parse_hex
 from trcvtui.udt.report import csv_lines, markdown, member_rows
 
 EVERY_BYTE = bytes(range(256)) + b"'\"\\\n?"

@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.udt.byte_search import all_in, first_in, last_in, wanted
+from trcvtui.udt.byte_text import all_in, first_in, last_in, wanted
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 from tests.udt.answers import compare_json, compare_text
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.compare.compare import Row, compare
-from trcvtui.udt.layout.decode import decode
-from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for
-from trcvtui.udt.layout.profiles import shape
+from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for, shape
 from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.layout.values import decode
 from trcvtui.udt.types import Member, Struct, Text
 
 MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"

@@ -12,7 +12,7 @@ from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
 from trcvtui.udt.cure.padded_type import corrective, prove, told
 from trcvtui.udt.layout.layout import LAYOUTS, Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import Leaf
-from trcvtui.udt.layout.padding import Unreachable
+from trcvtui.udt.layout.placing import Unreachable
 from trcvtui.udt.sources.siemens import read_tia
 from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.type_set import join

@@ -16,12 +16,11 @@ from trcvtui.tui.lab_model.lab_fix import cure_source
 from trcvtui.udt.compare.fit import fit, verdict
 from trcvtui.udt.cure.padded_type import corrective
 from trcvtui.udt.cure.swap import swap_code
-from trcvtui.udt.layout.decode import decode
 from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for
-from trcvtui.udt.renaming import ST_WORDS
+from trcvtui.udt.layout.values import decode
 from trcvtui.udt.sources.siemens import read_tia
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.st_write import scl_text, st_text
+from trcvtui.udt.st_write import ST_WORDS, scl_text, st_text
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import Struct
 

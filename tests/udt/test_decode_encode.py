@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import apart, layout_of, layouts, leaf_types, rules, same, types_of, values_of
 from trcvtui.errors import UserError
-from trcvtui.udt.layout.decode import decode, decode_leaf, decode_leaves
-from trcvtui.udt.layout.encode import encode, put
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.layout.values import decode, decode_leaf, decode_leaves, encode, put
 from trcvtui.udt.types import ROWS, Text, Type
 
 

@@ -15,8 +15,8 @@ from tests.udt.export_types import EVERY_LAYOUT, plant, plant_bytes
 from tests.udt.ksy_reader import Parsed, read_yaml
 from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.udt.exports import export
-from trcvtui.udt.layout.decode import decode
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
+from trcvtui.udt.layout.values import decode
 from trcvtui.udt.types import Kind, Text
 
 # The compiler of Kaitai as `npm install kaitai-struct-compiler js-yaml` lays it down.

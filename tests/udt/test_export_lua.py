@@ -22,9 +22,8 @@ from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.scenario.command import LivePace
 from trcvtui.udt.exports import export
 from trcvtui.udt.exports.lua import filter_name
-from trcvtui.udt.layout.decode import decode
-from trcvtui.udt.layout.encode import encode
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out, rules_for
+from trcvtui.udt.layout.values import decode, encode
 from trcvtui.udt.sources import read_file
 from trcvtui.udt.types import Kind, Member, Pointer, Struct, Text
 

@@ -10,11 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.compare.difference import difference
+from trcvtui.udt.compare.compare import difference
 from trcvtui.udt.compare.fit import fit, leaders, verdict
-from trcvtui.udt.layout.encode import encode
-from trcvtui.udt.layout.layout import Layout, LayoutRules, Leaf, lay_out, rules_for
-from trcvtui.udt.layout.profiles import Profile, has_text, profiles_for, same_layouts, shape
+from trcvtui.udt.layout.layout import (
+    Layout,
+    LayoutRules,
+    Leaf,
+    Profile,
+    has_text,
+    lay_out,
+    profiles_for,
+    rules_for,
+    same_layouts,
+    shape,
+)
+from trcvtui.udt.layout.values import encode
 from trcvtui.udt.types import Elementary, Enumeration, Kind, Struct, Text
 
 TYPES = types_of("""

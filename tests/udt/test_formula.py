@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Formula
-from trcvtui.udt.constants import Constants
-from trcvtui.udt.formula import DEEPEST, evaluate, read_number
+from trcvtui.udt.constants import DEEPEST, Constants, evaluate, read_number
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import Enumeration, type_text

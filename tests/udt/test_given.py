@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.udt.command import cli_input as given
-from trcvtui.udt.command.cli_input import given_bytes, given_values
+from trcvtui.udt.cli_input import given_bytes, given_values
 
 
 def refusal(read: object, argument: str) -> str:
@@ -100,7 +99,7 @@ def test_json_that_python_would_change_is_a_mistake(
 def test_a_device_and_a_file_that_is_too_large_are_refused(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(given, "LARGEST", 1000)
+    monkeypatch.setattr("trcvtui.udt.cli_input.LARGEST", 1000)
     large = tmp_path / "large"
     large.write_bytes(b"0" * 1001)
     assert refusal(given_bytes, f"@{large}") == f"{large}: found more than that, expected at most 1000 bytes"

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.udt.hexadecimal import parse_hex
+from trcvtui.udt.byte_text import parse_hex
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.udt.command import hexdump as module
-from trcvtui.udt.command.hexdump import BLOCK, hexdump, hexdump_blocks
+from trcvtui.udt.byte_text import BLOCK, _last_row, _rows, hexdump, hexdump_blocks
 
 NEEDS_HEXDUMP = pytest.mark.skipif(shutil.which("hexdump") is None, reason="needs the program hexdump")
 
@@ -35,12 +34,12 @@ def test_no_bytes_are_no_dump() -> None:
 @pytest.mark.parametrize("size", [1, 7, 8, 9, 15, 16, 17, 32, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
 def test_every_line_stands_as_if_it_were_made_alone(size: int) -> None:
     content = random.Random(size).randbytes(size)
-    lines = [module._last_row(content[place : place + 16], place) for place in range(0, size, 16)]
+    lines = [_last_row(content[place : place + 16], place) for place in range(0, size, 16)]
     assert hexdump(content) == b"".join(lines) + f"{size:08x}\n".encode()
 
 
 def test_offsets_grow_beyond_eight_digits() -> None:
-    assert bytes(module._rows(memoryview(bytes(16)), 1 << 32)).startswith(b"100000000  00 00")
+    assert bytes(_rows(memoryview(bytes(16)), 1 << 32)).startswith(b"100000000  00 00")
 
 
 def test_it_comes_in_blocks_of_bounded_size() -> None:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, types_of
 from trcvtui.errors import UserError
-from trcvtui.udt.layout.decode import decode
 from trcvtui.udt.layout.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for
+from trcvtui.udt.layout.values import decode
 from trcvtui.udt.types import ELEMENTARY, ROWS, Array, Elementary, Kind, Member, Struct, Text, Unplaced
 
 READINGS = ("baosky", "baosky-slot4", "baosky-pack4", "natural8")

@@ -6,9 +6,8 @@ import pytest
 
 from tests.udt.answers import show_json, show_text
 from trcvtui.errors import UserError
-from trcvtui.udt.layout.decode import decode, decode_leaves
-from trcvtui.udt.layout.encode import encode
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
+from trcvtui.udt.layout.values import decode, decode_leaves, encode
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,

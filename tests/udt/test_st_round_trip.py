@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.udt.st_text import Writer, declarations, placeless
 from trcvtui.udt.ast import Declaration
 from trcvtui.udt.sources.st import Parser, read_st
-from trcvtui.udt.sources.st_tokens import Source, Token
+from trcvtui.udt.sources.st_cursor import Source, Token
 
 
 @given(declarations(), st.data())

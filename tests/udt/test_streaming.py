@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 
 from tests.udt.answers import show_json, show_text
 from tests.udt.udt_strategies import layouts, types_of
-from trcvtui.udt.layout import streaming
-from trcvtui.udt.layout.decode import decode
 from trcvtui.udt.layout.layout import MOST_LEAVES, Layout, lay_out, rules_for
-from trcvtui.udt.layout.streaming import stream, values_of
+from trcvtui.udt.layout.values import decode, stream, values_of
 
 MIB = 1024 * 1024
 LIMITED = f"""import resource, sys
@@ -63,9 +61,9 @@ def test_the_gaps_of_a_union_of_large_arrays_are_found_in_one_walk() -> None:
 
 @pytest.fixture
 def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(streaming, "FEW", 1)
-    monkeypatch.setattr(streaming, "PAGE", 2)
-    monkeypatch.setattr(streaming, "MOST_AT_ONCE", 3)
+    monkeypatch.setattr("trcvtui.udt.layout.values.FEW", 1)
+    monkeypatch.setattr("trcvtui.udt.layout.values.PAGE", 2)
+    monkeypatch.setattr("trcvtui.udt.layout.values.MOST_AT_ONCE", 3)
 
 
 @pytest.mark.usefixtures("small_pages")

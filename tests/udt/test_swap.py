@@ -11,11 +11,10 @@ from tests.udt.test_cure import ODD_NAMES
 from tests.udt.test_fit import TELEGRAMS, TYPES, message
 from tests.udt.udt_strategies import layout_of, types_of
 from trcvtui.udt.cure.swap import Language, swap_code
-from trcvtui.udt.layout.decode import decode
-from trcvtui.udt.layout.encode import encode
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
-from trcvtui.udt.renaming import st_renamed
+from trcvtui.udt.layout.values import decode, encode
 from trcvtui.udt.sources.siemens import read_tia
+from trcvtui.udt.st_write import st_renamed
 from trcvtui.udt.type_set import join
 
 OTHER = {"little": "big", "big": "little"}

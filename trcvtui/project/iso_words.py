@@ -9,7 +9,7 @@ from trcvtui.errors import UserError
 from trcvtui.net.connection.description import LONGEST_SELECTOR, selector_bytes
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
 from trcvtui.project.tables import TRUTH, Kind, Table, of_text
-from trcvtui.udt.hexadecimal import parse_hex
+from trcvtui.udt.byte_text import parse_hex
 
 LONGEST_MESSAGE: Final = 65536
 SIZES: Final = {1 << code: code for code in range(7, 14)}  # 128 .. 8192 bytes

@@ -11,11 +11,10 @@ from typing import Final
 from trcvtui.errors import one_line
 from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.layout.encode import encode
 from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.layout_tree import PlacedLeaf
-from trcvtui.udt.layout.streaming import pages, stream, values_of
 from trcvtui.udt.layout.value_text import NO_DATA, special_text, value_text
+from trcvtui.udt.layout.values import encode, pages, stream, values_of
 from trcvtui.udt.types import Enumeration, Pointer, Text, type_text
 
 Row = tuple[str, ...]

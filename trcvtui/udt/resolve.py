@@ -22,11 +22,11 @@ from trcvtui.udt.ast import (
     TextSpec,
     UnplacedSpec,
 )
-from trcvtui.udt.builtin_types import WELL_KNOWN
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.types import (
     ELEMENTARY,
     VENDOR_NAMES,
+    WELL_KNOWN,
     Array,
     Elementary,
     Enumeration,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Final
 
 MS = 1_000_000
 SECOND = 1_000 * MS
@@ -227,3 +228,25 @@ def type_text(type_: Type) -> str:
             return name or "UNION"
         case Enumeration(name=name, base=base):
             return name or base.name
+
+
+FB_INSTANCE: Final = "an FB instance"
+ANY: Final = "a reference of unknown size"
+
+_FUNCTION_BLOCKS = (
+    *("TON", "TOF", "TP", "TONR", "LTON", "LTOF", "LTP", "TON_TIME", "TOF_TIME", "TP_TIME", "TONR_TIME"),
+    *("TON_LTIME", "TOF_LTIME", "TP_LTIME", "TONR_LTIME", "IEC_TIMER", "IEC_LTIMER", "RTC"),
+    *("CTU", "CTD", "CTUD", "CTU_INT", "CTU_DINT", "CTU_LINT", "CTU_UDINT", "CTU_ULINT"),
+    *("CTD_INT", "CTD_DINT", "CTUD_INT", "CTUD_DINT", "IEC_COUNTER", "IEC_DCOUNTER"),
+    *("R_TRIG", "F_TRIG", "SR", "RS", "SEMA"),
+)
+_ANY = (
+    *("ANY", "ANY_NUM", "ANY_REAL", "ANY_INT", "ANY_BIT", "ANY_STRING", "ANY_DATE", "ANY_TYPE", "VARIANT"),
+    "POINTER",
+)
+
+WELL_KNOWN: Final[dict[str, Type]] = {
+    **{name.casefold(): Unplaced(name, FB_INSTANCE) for name in _FUNCTION_BLOCKS},
+    **{name.casefold(): Unplaced(name, ANY) for name in _ANY},
+    "t_maxstring": Text(255),  # TwinCAT, library Tc2_System
+}

@@ -12,7 +12,7 @@ from trcvtui.rig.commands import words as words
 from trcvtui.rig.peers.udp_peer import AnyPeer
 from trcvtui.rig.port_trouble import port_away
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.layout.decode import decode_leaves
+from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.literals import format_time
 
 

@@ -9,10 +9,9 @@ from typing import Final
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.project.tables import shown
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.layout.decode import decode_leaf
-from trcvtui.udt.layout.encode import encode, encode_leaf
 from trcvtui.udt.layout.layout import Layout, Leaf
-from trcvtui.udt.words import NAME
+from trcvtui.udt.layout.values import decode_leaf, encode, encode_leaf
+from trcvtui.udt.literals import NAME
 
 # `name`, `st.arr[2].x`, `[1,2].y`, each with `=` behind it.
 _STEPS: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"

@@ -12,7 +12,7 @@ from trcvtui.project.tables import shown, whole
 from trcvtui.rig.commands.member_values import struct_bytes
 from trcvtui.rig.commands.payload import MOST_BYTES, file_bytes, random_bytes, text_bytes
 from trcvtui.rig.commands.tokens import Words, value_of
-from trcvtui.udt.hexadecimal import parse_hex
+from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.layout import lay_out
 
 SEED: Final = whole(0, (1 << 63) - 1)

@@ -23,7 +23,7 @@ from trcvtui.rig.commands.payload import MOST_BYTES, text_bytes
 from trcvtui.rig.commands.read_payload import Payload, read_payload
 from trcvtui.rig.commands.tokens import Words, duration, value_of
 from trcvtui.rig.commands.words import PeerSend
-from trcvtui.udt.hexadecimal import parse_hex
+from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.layout import BYTE_ORDERS
 
 SIZE: Final = whole(1, MOST_BYTES)

@@ -10,8 +10,7 @@ from typing import NamedTuple
 from trcvtui.project.project import DataDecl
 from trcvtui.rig.diagnosis.byte_order import byte_order_suspicion
 from trcvtui.rig.wording import count
-from trcvtui.udt.layout.layout import Layout
-from trcvtui.udt.layout.profiles import profiles_for, same_layouts
+from trcvtui.udt.layout.layout import Layout, profiles_for, same_layouts
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, rules_for
 
 

@@ -39,7 +39,7 @@ from trcvtui.rig.scenario.recorded_session import Session
 from trcvtui.rig.scenario.scenario import load_scenario, start_steps
 from trcvtui.rig.snapshots import Answer, EngineTiming
 from trcvtui.rig.wording import count
-from trcvtui.udt.command.command import constants_of
+from trcvtui.udt.command import constants_of
 from trcvtui.udt.sources import read_files
 
 # Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.

@@ -21,7 +21,7 @@ from trcvtui.rig.history.window import (
     Seek,
     Sought,
 )
-from trcvtui.udt.byte_search import first_in, last_in
+from trcvtui.udt.byte_text import first_in, last_in
 
 STRETCH: Final = 512 * 1024  # searched for one picture, all patterns together
 MOST_JOB: Final = 65_536  # bytes of one job in a picture: as much as a job can write

@@ -15,7 +15,7 @@ from trcvtui.rig.commands.reply import MOST_RULES
 from trcvtui.rig.commands.stream_pattern import StreamPattern
 from trcvtui.rig.commands.words import Contains, FieldIs, Match, Matches, PeerSend, ReplyOn, Starts
 from trcvtui.rig.snapshots import ReplySnapshot
-from trcvtui.udt.layout.decode import decode_leaves
+from trcvtui.udt.layout.values import decode_leaves
 
 
 class Looking(Protocol):

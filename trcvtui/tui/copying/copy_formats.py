@@ -13,8 +13,8 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import moment, plain, status_word
 from trcvtui.tui.view_model.explain import why
-from trcvtui.udt.byte_forms import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
-from trcvtui.udt.layout.decode import decode_leaves
+from trcvtui.udt.byte_text import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
+from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.report import csv_lines, json_value, markdown, member_rows
 
 if TYPE_CHECKING:

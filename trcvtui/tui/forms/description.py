@@ -15,7 +15,7 @@ from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.description_lines import description_rows
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row
 from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
-from trcvtui.udt.byte_forms import hex_lines
+from trcvtui.udt.byte_text import hex_lines
 
 
 class DescriptionText(LineView):

@@ -15,7 +15,7 @@ from trcvtui.tui.lab_model.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cu
 from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.hex_view import HexView, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.udt.compare.fit_report import named, same_words
+from trcvtui.udt.compare.fit import named, same_words
 from trcvtui.udt.layout.layout import Layout
 
 GAP: Final = "░"

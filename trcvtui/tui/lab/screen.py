@@ -35,8 +35,8 @@ from trcvtui.tui.widgets.line_view import LineView, pane_title
 from trcvtui.tui.widgets.outcome_line import OutcomeLine
 from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
 from trcvtui.tui.widgets.tab_line import TabLine
-from trcvtui.udt.byte_forms import hex_lines
-from trcvtui.udt.compare.fit_report import reason_lines
+from trcvtui.udt.byte_text import hex_lines
+from trcvtui.udt.compare.fit import reason_lines
 from trcvtui.udt.layout.rules import LAYOUTS
 
 KEYS: Final = (
@@ -104,8 +104,10 @@ def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
 
 
 def _compared(lab: Lab) -> str:
-    from trcvtui.udt.compare.compare import Count
-    from trcvtui.udt.compare.compare_report import compare_text  # read when first asked for
+    from trcvtui.udt.compare.compare import (
+        Count,
+        compare_text,  # read when first asked for
+    )
 
     comparison = lab.comparison()
     if comparison is None or comparison.row_count > MOST_ROWS:

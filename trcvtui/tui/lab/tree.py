@@ -16,9 +16,9 @@ from trcvtui.tui.lab_model.compare_tree import Place
 from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab
 from trcvtui.tui.messages import RowSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.udt.layout.decode import decode_leaves
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.report import leaf_type_text
 
 MARK, OPEN, CLOSED, DIFFERS = 2, "▾ ", "▸ ", "≠"

@@ -20,8 +20,7 @@ from trcvtui.tui.lab_model.type_files import TypeFiles
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.udt.compare.compare import Comparison, Summary, compare
 from trcvtui.udt.compare.fit import Fit, fit, verdict
-from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, lay_out
-from trcvtui.udt.layout.profiles import Profile
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Profile, lay_out
 from trcvtui.udt.layout.rules import LAYOUT_ALIASES, LAYOUTS, TEXT_FORMS, LayoutRules
 from trcvtui.udt.types import Type
 

@@ -14,8 +14,8 @@ from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab, profile_from
 from trcvtui.tui.lab_model.lab_bytes import HEX, SOURCES
 from trcvtui.tui.lab_words import LAB, UDT
-from trcvtui.udt.command.command import constants_of
-from trcvtui.udt.hexadecimal import parse_hex
+from trcvtui.udt.byte_text import parse_hex
+from trcvtui.udt.command import constants_of
 
 WHERE: Final = "udt"
 CONSTANT, RELOAD = "constant", "reload"

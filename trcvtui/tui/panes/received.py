@@ -25,7 +25,7 @@ from trcvtui.tui.widgets.find_line import FindLine
 from trcvtui.tui.widgets.frame_marks import of_data, of_part
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import pane_title
-from trcvtui.udt.byte_search import Wanted
+from trcvtui.udt.byte_text import Wanted
 
 Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
 

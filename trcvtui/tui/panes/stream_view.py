@@ -28,7 +28,7 @@ from trcvtui.tui.widgets import frame_marks
 from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
 from trcvtui.tui.widgets.hex_view import GHOST_HEX, GHOST_TEXT, NARROW, WIDE, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
-from trcvtui.udt.byte_search import all_in
+from trcvtui.udt.byte_text import all_in
 
 LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
 NO_WINDOW: Final = HistoryWindow("", 0, 0)

@@ -16,10 +16,10 @@ from trcvtui.tui.messages import FieldSelected, KeyClicked
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.layout.coding import Value
-from trcvtui.udt.layout.decode import decode_leaves
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.rules import NO_CHOICE
 from trcvtui.udt.layout.value_text import value_text
+from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.types import type_text
 
 OFFSET: Final = 6

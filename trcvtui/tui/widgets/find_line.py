@@ -13,7 +13,7 @@ from textual.widgets import Input, Static
 from trcvtui.errors import UserError
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.widgets.keystrokes import TypedField
-from trcvtui.udt.byte_search import Wanted, wanted
+from trcvtui.udt.byte_text import Wanted, wanted
 
 HINT = '29 00 · "abc" · =1234 · =1.5'
 

@@ -13,7 +13,7 @@ from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
 from trcvtui.tui.widgets.frame_marks import OLD, Marked
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
-from trcvtui.udt.byte_search import all_in, first_in, last_in
+from trcvtui.udt.byte_text import all_in, first_in, last_in
 
 GHOST_HEX, GHOST_TEXT = "··", "·"
 START: Final = "▕"

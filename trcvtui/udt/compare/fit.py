@@ -13,14 +13,35 @@ from functools import cached_property
 from itertools import islice, pairwise
 from typing import Final, NamedTuple
 
-from trcvtui.udt.compare.causes import CAUSES, NONE, Cause, Cutting, cut, extra_points
-from trcvtui.udt.compare.difference import difference
-from trcvtui.udt.compare.likelihood import Evidence, bits_evidence, evidence, gap_points, spoken, steady
-from trcvtui.udt.layout.decode import decode_leaf
-from trcvtui.udt.layout.layout import DEFAULT_LAYOUT, LAYOUTS, Layout, LayoutRules, Leaf
-from trcvtui.udt.layout.profiles import Profile, profiles_for, same_layouts, shape
-from trcvtui.udt.layout.stored_form import stored_form
-from trcvtui.udt.layout.value_text import value_text
+from trcvtui.errors import one_line
+from trcvtui.udt.compare.compare import difference
+from trcvtui.udt.compare.likelihood import (
+    CAUSES,
+    NONE,
+    Cause,
+    Cutting,
+    Evidence,
+    bits_evidence,
+    cut,
+    evidence,
+    extra_points,
+    gap_points,
+    spoken,
+    steady,
+)
+from trcvtui.udt.layout.layout import (
+    DEFAULT_LAYOUT,
+    LAYOUTS,
+    Layout,
+    LayoutRules,
+    Leaf,
+    Profile,
+    profiles_for,
+    same_layouts,
+    shape,
+)
+from trcvtui.udt.layout.value_text import stored_form, value_text
+from trcvtui.udt.layout.values import decode_leaf
 from trcvtui.udt.types import Elementary, Kind, Text, Type
 
 MOST_LEAVES: Final = 256  # that are looked at
@@ -517,3 +538,74 @@ def _doubt(ranked: list[_Reading], messages: Sequence[bytes]) -> str:
 
 def _called(reading: _Reading) -> str:
     return f"{reading.profiles[0]}, {reading.cause}" if reading.cause.kind else str(reading.profiles[0])
+
+
+# Rule: the words are those of the engine; names from a file reach the terminal as one plain line.
+
+MOST_ROWS: Final = 10  # of the text; JSON has all
+MOST_PRINTED: Final = 12
+
+
+def fit_json(fits: Sequence[Fit]) -> list[dict[str, object]]:
+    """Return every reading, the best first, as `udt fit --format json` prints it."""
+    return [
+        {
+            "rank": found.rank,
+            "layout": found.profile.layout,
+            "byte_order": found.profile.byte_order,
+            "cause": found.cause.kind,
+            "n": found.cause.n,
+            "points": found.score,
+            "fits_best": found.fits_best,
+            "reasons": list(reason_lines(found)),
+        }
+        for found in fits
+    ]
+
+
+def fit_text(fits: Sequence[Fit], came: str) -> str:
+    """Return the verdict, the first readings, and the reasons of the best one; `came` names the bytes."""
+    lines = [one_line(f"{came}: {verdict(fits)}")]
+    for number, found in enumerate(fits[:MOST_ROWS]):
+        lines.append(f"{found.rank:>2} {found.score:+8.1f}  {named(found)}")
+        if number == 0:
+            told = list(reason_lines(found))
+            lines += [f"             {line}" for line in told[:MOST_PRINTED]]
+            if len(told) > MOST_PRINTED:
+                lines.append(f"             and {len(told) - MOST_PRINTED} more reasons (--format json)")
+        elif found.same:
+            lines.append(f"             no byte tells it from {same_words(found)}")
+    if len(fits) > MOST_ROWS:
+        lines.append(f"and {len(fits) - MOST_ROWS} more readings (--format json)")
+    return "\n".join(lines)
+
+
+def named(found: Fit) -> str:
+    """Return the first profile with the cause, and how many mean the same."""
+    more = len(found.profiles) - 1
+    return found.name + (f" (and {more} the same)" if more else "")
+
+
+def reason_lines(found: Fit) -> Iterator[str]:
+    """Yield what speaks for and against a reading, the profiles that mean the same first."""
+    if found.doubt:
+        yield one_line(f"not sure: {found.doubt}")
+    if found.same:
+        yield f"no byte tells it from {same_words(found)}"
+    if len(found.profiles) > 1:
+        yield "the same for these bytes: " + "; ".join(str(profile) for profile in found.profiles[1:])
+    if found.profile.text:
+        yield f"STRING as {found.profile.text}"
+    yield f"{found.members:+.1f} are the members' own points"
+    yield from map(reason_text, found.reasons)
+
+
+def same_words(found: Fit) -> str:
+    """Return the other readings that find the same values at the same places."""
+    more = len(found.same) - NAMED
+    return "; ".join(found.same[:NAMED]) + (f"; and {more} more" if more > 0 else "")
+
+
+def reason_text(reason: Reason) -> str:
+    """Return one reason with its points."""
+    return one_line(f"{reason.points:+.1f} {reason.text}")

@@ -11,8 +11,7 @@ from typing import Final, Literal, NamedTuple
 
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import S7, LayoutRules
-from trcvtui.udt.renaming import st_renamed, st_word
-from trcvtui.udt.st_write import scl_name, scl_text, st_text
+from trcvtui.udt.st_write import scl_name, scl_text, st_renamed, st_text, st_word
 from trcvtui.udt.types import (
     ELEMENTARY,
     Array,

@@ -7,10 +7,10 @@ from itertools import groupby
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.exports.naming import Taken, escaper
 from trcvtui.udt.exports.outline import BASE_NAME, Field, bounds_text, fields_of, refuse_empty, structs_of
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
+from trcvtui.udt.st_write import Taken, escaper
 from trcvtui.udt.types import Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union, type_text
 
 WORDS: Final = """

@@ -10,10 +10,10 @@ import re
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.exports.naming import Taken, ascii_word
 from trcvtui.udt.exports.outline import BASE_NAME, Field, bounds_text, fields_of, refuse_empty, structs_of
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
+from trcvtui.udt.st_write import Taken, ascii_word
 from trcvtui.udt.types import Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union, type_text
 
 Lines = list[str]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from trcvtui.errors import mistake, one_line
 from trcvtui.udt.exports.lua_library import HEAD, READERS, TAIL
-from trcvtui.udt.exports.naming import Taken, ascii_word
 from trcvtui.udt.exports.outline import MOST_FIELDS, count_fields, fields_of, refuse_empty, structs_of
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.literals import PREFIXES
+from trcvtui.udt.st_write import Taken, ascii_word
 from trcvtui.udt.types import (
     DAY,
     Array,

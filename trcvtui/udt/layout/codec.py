@@ -12,7 +12,7 @@ from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
-from trcvtui.udt.layout.coded import Value
+from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout_tree import Leaf, Node, PlacedLeaf, PlacedStruct, PlacedUnion
 
 Data = bytes | bytearray | memoryview

@@ -3,22 +3,324 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from trcvtui.errors import UserError
-from trcvtui.udt.layout.coded import Coding, Refused, Value, hex_text
-from trcvtui.udt.layout.coding_s7 import bcd_coding, dtl_coding, s5time_coding
-from trcvtui.udt.layout.coding_text import text_coding
-from trcvtui.udt.layout.rules import LayoutRules
+from trcvtui.udt.layout.rules import BYTE_ORDERS, LayoutRules
 from trcvtui.udt.literals import (
     EXPECTED,
+    calendar,
+    date_and_time_text,
+    date_ns,
     format_literal,
     format_time,
+    parse_date_and_time,
     parse_integer,
     parse_literal,
+    parse_s5time,
     parse_time,
 )
-from trcvtui.udt.types import DAY, Elementary, Enumeration, Kind, LeafType, Text
+from trcvtui.udt.types import DAY, MS, SECOND, Elementary, Enumeration, Kind, LeafType, Text
+
+# Rule: to_value never fails, whatever the bytes are; to_raw raises Refused for every value that does not fit.
+
+Value = bool | int | float | str
+
+
+class Refused(Exception):
+    """A value that the type cannot hold; the text says what it can hold."""
+
+
+class Coding(NamedTuple):
+    """How one leaf is stored: `struct` code without byte order, and both changes (None: as it is).
+
+    `odd` says what is strange about the bytes of the leaf, such as ` (16#05)` of a BOOL; "" is nothing.
+    """
+
+    code: str
+    to_value: Callable[[Any], Value] | None
+    to_raw: Callable[[object], Any]
+    odd: Callable[[bytes], str] | None = None
+
+
+def hex_text(raw: bytes) -> str:
+    """Return bytes as they lie in memory, such as `16#9912130706058881`."""
+    return f"16#{raw.hex().upper()}"
+
+
+def parse_hex_text(value: object, size: int) -> bytes | None:
+    """Return the bytes of `16#...` with all its digits; None when it is none of that size."""
+    if not isinstance(value, str) or not value.startswith("16#") or len(value) != 3 + 2 * size:
+        return None
+    try:
+        raw = bytes.fromhex(value[3:])
+    except ValueError:
+        return None
+    return raw if len(raw) == size else None
+
+
+# The bytes behind the text have any value; encode writes zeros. WSTRING is UTF-16 in the data's byte order.
+
+# What is no text in the encoding becomes codes that nothing else has, and comes back as the same bytes.
+ODD_CODES = {
+    "latin-1": "strict",
+    "utf-8": "surrogateescape",
+    "utf-16-le": "surrogatepass",
+    "utf-16-be": "surrogatepass",
+}
+
+
+def text_coding(type_: Text, rules: LayoutRules) -> Coding:
+    """Return how a text is stored under these rules."""
+    charset = "utf-8" if type_.utf8 else "latin-1"
+    if type_.wide:
+        charset = "utf-16-le" if rules.byte_order == "little" else "utf-16-be"
+    return (_headed if rules.text.header else _ended)(type_, rules, charset)
+
+
+def _headed(type_: Text, rules: LayoutRules, charset: str) -> Coding:
+    longest = rules.text.length(type_)
+    lengths = struct.Struct(BYTE_ORDERS[rules.byte_order] + ("HH" if type_.wide else "BB"))
+    unit = lengths.size // 2
+    characters_of = _checked(type_, longest, charset, has_nul=True)
+
+    def to_value(raw: bytes) -> str:
+        # An actual length beyond the field ends at the field (udt.md U12).
+        actual: int = lengths.unpack_from(raw)[1]
+        return raw[lengths.size :][: actual * unit].decode(charset, ODD_CODES[charset])
+
+    def to_raw(value: object) -> bytes:
+        characters = characters_of(value)
+        return lengths.pack(longest, len(characters) // unit) + characters
+
+    def odd(raw: bytes) -> str:
+        own, actual = lengths.unpack_from(raw)
+        if actual > longest:
+            return f" (length {actual} of {longest})"
+        return f" (longest {own}, not {longest})" if own != longest else ""
+
+    return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
+
+
+def _ended(type_: Text, rules: LayoutRules, charset: str) -> Coding:
+    unit = 2 if type_.wide else 1
+    longest = rules.text.length(type_)
+
+    def to_value(raw: bytes) -> str:
+        # Without a NUL the text ends with the last character that may be one (udt.md U12).
+        return raw[: min(_end(raw, unit), longest * unit)].decode(charset, ODD_CODES[charset])
+
+    def odd(raw: bytes) -> str:
+        end = _end(raw, unit)
+        if end > longest * unit:
+            return " (no NUL)" if end == len(raw) else f" (length {end // unit} of {longest})"
+        return ""
+
+    to_raw = _checked(type_, longest, charset, has_nul=False)
+    return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
+
+
+def _end(raw: bytes, unit: int) -> int:
+    """Return where the first NUL stands, or the end."""
+    if unit == 1:
+        end = raw.find(0)
+    else:
+        end = next((at for at in range(0, len(raw), 2) if not raw[at] and not raw[at + 1]), -1)
+    return len(raw) if end < 0 else end
+
+
+def _checked(type_: Text, longest: int, charset: str, has_nul: bool) -> Callable[[object], bytes]:
+    unit = 2 if type_.wide else 1
+    codes = "" if type_.wide else ", codes 0 to 255" if has_nul else ", codes 1 to 255"
+    expected = f"text of at most {longest} characters{codes}"
+    if type_.utf8:
+        expected = f"text of at most {longest} bytes in UTF-8" + ("" if has_nul else ", none of code 0")
+    if type_.wide and not has_nul:
+        expected += ", none of code 0"
+
+    def characters_of(value: object) -> bytes:
+        if not isinstance(value, str) or ("\0" in value and not has_nul):
+            raise Refused(expected)
+        try:
+            characters = value.encode(charset, ODD_CODES[charset])
+        except UnicodeEncodeError:
+            raise Refused(expected) from None
+        if len(characters) > longest * unit:
+            raise Refused(expected)
+        return characters
+
+    return characters_of
+
+
+# Bytes that are no such value are shown as hex, and that hex is taken back: nothing is lost on the way.
+
+FIRST_BCD_YEAR, LAST_BCD_YEAR = 1990, 2089
+HOUR, MINUTE = 3600 * SECOND, 60 * SECOND
+NO_DATE = " (no date)"
+
+
+def _weekday(ns: int) -> int:
+    """Return the day of the week as an S7 counts it: 1 is Sunday. 1970 began on a Thursday."""
+    return (ns // DAY + 4) % 7 + 1
+
+
+def _clock_ns(hour: int, minute: int, second: int, ns: int) -> int | None:
+    """Return the nanoseconds since midnight; None when it is no time of day."""
+    if hour > 23 or minute > 59 or second > 59 or ns >= SECOND:
+        return None
+    return hour * HOUR + minute * MINUTE + second * SECOND + ns
+
+
+def _clock(ns: int) -> tuple[int, int, int, int]:
+    ns %= DAY
+    return ns // HOUR, ns // MINUTE % 60, ns // SECOND % 60, ns % SECOND
+
+
+# -- DATE_AND_TIME in BCD ------------------------------------------------------------------------------------
+
+
+def bcd_coding(_: LayoutRules) -> Coding:
+    """Return DATE_AND_TIME of 8 bytes: YY MM DD hh mm ss, milliseconds in 3 digits, day of the week."""
+
+    def to_value(raw: bytes) -> Value:
+        ns = _bcd_ns(raw)
+        return hex_text(raw) if ns is None else date_and_time_text("DT#", ns)
+
+    def to_raw(value: object) -> bytes:
+        raw = parse_hex_text(value, 8)
+        ns = parse_date_and_time(value) if raw is None and isinstance(value, str) else None
+        if raw is None and (ns is None or ns % MS or not _is_bcd_year(ns)):
+            raise Refused(
+                "DT from DT#1990-01-01-00:00:00 to DT#2089-12-31-23:59:59.999, or its 8 bytes as 16#..."
+            )
+        return _bcd(ns) if ns is not None else raw or b""
+
+    def odd(raw: bytes) -> str:
+        ns = _bcd_ns(raw)
+        return NO_DATE if ns is None else _odd_weekday(raw[7] & 15, ns)
+
+    return Coding("8s", to_value, to_raw, odd)
+
+
+def _is_bcd_year(ns: int) -> bool:
+    return FIRST_BCD_YEAR <= calendar(ns // DAY)[0] <= LAST_BCD_YEAR
+
+
+def _bcd_ns(raw: bytes) -> int | None:
+    digits = raw.hex()
+    if not digits[:15].isdecimal():
+        return None
+    year, month, day, hour, minute, second = (int(digits[at : at + 2]) for at in range(0, 12, 2))
+    date = date_ns(year + (1900 if year >= 90 else 2000), month, day)
+    clock = _clock_ns(hour, minute, second, int(digits[12:15]) * MS)
+    return None if date is None or clock is None else date + clock
+
+
+def _bcd(ns: int) -> bytes:
+    year, month, day = calendar(ns // DAY)
+    hour, minute, second, rest = _clock(ns)
+    digits = f"{year % 100:02d}{month:02d}{day:02d}{hour:02d}{minute:02d}{second:02d}{rest // MS:03d}"
+    return bytes.fromhex(f"{digits}{_weekday(ns)}")
+
+
+def _odd_weekday(found: int, ns: int) -> str:
+    return "" if found == _weekday(ns) else f" (weekday {found}, not {_weekday(ns)})"
+
+
+# -- DTL -----------------------------------------------------------------------------------------------------
+
+
+def dtl_coding(rules: LayoutRules) -> Coding:
+    """Return DTL of 12 bytes: UINT year, month, day, weekday, hour, minute, second, UDINT nanoseconds."""
+    fields = struct.Struct(BYTE_ORDERS[rules.byte_order] + "H6BI")
+
+    def ns_of(raw: bytes) -> int | None:
+        year, month, day, _, hour, minute, second, rest = fields.unpack(raw)
+        date, clock = date_ns(year, month, day), _clock_ns(hour, minute, second, rest)
+        return None if date is None or clock is None else date + clock
+
+    def to_value(raw: bytes) -> Value:
+        ns = ns_of(raw)
+        return hex_text(raw) if ns is None else date_and_time_text("DTL#", ns)
+
+    def to_raw(value: object) -> bytes:
+        raw = parse_hex_text(value, 12)
+        if raw is not None:
+            return raw
+        ns = parse_date_and_time(value) if isinstance(value, str) else None
+        year, month, day = (-1, 0, 0) if ns is None else calendar(ns // DAY)
+        if ns is None or not 0 <= year <= 0xFFFF:
+            raise Refused("DTL such as DTL#2024-01-31-12:30:15.25, or its 12 bytes as 16#...")
+        hour, minute, second, rest = _clock(ns)
+        return fields.pack(year, month, day, _weekday(ns), hour, minute, second, rest)
+
+    def odd(raw: bytes) -> str:
+        ns = ns_of(raw)
+        return NO_DATE if ns is None else _odd_weekday(raw[4], ns)
+
+    return Coding("12s", to_value, to_raw, odd)
+
+
+# -- S5TIME --------------------------------------------------------------------------------------------------
+
+BASES_MS = (10, 100, 1000, 10_000)
+
+
+def s5time_coding(rules: LayoutRules) -> Coding:
+    """Return S5TIME of 2 bytes: the time base in bits 12 and 13, three digits in BCD below.
+
+    Bits 14 and 15 say nothing.
+    """
+    order = BYTE_ORDERS[rules.byte_order]
+
+    def to_value(raw: int) -> Value:
+        ms = _s5_ms(raw)
+        if ms is None:
+            return f"16#{raw:04X}"
+        # Another time base, or bits that say nothing: the word stands beside, so that it comes back.
+        return format_time(ms * MS, "S5T#") + ("" if _s5(ms) == raw else f" (16#{raw:04X})")
+
+    def to_raw(value: object) -> int:
+        word = parse_hex_text(value, 2)
+        if word is not None:
+            return int.from_bytes(word, "big")
+        text, _, beside = value.partition(" (") if isinstance(value, str) else ("", "", "")
+        ns = parse_s5time(text)
+        raw = None if ns is None or ns % MS else _s5(ns // MS)
+        word = parse_hex_text(beside.removesuffix(")"), 2)
+        if raw is not None and beside:
+            found = None if word is None else int.from_bytes(word, "big")
+            is_same = found is not None and ns is not None and _s5_ms(found) == ns // MS
+            raw = found if is_same and beside.endswith(")") else None
+        if raw is None:
+            raise Refused(
+                "S5TIME from S5T#0ms to S5T#2h46m30s, three digits of 10 ms, 100 ms, 1 s or 10 s, or 16#..."
+            )
+        return raw
+
+    def odd(raw: bytes) -> str:
+        (word,) = struct.unpack(order + "H", raw)
+        return " (no S5TIME)" if _s5_ms(word) is None else ""
+
+    return Coding("H", to_value, to_raw, odd)
+
+
+def _s5_ms(raw: int) -> int | None:
+    digits = f"{raw & 0xFFF:03x}"
+    if not digits.isdecimal():
+        return None
+    return int(digits) * BASES_MS[raw >> 12 & 3]
+
+
+def _s5(ms: int) -> int | None:
+    """Return the word with the smallest time base that holds it exactly; None when there is none."""
+    for number, base in enumerate(BASES_MS):
+        if ms % base == 0 and 0 <= ms <= 999 * base:
+            return number << 12 | int(str(ms // base), 16)
+    return None
+
 
 __all__ = ["Coding", "Refused", "Value", "coding_of"]
 

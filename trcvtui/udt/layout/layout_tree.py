@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple
 
-from trcvtui.udt.layout.coded import Coding
+from trcvtui.udt.layout.coding import Coding
 from trcvtui.udt.types import Array, LeafType
 
 

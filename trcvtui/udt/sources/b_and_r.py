@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from trcvtui.udt.ast import Declarations
-from trcvtui.udt.sources.dialect import Dialect
 from trcvtui.udt.sources.st import read_st
+from trcvtui.udt.sources.st_cursor import Dialect
 
 B_AND_R = Dialect(enum_base="DINT")
 

@@ -24,10 +24,17 @@ from trcvtui.udt.ast import (
     Spec,
     StructSpec,
 )
-from trcvtui.udt.sources.c_number import fold, formula
-from trcvtui.udt.sources.c_parse import Macros, evaluate, parsed
+from trcvtui.udt.sources.c_parse import (
+    C_TYPES,
+    FOUR_BYTES,
+    NO_ONE_SIZE,
+    Macros,
+    evaluate,
+    fold,
+    formula,
+    parsed,
+)
 from trcvtui.udt.sources.c_source import CSource
-from trcvtui.udt.sources.c_types import C_TYPES, FOUR_BYTES, NO_ONE_SIZE
 from trcvtui.udt.type_set import MOST_NESTED
 from trcvtui.udt.types import ELEMENTARY
 

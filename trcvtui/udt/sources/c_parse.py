@@ -8,9 +8,156 @@ from typing import Any
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import Declaration
-from trcvtui.udt.sources.c_number import DEEPEST, fold, is_short
 from trcvtui.udt.sources.c_source import KEYWORDS, CSource
-from trcvtui.udt.sources.c_types import NAMED_TYPES
+
+# One IEC type for each C type; the words of a type are sorted, `signed` and a needless `int` left out.
+C_TYPES = {
+    "int8_t": "SINT",
+    "int16_t": "INT",
+    "int32_t": "DINT",
+    "int64_t": "LINT",
+    "uint8_t": "USINT",
+    "uint16_t": "UINT",
+    "uint32_t": "UDINT",
+    "uint64_t": "ULINT",
+    "bool": "BOOL",
+    "_Bool": "BOOL",
+    "char": "CHAR",
+    "char8_t": "CHAR",
+    "char16_t": "WCHAR",
+    "float": "REAL",
+    "double": "LREAL",
+    "float32_t": "REAL",
+    "float64_t": "LREAL",
+    "char signed": "SINT",
+    "char unsigned": "USINT",
+    "short": "INT",
+    "short unsigned": "UINT",
+    "int": "DINT",
+    "int unsigned": "UDINT",
+    "long long": "LINT",
+    "long long unsigned": "ULINT",
+}
+FOUR_BYTES = ("int", "int unsigned")
+# No size of their own in C; INT, UINT and BOOL have two bytes or one in IEC 61131-3, and four on Windows.
+NO_ONE_SIZE = {
+    **dict.fromkeys(("long", "long unsigned"), "int32_t or int64_t: its size differs between compilers"),
+    **dict.fromkeys(
+        ("size_t", "ssize_t", "ptrdiff_t", "intptr_t", "uintptr_t", "time_t"), "a type of one size"
+    ),
+    **dict.fromkeys(("wchar_t", "double long", "void", "int128"), "a type of one size, such as uint16_t"),
+    **dict.fromkeys(("INT", "UINT", "BOOL"), "its typedef in this header: PLCs and Windows differ about it"),
+}
+LANGUAGE = ("char", "short", "int", "long", "float", "double", "void", "_Bool")
+# What is declared in headers that are not read, and no word of the language.
+NAMED_TYPES = frozenset(
+    name for name in (*C_TYPES, *NO_ONE_SIZE) if name.isidentifier() and name not in LANGUAGE
+)
+
+
+# Rule: bounded in length, depth and size; a name that nobody knows makes the number unknown.
+
+LONGEST = 1000
+DEEPEST = 64
+LARGEST = 1 << 64
+
+_SUFFIX = re.compile(r"[uUlL]+\Z")
+_BINARY: dict[str, Callable[[int, int], int | None]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: _quotient(a, b),
+    "%": lambda a, b: None if b == 0 else a - b * (_quotient(a, b) or 0),
+    "<<": lambda a, b: a << b if 0 <= b < 64 else None,
+    ">>": lambda a, b: a >> b if 0 <= b < 64 else None,
+    "&": lambda a, b: a & b,
+    "|": lambda a, b: a | b,
+    "^": lambda a, b: a ^ b,
+    "==": lambda a, b: int(a == b),
+    "!=": lambda a, b: int(a != b),
+    "<": lambda a, b: int(a < b),
+    ">": lambda a, b: int(a > b),
+    "<=": lambda a, b: int(a <= b),
+    ">=": lambda a, b: int(a >= b),
+    "&&": lambda a, b: int(bool(a and b)),
+    "||": lambda a, b: int(bool(a or b)),
+}
+_UNARY: dict[str, Callable[[int], int]] = {
+    "+": lambda a: a,
+    "-": lambda a: -a,
+    "~": lambda a: ~a,
+    "!": lambda a: int(not a),
+}
+
+
+def fold(node: Any, look_up: Callable[[str], int | None], depth: int = 0) -> int | None:
+    """Return the value of an expression, None if something in it is no known whole number."""
+    if depth > DEEPEST:
+        return None
+    value: int | None = None
+    match type(node).__name__:
+        case "Constant":
+            value = _constant(node.value)
+        case "ID":
+            value = look_up(node.name)
+        case "Cast":
+            value = fold(node.expr, look_up, depth + 1)
+        case "UnaryOp" if node.op in _UNARY:
+            inner = fold(node.expr, look_up, depth + 1)
+            value = None if inner is None else _UNARY[node.op](inner)
+        case "BinaryOp" if node.op in _BINARY:
+            left = fold(node.left, look_up, depth + 1)
+            right = fold(node.right, look_up, depth + 1)
+            value = None if left is None or right is None else _BINARY[node.op](left, right)
+        case "TernaryOp":
+            asked = fold(node.cond, look_up, depth + 1)
+            if asked is not None:
+                value = fold(node.iftrue if asked else node.iffalse, look_up, depth + 1)
+    return value if value is not None and abs(value) <= LARGEST else None
+
+
+def formula(node: Any, depth: int = 0) -> str | None:
+    """Return an expression as IEC 61131-3 writes it; None if it cannot."""
+    match type(node).__name__ if depth <= DEEPEST else "":
+        case "Constant":
+            value = _constant(node.value)
+            return None if value is None else str(value)
+        case "ID":
+            return str(node.name)
+        case "Cast":
+            return formula(node.expr, depth + 1)
+        case "BinaryOp" if node.op in "+-*/":
+            left, right = formula(node.left, depth + 1), formula(node.right, depth + 1)
+            return None if left is None or right is None else f"({left} {node.op} {right})"
+    return None
+
+
+def is_short(text: str) -> bool:
+    """Return whether an expression is one that a C parser may be asked to read: not long, not deep."""
+    depth = deepest = 0
+    for symbol in text if len(text) <= LONGEST else "":
+        depth += (symbol in "([{") - (symbol in ")]}")
+        deepest = max(deepest, depth)
+    return len(text) <= LONGEST and deepest <= DEEPEST
+
+
+def _constant(text: str) -> int | None:
+    if re.fullmatch(r"'[ -~]'", text):
+        return ord(text[1])
+    digits = _SUFFIX.sub("", text).replace("'", "")
+    try:
+        return int(digits, 8) if re.fullmatch(r"0[0-7]+", digits) else int(digits, 0)
+    except ValueError:
+        return None
+
+
+def _quotient(left: int, right: int) -> int | None:
+    """Return the quotient, cut towards zero as C does."""
+    if right == 0:
+        return None
+    whole = abs(left) // abs(right)
+    return whole if (left < 0) == (right < 0) else -whole
+
 
 # A name that no typedef of this file declares, where only a type can stand: it comes from an #include.
 _FOREIGN = re.compile(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from trcvtui.udt.ast import Declarations
-from trcvtui.udt.sources.dialect import Dialect
 from trcvtui.udt.sources.st import read_st
+from trcvtui.udt.sources.st_cursor import Dialect
 
 CODESYS_2 = Dialect(has_objects=True)
 

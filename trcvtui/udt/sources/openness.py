@@ -21,9 +21,8 @@ from trcvtui.udt.ast import (
     StructSpec,
 )
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.sources.xml_source import Element
-from trcvtui.udt.sources.xml_types import bounds, deeper, text_type
-from trcvtui.udt.words import NAME
+from trcvtui.udt.literals import NAME
+from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
 
 TYPE = "SW.Types.PlcStruct"
 MOST_DIMENSIONS = 8

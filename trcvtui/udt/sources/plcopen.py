@@ -25,13 +25,11 @@ from trcvtui.udt.ast import (
     Spec,
     StructSpec,
 )
-from trcvtui.udt.formula import read_number
-from trcvtui.udt.literals import parse_integer
+from trcvtui.udt.constants import read_number
+from trcvtui.udt.literals import NAME, parse_integer
 from trcvtui.udt.sources.st import read_spec
 from trcvtui.udt.sources.twincat import named, qualified, read_inside
-from trcvtui.udt.sources.xml_source import Element
-from trcvtui.udt.sources.xml_types import bounds, deeper, text_type
-from trcvtui.udt.words import NAME
+from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
 
 NOT_TYPES = ("documentation", "addData")
 _NAME = re.compile(rf"{NAME}(\.{NAME})*")

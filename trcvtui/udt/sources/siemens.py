@@ -5,8 +5,8 @@ from __future__ import annotations
 from trcvtui.errors import mistake
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.sources.dialect import Dialect
 from trcvtui.udt.sources.st import read_st
+from trcvtui.udt.sources.st_cursor import Dialect
 
 TIA = Dialect(has_header=True, layout=S7.name)
 SIMATIC_SD = Dialect(layout=S7.name)

@@ -11,10 +11,8 @@ from bisect import bisect_right
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Constant, Declaration, Declarations, Reference, Spec, StructSpec
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.sources.dialect import IEC, Dialect
-from trcvtui.udt.sources.st_cursor import CLOSERS, OPENERS
+from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Dialect, Shape, Source, Token
 from trcvtui.udt.sources.st_spec import SpecParser, encoded
-from trcvtui.udt.sources.st_tokens import Shape, Source, Token
 
 ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
 # TIA: what stands between the name of a type and STRUCT, each up to the end of its line.

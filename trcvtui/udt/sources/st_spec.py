@@ -24,9 +24,7 @@ from trcvtui.udt.ast import (
     UnplacedSpec,
 )
 from trcvtui.udt.resolve import MOST_NESTED
-from trcvtui.udt.sources.dialect import IEC, Dialect
-from trcvtui.udt.sources.st_cursor import CLOSERS, MEMBER_ENDS, Cursor
-from trcvtui.udt.sources.st_tokens import Shape, Source
+from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Dialect, Shape, Source
 from trcvtui.udt.types import ELEMENTARY, Kind, Text
 
 MOST_DIMENSIONS = 8

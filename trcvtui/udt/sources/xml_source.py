@@ -10,6 +10,10 @@ from collections.abc import Iterator
 from xml.parsers import expat
 
 from trcvtui.errors import UserError, mistake
+from trcvtui.udt.ast import Number, TextSpec
+from trcvtui.udt.constants import read_number
+from trcvtui.udt.type_set import MOST_NESTED
+from trcvtui.udt.types import Text
 
 MOST_DEPTH = 200
 MOST_ELEMENTS = 400_000
@@ -152,3 +156,32 @@ class _Builder:
         # With a DTD from elsewhere the parser would leave out what it does not know, without a word.
         if declares or system or public:
             raise self.refusal(f"<!DOCTYPE {name[:40]} ...>", "XML without a DTD and entities of its own")
+
+
+def deeper(depth: int, element: Element) -> int:
+    """Return the depth inside an element; raise UserError when no tool in the field follows so deep."""
+    if depth >= MOST_NESTED:
+        raise mistake(
+            element.where, "a type nested deeper", f"at most {MOST_NESTED} levels of STRUCT and ARRAY"
+        )
+    return depth + 1
+
+
+def bounds(low: str, high: str, where: str) -> tuple[Number, Number]:
+    """Return the bounds of an array or subrange."""
+    lowest, highest = read_number(low, where), read_number(high, where)
+    if isinstance(lowest, int) and isinstance(highest, int) and highest < lowest:
+        raise mistake(where, f"'{highest}'", f"a number from {lowest} upwards")
+    return lowest, highest
+
+
+def text_type(length: str, wide: bool, where: str) -> Text | TextSpec:
+    """Return STRING or WSTRING; an empty length is the default one."""
+    if not length.strip():
+        return Text(None, wide)
+    longest = read_number(length, where)
+    if not isinstance(longest, int):
+        return TextSpec(longest, wide)
+    if longest < 1:
+        raise mistake(where, f"'{longest}'", "a length of 1 or more")
+    return Text(longest, wide)

@@ -1,10 +1,18 @@
-"""The arguments of `trcvtui udt`: show, decode, encode, export, compare, fit, cure (docs/udt.md)."""
+"""What a user hands to `trcvtui udt`: the arguments, and hex or JSON as an argument, a file or stdin.
+
+Rule: every mistake is one line with its place; what is no text, or too large, is refused.
+"""
 
 from __future__ import annotations
 
 import argparse
+import math
+import re
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, Final, TypeVar
+
+from trcvtui.errors import mistake
 
 BYTES: Final = "HEX|@FILE|-"
 
@@ -121,3 +129,119 @@ def _add_type(parser: argparse.ArgumentParser, formats: Sequence[str] = (), twic
     )
     if formats:
         parser.add_argument("--format", choices=formats, default=formats[0], help=f"default: {formats[0]}")
+
+
+# -- hex and JSON ------------------------------------------------------------------------------------------
+
+STDIN: Final = "-"
+LARGEST: Final = 16 * 1024 * 1024  # bytes of a file or of stdin; a job has 65535
+EXPECTED_JSON: Final = 'a JSON object such as {"speed": 12.5}'
+
+
+def given_bytes(given: str) -> bytes:
+    """Return the bytes of hex text: the argument itself, the content of `@FILE`, or stdin for `-`."""
+    from trcvtui.udt.byte_text import parse_hex
+
+    name = _file_of(given)
+    return parse_hex(given, "HEX") if name is None else parse_hex(_text(name), _where(name))
+
+
+def given_messages(given: str) -> list[bytes]:
+    """Return the bytes as messages: a file, and stdin, may have several, with an empty line between them."""
+    from trcvtui.udt.byte_text import parse_hex
+
+    name = _file_of(given)
+    if name is None:
+        where, messages = "HEX", [parse_hex(given, "HEX")]
+    else:
+        where, text = _where(name), _text(name)
+        parse_hex(text, where)  # so that a mistake is told with its line in the file
+        messages = [parse_hex(part) for part in re.split(r"\n[ \t\r]*\n", text)]
+    found = [message for message in messages if message]
+    if not found:
+        raise mistake(where, "no bytes", "a message")
+    return found
+
+
+def given_values(name: str) -> dict[str, object]:
+    """Return the JSON object that stands in a file, or on stdin for `-`."""
+    import json
+
+    where, text = _where(name), _text(name)
+    try:
+        values = json.loads(text, parse_float=_number, object_pairs_hook=_each_once)
+    except _Refused as refused:
+        raise mistake(where, refused.found, refused.expected) from None
+    except json.JSONDecodeError as wrong:
+        place = f"{where}, line {wrong.lineno}, column {wrong.colno}"
+        raise mistake(place, f"no JSON ({wrong.msg})", EXPECTED_JSON) from None
+    except ValueError:  # Python reads no number of more than 4300 digits
+        raise mistake(where, "a number of too many digits", EXPECTED_JSON) from None
+    except RecursionError:
+        raise mistake(where, "brackets nested too deeply", EXPECTED_JSON) from None
+    if not isinstance(values, dict):
+        raise mistake(where, f"JSON, but {_KINDS.get(type(values), 'a number')}", EXPECTED_JSON)
+    return values
+
+
+class _Refused(Exception):
+    """JSON that Python takes and changes without a word."""
+
+    def __init__(self, found: str, expected: str) -> None:
+        super().__init__(found)
+        self.found, self.expected = found, expected
+
+
+def _number(text: str) -> float:
+    number = float(text)
+    if math.isinf(number):
+        raise _Refused(text[:40], 'a number in the range of LREAL, or "Infinity"')
+    return number
+
+
+def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    values: dict[str, object] = {}
+    for key, value in pairs:
+        if key in values:
+            raise _Refused(f"'{key[:60]}' a second time", "each path once")
+        values[key] = value
+    return values
+
+
+_KINDS: Final = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}
+
+
+def _file_of(given: str) -> str | None:
+    """Return the file of `@FILE`, `-` for stdin; None where the argument itself is the hex."""
+    return given.removeprefix("@") if given == STDIN or given.startswith("@") else None
+
+
+def _where(name: str) -> str:
+    return "stdin" if name == STDIN else name
+
+
+def _text(name: str) -> str:
+    from trcvtui.files import reason_of
+
+    try:
+        data = _content(name)
+    except (OSError, ValueError) as failed:
+        raise mistake(_where(name), reason_of(failed), "text that can be read") from None
+    if len(data) > LARGEST:
+        raise mistake(_where(name), "more than that", f"at most {LARGEST} bytes")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as wrong:
+        found = f"binary data (byte {wrong.start} is 16#{data[wrong.start]:02X})"
+        raise mistake(_where(name), found, "text; `xxd -p` makes hex text of a binary file") from None
+
+
+def _content(name: str) -> bytes:
+    if name == STDIN:
+        stdin = getattr(sys.stdin, "buffer", None)  # None when the shell has closed it
+        if stdin is None:
+            raise OSError("nothing, it is closed")
+        return bytes(stdin.read(LARGEST + 1))
+    from trcvtui.files import read_bytes
+
+    return read_bytes(name, LARGEST)

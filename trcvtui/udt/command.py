@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
+from trcvtui.udt.cli_input import given_bytes, given_messages, given_values
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
@@ -74,7 +75,6 @@ def show(args: Namespace) -> Iterator[str]:
 
 def decode(args: Namespace) -> Iterator[str]:
     """Return the answer of `udt decode`."""
-    from trcvtui.udt.command.cli_input import given_bytes
     from trcvtui.udt.report import decode_json, decode_text
 
     layout = layout_of(args)
@@ -91,8 +91,7 @@ def decode(args: Namespace) -> Iterator[str]:
 
 def encode(args: Namespace) -> str:
     """Return the answer of `udt encode`."""
-    from trcvtui.udt.byte_forms import BYTE_FORMS
-    from trcvtui.udt.command.cli_input import given_values
+    from trcvtui.udt.byte_text import BYTE_FORMS
     from trcvtui.udt.report import encode_values
 
     layout = layout_of(args)
@@ -116,10 +115,8 @@ def export(args: Namespace) -> str:
 
 def compare(args: Namespace) -> tuple[Iterator[str], Callable[[], bool]]:
     """Return the answer of `udt compare`, and what says after its last line whether both sides are equal."""
-    from trcvtui.udt.command.cli_input import given_bytes
-    from trcvtui.udt.compare.compare import Count
+    from trcvtui.udt.compare.compare import Count, compare_json, compare_text, is_equal
     from trcvtui.udt.compare.compare import compare as side_by_side
-    from trcvtui.udt.compare.compare_report import compare_json, compare_text, is_equal
 
     ours, theirs = _two_layouts(args)
     data = given_bytes(" ".join(args.hex)) if args.hex else b""
@@ -130,9 +127,8 @@ def compare(args: Namespace) -> tuple[Iterator[str], Callable[[], bool]]:
 
 def fit(args: Namespace) -> tuple[str, bool]:
     """Return the answer of `udt fit`, and whether one reading fits best."""
-    from trcvtui.udt.command.cli_input import given_messages
     from trcvtui.udt.compare.fit import fit as ranked
-    from trcvtui.udt.compare.fit_report import fit_json, fit_text
+    from trcvtui.udt.compare.fit import fit_json, fit_text
 
     ours = layout_of(args)
     messages = given_messages(" ".join(args.hex))

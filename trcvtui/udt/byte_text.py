@@ -1,0 +1,299 @@
+"""Bytes as another tool takes them: hex, `16#..` list, ST array, C array, Python bytes, base64."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from trcvtui.errors import UserError, mistake
+
+# A line is a template of fixed columns, filled in pieces of eight characters: three for eight bytes, two for
+# the text. Eight lines are a whole number of such pieces, so in every eighth line a piece has the same place,
+# and one strided copy puts it into all of them: 64 copies for 32 KiB, whatever the bytes are.
+
+ROW: Final = 16
+BLOCK: Final = 32_768
+_LINE: Final = 79  # with its line feed, offsets of eight digits
+_PIECE: Final = 8  # characters: the widest item that a memoryview copies
+_BYTES: Final = (10, 18, 26, 35, 43, 51)  # columns of the pieces
+_TEXT: Final = (61, 69)
+_TEMPLATE: Final = b"00000000  " + b"00 " * 8 + b" " + b"00 " * 8 + b" |" + b"." * ROW + b"|\n"
+_SHOWN: Final = bytes(byte if 0x20 <= byte < 0x7F else ord(".") for byte in range(256))
+_DIGITS: Final = b"0123456789abcdef"
+_EIGHT_DIGITS: Final = 1 << 32  # from there on an offset is wider
+
+
+def hexdump(content: bytes | bytearray | memoryview) -> bytes:
+    """Return the dump of all bytes, each line with its line feed, and the length in the last line."""
+    return b"".join(hexdump_blocks(content))
+
+
+def hexdump_blocks(content: bytes | bytearray | memoryview) -> Iterator[bytes | bytearray]:
+    """Yield the dump of 32 KiB after 32 KiB; an empty dump for no bytes."""
+    view = memoryview(content).cast("B")
+    for start in range(0, len(view), BLOCK):
+        yield _block(view[start : start + BLOCK], start)
+    if len(view):
+        yield b"%08x\n" % len(view)
+
+
+def _block(part: memoryview, start: int) -> bytes | bytearray:
+    full = len(part) - len(part) % ROW
+    rows = _rows(part[:full], start) if full else b""
+    return rows if full == len(part) else bytes(rows) + _last_row(bytes(part[full:]), start + full)
+
+
+def _rows(part: memoryview, start: int) -> bytes | bytearray:
+    if start + len(part) > _EIGHT_DIGITS:
+        rows = range(0, len(part), ROW)
+        return b"".join(_last_row(bytes(part[place : place + ROW]), start + place) for place in rows)
+    lines = bytearray(_EMPTY[start // BLOCK % 2][: len(part) // ROW * _LINE])
+    for column, digit in enumerate(b"%04x" % (start >> 16)):
+        lines[column::_LINE] = bytes((digit,)) * (len(part) // ROW)
+    _fill(lines, _BYTES, (part.hex(" ") + " ").encode())
+    _fill(lines, _TEXT, bytes(part).translate(_SHOWN))
+    return lines
+
+
+def _fill(lines: bytearray, columns: Sequence[int], content: bytes) -> None:
+    """Copy the pieces of each line to their columns."""
+    whole, pieces = memoryview(lines), memoryview(content).cast("Q")
+    shifted = [_in_pieces(whole[shift:]) for shift in range(_PIECE)]
+    step = _PIECE * len(columns)
+    for line in range(min(_PIECE, len(lines) // _LINE)):
+        for number, column in enumerate(columns):
+            place, shift = divmod(line * _LINE + column, _PIECE)
+            shifted[shift][place::_LINE] = pieces[line * len(columns) + number :: step]
+
+
+def _in_pieces(characters: memoryview) -> memoryview:
+    return characters[: len(characters) - len(characters) % _PIECE].cast("Q")
+
+
+def _empty(start: int) -> bytes:
+    """Return the lines of a block without its bytes: of two blocks in turn the low offsets are the same."""
+    lines = bytearray(_TEMPLATE) * (BLOCK // ROW)
+    for column, shift in ((4, 12), (5, 8), (6, 4)):
+        offsets = range(start, start + BLOCK, ROW)
+        lines[column::_LINE] = bytes(_DIGITS[offset >> shift & 15] for offset in offsets)
+    return bytes(lines)
+
+
+_EMPTY: Final = (_empty(0), _empty(BLOCK))
+
+
+def _last_row(row: bytes, offset: int) -> bytes:
+    """Return one line of any length, offset of any width."""
+    left, right = row[:8].hex(" "), row[8:].hex(" ")
+    return f"{offset:08x}  {left:<24} {right:<24} |".encode() + row.translate(_SHOWN) + b"|\n"
+
+
+# Rule: the first thing that is no hex is named with its place; nothing is guessed.
+
+EXPECTED: Final = "hex bytes such as 01 02 0A"
+_GROUP: Final = re.compile(r"[^\s,]+")
+_MARK: Final = re.compile(r"(?:0x|16#)", re.IGNORECASE)
+_NO_DIGIT: Final = re.compile(r"[^0-9a-f]", re.IGNORECASE)
+_LONGEST_SHOWN: Final = 20
+
+
+def parse_hex(text: str, where: str = "hex") -> bytes:
+    """Return the bytes of hex text; raise UserError with the position of the first thing that is no hex.
+
+    A group is whole bytes, two digits each; a lone digit (`0x1`, or `1` between blanks) is one byte.
+    """
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        return b"".join(_group(text, found, where) for found in _GROUP.finditer(text))
+
+
+def _group(text: str, group: re.Match[str], where: str) -> bytes:
+    mark = _MARK.match(group[0])
+    start = 0 if mark is None else mark.end()
+    digits = group[0][start:]
+    wrong = _NO_DIGIT.search(digits)
+    if wrong is not None:
+        place = group.start() + start + wrong.start()
+        raise _mistake(text, place, where, f"'{wrong[0]}'")
+    if not digits or (len(digits) % 2 and len(digits) != 1):
+        shown = group[0] if len(group[0]) <= _LONGEST_SHOWN else group[0][:_LONGEST_SHOWN] + "..."
+        raise _mistake(text, group.start(), where, f"'{shown}' with {len(digits)} digits")
+    return bytes.fromhex(digits if len(digits) != 1 else "0" + digits)
+
+
+def _mistake(text: str, place: int, where: str, found: str) -> UserError:
+    line_start = text.rfind("\n", 0, place) + 1
+    column = place - line_start + 1
+    if "\n" not in text.strip():
+        return mistake(f"{where}, position {column}", found, EXPECTED)
+    return mistake(f"{where}, line {text.count(chr(10), 0, place) + 1}, column {column}", found, EXPECTED)
+
+
+A_LINE: Final = 16
+
+
+def hex_lines(content: bytes, name: str = "") -> str:
+    """Return hex, sixteen bytes a line."""
+    return "\n".join(_lines(content, "{:02x}", " "))
+
+
+def iec_list(content: bytes, name: str = "") -> str:
+    """Return the bytes as a list of `16#..`."""
+    return ",\n".join(_lines(content, "16#{:02X}", ", "))
+
+
+def st_array(content: bytes, name: str) -> str:
+    """Return the declaration of an ARRAY OF BYTE with the bytes as its initial value."""
+    items = ",\n    ".join(_lines(content, "16#{:02X}", ", "))
+    last = len(content) - 1
+    return f"{identifier(name)} : ARRAY[0..{last}] OF BYTE := [\n    {items}\n];" if content else ""
+
+
+def c_array(content: bytes, name: str) -> str:
+    """Return the definition of an array in C."""
+    items = ",\n    ".join(_lines(content, "0x{:02X}", ", "))
+    head = f"const uint8_t {identifier(name)}[{len(content)}]"
+    return f"{head} = {{\n    {items}\n}};" if content else ""
+
+
+def python_bytes(content: bytes, name: str) -> str:
+    """Return an assignment in Python."""
+    pieces = [content[at : at + A_LINE] for at in range(0, len(content), A_LINE)]
+    written = "\n".join('    b"' + "".join(f"\\x{byte:02x}" for byte in piece) + '"' for piece in pieces)
+    return f"{identifier(name)} = (\n{written}\n)" if pieces else ""
+
+
+def base64_text(content: bytes, name: str = "") -> str:
+    """Return the bytes in base64, one line."""
+    import base64  # only who asks for it pays for it
+
+    return base64.b64encode(content).decode("ascii")
+
+
+def _lines(content: bytes, form: str, between: str) -> Iterator[str]:
+    for at in range(0, len(content), A_LINE):
+        yield between.join(form.format(byte) for byte in content[at : at + A_LINE])
+
+
+def identifier(name: str) -> str:
+    """Return the name as a variable may be called in each of these languages."""
+    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return word if word and not word[0].isdigit() else f"_{word}"
+
+
+# What `udt encode --format` takes; `hex` is one line, as the contract has it.
+BYTE_FORMS: Final[dict[str, Callable[[bytes, str], str]]] = {
+    "hex": lambda content, name: content.hex(" "),
+    "iec": iec_list,
+    "st": st_array,
+    "c": c_array,
+    "python": python_bytes,
+    "base64": base64_text,
+}
+
+
+# Rule: `29 00` is hex, `"abc"` a text, `=41` and `=-1.5` a number in all sizes that hold it.
+
+WHERE: Final = "find"
+EXPECTED_SEARCH: Final = 'hex such as 29 00, a text such as "abc", or a number such as =41 or =1234.5'
+LONGEST: Final = 256
+_WHOLE: Final = (("INT", "h", "H"), ("DINT", "i", "I"), ("LINT", "q", "Q"))
+_REALS: Final = (("REAL", "f"), ("LREAL", "d"))
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is looked for: any of `patterns`; `about` says it in words."""
+
+    patterns: tuple[bytes, ...]
+    about: str
+
+
+def wanted(text: str) -> Wanted:
+    """Return what a text asks for; raise UserError where it is none of the three."""
+    text = text.strip()
+    if text[:1] in ('"', "'"):
+        found = _text(text)
+    elif text[:1] == "=":
+        found = _number(text[1:].strip())
+    else:
+        content = parse_hex(text, WHERE)
+        found = Wanted((content,), f"hex {content[:16].hex(' ')}")
+    if not all(found.patterns):
+        raise mistake(WHERE, "nothing", EXPECTED_SEARCH)
+    if max(map(len, found.patterns)) > LONGEST:
+        raise mistake(WHERE, f"{max(map(len, found.patterns))} bytes", f"at most {LONGEST}")
+    return found
+
+
+def _text(text: str) -> Wanted:
+    inside = text[1:-1] if len(text) > 1 and text.endswith(text[0]) else text[1:]
+    return Wanted((inside.encode(),), f"text {len(inside.encode())} B")
+
+
+def _number(text: str) -> Wanted:
+    try:
+        value = int(text.replace("16#", "0x"), 0)
+    except ValueError:
+        return _real(text)
+    found = [
+        (name, struct.pack(order + (signed if value < 0 else plain), value))
+        for name, signed, plain in _WHOLE
+        for order in "<>"
+        if _fits(value, 8 * struct.calcsize(plain))
+    ]
+    if not found:
+        raise mistake(WHERE, text, "a number of at most 64 bits")
+    if value == 0:
+        found = found[:2]  # a LINT 0 is found where an INT 0 is
+    return _in_words(found)
+
+
+def _fits(value: int, bits: int) -> bool:
+    return bool(-(1 << bits - 1) <= value < 1 << bits)
+
+
+def _real(text: str) -> Wanted:
+    try:
+        value = float(text)
+        return _in_words(
+            [(name, struct.pack(order + code, value)) for name, code in _REALS for order in "<>"]
+        )
+    except (ValueError, OverflowError):
+        raise mistake(WHERE, f"'{text[:20]}'", EXPECTED_SEARCH) from None
+
+
+def _in_words(found: list[tuple[str, bytes]]) -> Wanted:
+    patterns = tuple(dict.fromkeys(pattern for _, pattern in found))
+    names = list(dict.fromkeys(name for name, _ in found))
+    return Wanted(patterns, f"{', '.join(names)} in either byte order")
+
+
+# -- in bytes ------------------------------------------------------------------------------------------------
+
+
+def first_in(content: bytes, patterns: tuple[bytes, ...], start: int = 0) -> int | None:
+    """Return the first place from `start` on at which one of the patterns stands."""
+    found = [place for pattern in patterns if (place := content.find(pattern, max(0, start))) >= 0]
+    return min(found, default=None)
+
+
+def last_in(content: bytes, patterns: tuple[bytes, ...], before: int) -> int | None:
+    """Return the last place before `before` at which one of the patterns stands."""
+    if before <= 0:
+        return None
+    found = [place for p in patterns if (place := content.rfind(p, 0, before - 1 + len(p))) >= 0]
+    return max(found, default=None)
+
+
+def all_in(content: bytes, patterns: tuple[bytes, ...]) -> Iterator[range]:
+    """Return the bytes of every place, for one pattern after the other."""
+    for pattern in patterns:
+        place = content.find(pattern)
+        while place >= 0:
+            yield range(place, place + len(pattern))
+            place = content.find(pattern, place + 1)

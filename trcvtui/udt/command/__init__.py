@@ -1,1 +1,0 @@
-"""`trcvtui udt` on the command line."""

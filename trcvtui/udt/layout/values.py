@@ -1,0 +1,340 @@
+"""Leaves that overlap, written so that all of them still read as their own values.
+
+Rule: first the leaves of which every bit counts; then BOOL, texts and the like, which several byte strings
+say, by changing as little as their value needs.
+"""
+
+from __future__ import annotations
+
+import heapq
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain, islice, product, repeat
+from operator import itemgetter
+from typing import Final, Generic, TypeVar
+
+from trcvtui.errors import Problem, UserError
+from trcvtui.udt.layout.codec import Codec, Data, Values, array_plan, codec_of, present
+from trcvtui.udt.layout.coding import Refused, Value
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
+from trcvtui.udt.layout.layout_tree import (
+    Leaf,
+    Node,
+    PlacedArray,
+    PlacedLeaf,
+    PlacedStruct,
+    PlacedUnion,
+    walk,
+)
+from trcvtui.udt.types import Text
+
+# Rule: what is made of the element of an ARRAY is made once and given again for every element.
+
+FEW: Final = 256  # leaves that are made one by one
+PAGE: Final = 1024  # elements that are decoded, rows that are aligned at once
+MOST_AT_ONCE: Final = 16 * PAGE  # leaves that are decoded in one go
+CODECS_KEPT: Final = 32
+
+_M = TypeVar("_M")
+_T = TypeVar("_T")
+Make = Callable[[Leaf], _M]
+
+
+def stream(layout: Layout, make: Make[_M], by_offset: bool = False) -> Iterator[tuple[int, str, _M]]:
+    """Yield of every leaf its offset, how its path begins, and what `make` made of it.
+
+    The leaf that `make` is given has the rest of the path, and an offset that means nothing. In declared
+    order, or by offset: these differ in a UNION.
+    """
+    return _Stream(make, by_offset).of(layout.root, "", 0)
+
+
+class _Stream(Generic[_M]):
+    def __init__(self, make: Make[_M], by_offset: bool) -> None:
+        self.make, self.by_offset = make, by_offset
+
+    def of(self, node: Node, path: str, offset: int, bit: int = 0) -> Iterator[tuple[int, str, _M]]:
+        if isinstance(node, PlacedArray) and node.leaves > FEW:
+            return self.array(node, path, offset)
+        if isinstance(node, PlacedStruct) and node.leaves > FEW:
+            prefix = path + "." if path else ""
+            steps = ((prefix + name if name else path) for name in node.steps)
+            places = (offset + place for place in node.offsets)
+            members = map(self.of, node.nodes, steps, places, node.bits)
+            is_union = isinstance(node, PlacedUnion) and self.by_offset
+            return heapq.merge(*members, key=itemgetter(0)) if is_union else chain.from_iterable(members)
+        return ((place, "", made) for place, made in self.few(node, path, offset, bit))
+
+    def few(self, node: Node, path: str, offset: int = 0, bit: int = 0) -> list[tuple[int, _M]]:
+        rows = [(leaf.offset, self.make(leaf)) for leaf in walk(node, path, offset, 0, node.leaves, bit)]
+        return sorted(rows, key=itemgetter(0)) if self.by_offset and node.overlaps else rows
+
+    def array(self, node: PlacedArray, path: str, offset: int) -> Iterator[tuple[int, str, _M]]:
+        element = node.element
+        if element.leaves > FEW:
+            for number, index in enumerate(_indices(node)):
+                yield from self.of(element, path + index, offset + number * node.pitch)
+        elif node.is_bits:
+            made = [self.made_of(element, bit)[0][1] for bit in range(8)]
+            for number, index in enumerate(_indices(node)):
+                place, bit = node.place(number)
+                yield offset + place, path + index, made[bit]
+        else:
+            rows = self.made_of(element)
+            for at, index in zip(range(offset, offset + node.size, node.pitch), _indices(node), strict=True):
+                before = path + index
+                for place, one in rows:
+                    yield at + place, before, one
+
+    def made_of(self, element: Node, bit: int = 0) -> list[tuple[int, _M]]:
+        """Return what is made of an element; the path of its leaves begins behind the index."""
+        make, self.make = self.make, lambda leaf: make(leaf._replace(path=leaf.path[1:]))
+        rows = self.few(element, "]", 0, bit)
+        self.make = make
+        return rows
+
+
+def _indices(node: PlacedArray) -> Iterator[str]:
+    """Yield the index of each element, such as `[1,2]`."""
+    if len(node.bounds) == 1:
+        ((low, high),) = node.bounds
+        return (f"[{index}]" for index in range(low, high + 1))
+    ranges = (range(low, high + 1) for low, high in node.bounds)
+    return (f"[{','.join(map(str, index))}]" for index in product(*ranges))
+
+
+# -- values --------------------------------------------------------------------------------------------------
+
+
+def values_of(layout: Layout, data: Data) -> Iterator[Value | None]:
+    """Yield the values of all leaves in declared order, None for each that is missing or partly present."""
+    return _Values(bytes(data), BYTE_ORDERS[layout.rules.byte_order]).of(layout.root, 0)
+
+
+class _Values:
+    def __init__(self, data: bytes, order: str) -> None:
+        self.data, self.order = data, order
+        self.codecs: dict[int, Codec] = {}
+
+    def codec(self, node: Node) -> Codec:
+        if id(node) not in self.codecs:
+            if len(self.codecs) >= CODECS_KEPT:
+                self.codecs.clear()
+            self.codecs[id(node)] = codec_of(node, self.order)
+        return self.codecs[id(node)]
+
+    def of(self, node: Node, at: int, bit: int = 0) -> Iterator[Value | None]:
+        if at >= len(self.data):
+            return repeat(None, node.leaves)
+        if isinstance(node, PlacedArray) and node.leaves > MOST_AT_ONCE and not node.is_bits:
+            return self.array(node, at)
+        if isinstance(node, PlacedStruct) and node.leaves > MOST_AT_ONCE:
+            members = zip(node.nodes, node.offsets, node.bits, strict=True)
+            return chain.from_iterable(self.of(child, at + place, bit) for child, place, bit in members)
+        return iter(self.read(node, at, bit))
+
+    def array(self, node: PlacedArray, at: int) -> Iterator[Value | None]:
+        element, pitch = node.element, node.pitch
+        if element.leaves > MOST_AT_ONCE:
+            for number in range(node.count):
+                yield from self.of(element, at + number * pitch)
+            return
+        once = max(PAGE // max(element.leaves, 1), 1)
+        codec, number = Codec(array_plan(element, once, pitch, self.order), self.order), 0
+        while number + once <= node.count and at + once * pitch <= len(self.data):
+            yield from codec.read(self.data[at : at + once * pitch])
+            number, at = number + once, at + once * pitch
+        for _ in range(number, node.count):
+            yield from self.read(element, at)
+            at += pitch
+
+    def read(self, node: Node, at: int, bit: int = 0) -> Iterable[Value | None]:
+        part, codec = self.data[at : at + node.size], self.codec(node)
+        if isinstance(node, PlacedLeaf) and node.is_bit:
+            return (bool(part[0] >> bit & 1) if part else None,)
+        if len(part) == node.size:
+            return codec.read(part)
+        return present(walk(node, "", 0, 0, node.leaves), codec.read_filled(part), len(part))
+
+
+def pages(rows: Iterable[_T], size: int = PAGE) -> Iterator[list[_T]]:
+    """Yield rows by the page."""
+    waiting = iter(rows)
+    while page := list(islice(waiting, size)):
+        yield page
+
+
+# Rule: no data is an error. A leaf that is not wholly there is None; surplus bytes are ignored.
+
+
+def decode(layout: Layout, data: Data) -> Values:
+    """Return the values of all leaves, None for each that is missing or partly present."""
+    try:
+        return layout.codec.read(data)
+    except struct.error:
+        values = layout.codec.read_filled(data)
+    if layout.root.overlaps:
+        return present(layout.leaves(), values, len(data))
+    within = layout.leaves_within(len(data))
+    return values[:within] + (None,) * (len(values) - within)
+
+
+def decode_leaves(layout: Layout, data: Data, start: int, stop: int) -> Values:
+    """Return the values of the leaves of number start..stop-1; the cost does not grow with the layout."""
+    page = layout.page(start, stop)
+    try:
+        return page.read(data)
+    except struct.error:
+        return page.read_part(data)
+
+
+def decode_leaf(layout: Layout, leaf: Leaf, part: Data) -> Value:
+    """Return the value of one leaf from its own bytes, of a bit the byte it lies in."""
+    if leaf.bit is not None:
+        return bool(part[0] >> leaf.bit & 1)
+    (raw,) = struct.unpack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, part)
+    value: Value = leaf.coding.to_value(raw) if leaf.coding.to_value else raw
+    return value
+
+
+class Overlay:
+    """The bytes of a layout as they are written, and the bits in them that somebody's value needs."""
+
+    def __init__(self, layout: Layout, data: bytearray) -> None:
+        self._layout, self._data = layout, data
+        self._taken = bytearray(len(data))
+        self._exact: list[tuple[Leaf, bytes]] = []
+        self._loose: list[tuple[Leaf, bytes]] = []
+
+    def add(self, leaf: Leaf, part: bytes) -> None:
+        """Keep the bytes of a leaf until all are known."""
+        value = decode_leaf(self._layout, leaf, part)
+        (self._loose if _is_loose(leaf, value) else self._exact).append((leaf, part))
+
+    def write(self) -> None:
+        """Write all leaves."""
+        texts_first = sorted(self._loose, key=lambda row: _order(row[0]))
+        firm = bytes(len(self._data))
+        for number, (leaf, part) in enumerate((*self._exact, *texts_first)):
+            if number == len(self._exact):
+                firm = bytes(self._taken)
+            place = slice(leaf.offset, leaf.offset + leaf.size)
+            own = bytes([1 << leaf.bit]) if leaf.bit is not None else b"\xff" * leaf.size
+            needed = self._needed(leaf, part) if isinstance(leaf.type, Text) else own
+            now, taken = self._data[place], self._taken[place]
+            free = bytes(ours & ~theirs for ours, theirs in zip(own, taken, strict=True))
+            forced = bytes(ours | theirs for ours, theirs in zip(free, needed, strict=True))
+            value = decode_leaf(self._layout, leaf, part)
+            gentle = bytes(ours & ~theirs for ours, theirs in zip(forced, firm[place], strict=True))
+            forms = (part, self._beyond(leaf, part))
+            for mask, form in (*product((free, gentle, forced), forms), (own, part)):
+                written = _masked(now, form, mask)
+                if _same(decode_leaf(self._layout, leaf, written), value):
+                    break
+            self._data[place] = written
+            self._taken[place] = bytes(ours | theirs for ours, theirs in zip(needed, taken, strict=True))
+
+    def _beyond(self, leaf: Leaf, part: bytes) -> bytes:
+        """Return other bytes that say the same: a full text has a length beyond its field, TRUE all bits."""
+        if not isinstance(leaf.type, Text):
+            return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
+        if not self._layout.rules.text.header:
+            return part
+        unit = 2 if leaf.type.wide else 1
+        return part[:unit] + b"\xff" * unit + part[2 * unit :]
+
+    def _needed(self, leaf: Leaf, part: bytes) -> bytes:
+        """Return which bytes of a text say what it is: not the longest length, nor what is behind the end."""
+        assert isinstance(leaf.type, Text)
+        unit = 2 if leaf.type.wide else 1
+        text = str(decode_leaf(self._layout, leaf, part))
+        length = len(text.encode("utf-16-le", "surrogatepass")) // 2
+        if leaf.type.utf8:
+            length = len(text.encode("utf-8", "surrogateescape"))
+        first = unit if self._layout.rules.text.header else 0
+        last = min(first + (length + 1) * unit, len(part))
+        return bytes(255 if first <= at < last else 0 for at in range(len(part)))
+
+
+def _is_loose(leaf: Leaf, value: Value) -> bool:
+    """Return whether other bytes may say the same value."""
+    if isinstance(leaf.type, Text) or leaf.coding.code.endswith("s"):
+        return True
+    return (value is True and leaf.bit is None) or value != value
+
+
+def _order(leaf: Leaf) -> int:
+    """Return a number: STRING before WSTRING, which has more ways to say a full text; BOOL last."""
+    return (2 if leaf.type.wide else 1) if isinstance(leaf.type, Text) else 3
+
+
+def _masked(below: bytes | bytearray, part: bytes, mask: bytes) -> bytes:
+    return bytes(b & ~m | p & m for b, p, m in zip(below, part, mask, strict=True))
+
+
+def _same(one: Value, other: Value) -> bool:
+    return one == other or (one != one and other != other)
+
+
+LONGEST_SHOWN = 60
+
+
+def encode(layout: Layout, values: Mapping[str, object]) -> bytes:
+    """Return the bytes of values by path; what is missing or None, and every gap, is 0.
+
+    Of members that overlap a later one leaves what the earlier ones wrote, as far as that says its value too.
+    Raise UserError with one problem for each unknown path and each value out of range.
+    """
+    data = bytearray(layout.size)
+    overlay = Overlay(layout, data) if layout.root.overlaps else None
+    problems: list[Problem] = []
+    for path, value in values.items():
+        try:
+            number = layout.number_of(path)
+            if value is None:
+                continue
+            if overlay is None:
+                put(layout, data, number, value)
+            else:
+                leaf = layout.leaf(number)
+                overlay.add(leaf, encode_leaf(layout, leaf, value))
+        except UserError as refused:
+            problems.extend(refused.problems)
+    if problems:
+        raise UserError(problems)
+    if overlay is not None:
+        overlay.write()
+    return bytes(data)
+
+
+def put(layout: Layout, data: bytearray, number: int, value: object) -> None:
+    """Write one leaf into the bytes of the whole layout; raise UserError when the value does not fit."""
+    leaf = layout.leaf(number)
+    part = encode_leaf(layout, leaf, value)
+    if leaf.bit is not None:  # its neighbours in the byte stay
+        part = bytes([data[leaf.offset] & ~(1 << leaf.bit) | part[0]])
+    data[leaf.offset : leaf.offset + leaf.size] = part
+
+
+def encode_leaf(layout: Layout, leaf: Leaf, value: object) -> bytes:
+    """Return the bytes of one leaf: from a JSON value or a text such as `16#FF`, `T#5s`, `TRUE`.
+
+    Of a bit it is the byte it lies in, all other bits 0.
+    """
+    try:
+        raw = leaf.coding.to_raw(value)
+    except Refused as refused:
+        where = f"{layout.name}.{leaf.path}" if leaf.path else layout.name
+        raise UserError(Problem(where, _shown(value), str(refused))) from None
+    if leaf.bit is not None:
+        return bytes([raw << leaf.bit])
+    return struct.pack(BYTE_ORDERS[layout.rules.byte_order] + leaf.coding.code, raw)
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, int) and value.bit_length() > 128:  # Python writes no number of 4301 digits
+        return f"a number of {value.bit_length()} bits"
+    if isinstance(value, list | dict):
+        return "a list" if isinstance(value, list) else "an object"
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."

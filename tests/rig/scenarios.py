@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.scenario.command import LivePace
 from trcvtui.rig.scenario.report import JsonLines
 from trcvtui.rig.scenario.runner import Runner, Verdict, VirtualPace
 from trcvtui.rig.scenario.scenario import load_scenario
@@ -47,13 +47,25 @@ class Played:
         return [json.loads(line) for line in self.text.splitlines()][:-1]
 
 
+class PatientPace:
+    """Real time passes between the scans, and each scan is on time: a late machine makes no gap shorter.
+
+    With the true clock, two chunks of a partner meet in one scan when that scan is late.
+    """
+
+    def next_scan(self, bench: Bench) -> None:
+        """Sleep for one interval, then let one scan pass."""
+        clock.sleep_until(clock.now_ns() + bench.runtime.interval_ns)
+        bench.step()
+
+
 def play(path: Path, kernel: str, *overrides: str) -> Played:
     """Run one scenario; every handle must be free afterwards. `overrides` are those of `--set`."""
     scenario = load_scenario(path, overrides)
     bench = Bench(scenario.project, kernel)
     out = io.StringIO()
     report = JsonLines(out.write, bench.runtime.interval_ns)
-    pace = LivePace() if kernel == "live" else VirtualPace()
+    pace = PatientPace() if kernel == "live" else VirtualPace()
     verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
     report.verdict(verdict)
     edges = tuple(line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import random
 import re
+from itertools import groupby
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.udt.st_machine import Machine
@@ -22,8 +23,9 @@ from trcvtui.udt.sources.siemens import read_tia
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.st_write import ST_WORDS, scl_text, st_text
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import Struct
+from trcvtui.udt.types import ELEMENTARY, Member, Struct
 
+ONE_BOOL = Struct("S", (Member("m0", ELEMENTARY["BOOL"]),))
 ODD_NAMES = """TYPE "T"
 VERSION : 0.1
 STRUCT
@@ -81,11 +83,14 @@ def test_profiles_that_agree_need_no_cure() -> None:
     st.sampled_from(["st", "scl", "padded"]),
     st.lists(st.binary(max_size=60)),
 )
+@example(ONE_BOOL, rules_for("baosky"), rules_for("baosky"), "st", [b"\0\0"])
 def test_any_pair_has_a_cure_and_any_bytes_a_ranking(
     type_: Struct, ours: LayoutRules, theirs: LayoutRules, form: str, messages: list[bytes]
 ) -> None:
     text = cure_source(lay_out(type_, ours, "T"), lay_out(type_, theirs, "T"), form)
     assert text.startswith(f"// T for {ours.name}, ")
     fits = fit(type_, messages)
-    assert [one.score for one in fits] == sorted((one.score for one in fits), reverse=True)
+    best = [next(group).score for _, group in groupby(fits, key=lambda one: one.rank)]
+    assert best == sorted(best, reverse=True)  # readings that find the same values stand together
+    assert [one.rank for one in fits] == sorted(one.rank for one in fits)
     assert verdict(fits)

@@ -13,7 +13,7 @@ from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
-from trcvtui.tui.forms.add_fields import KINDS, fields_of, first_name, line_of
+from trcvtui.tui.forms.fields import KINDS, fields_of, first_name, line_of
 
 BENCH = 'dialect = "{}"\n[[data]]\nname = "rx"\ntype = "ARRAY[0..3] OF BYTE"\n'
 DESCRIBED = (

@@ -9,8 +9,8 @@ from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import LineBench, on_a_line
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
-from trcvtui.tui.forms.add_fields import fields_of, first_name, kinds_of, line_of
 from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField
+from trcvtui.tui.forms.fields import fields_of, first_name, kinds_of, line_of
 from trcvtui.tui.view_model.validity import fault_of
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "140x45"])

@@ -22,11 +22,10 @@ from trcvtui.rig.scenario.files import Found
 from trcvtui.tui.copying.copy_formats import subject_of
 from trcvtui.tui.copying.copy_menu import YankScreen
 from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
-from trcvtui.tui.forms.change_fields import Part
 from trcvtui.tui.forms.description import DescriptionScreen
-from trcvtui.tui.forms.message_list import MessagesScreen
+from trcvtui.tui.forms.fields import Part
+from trcvtui.tui.forms.messages import MessagesScreen, UdtForm, form_of
 from trcvtui.tui.forms.split_test_screen import TrialScreen
-from trcvtui.tui.forms.udt_form import UdtForm, form_of
 from trcvtui.tui.framings.screen import FramingScreen
 from trcvtui.tui.lab.constants_form import ConstantsForm
 from trcvtui.tui.lab.problems_screen import ProblemsScreen

@@ -20,7 +20,7 @@ from trcvtui.net.connection.tcon_param import as_param
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import Endpoint
-from trcvtui.project.connect_descriptions import LOOPBACK, read_described
+from trcvtui.project.descriptions import LOOPBACK, read_described
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import Table
 from trcvtui.udt.layout.layout import lay_out

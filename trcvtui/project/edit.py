@@ -12,14 +12,32 @@ from typing import Any, Final
 from trcvtui.blocks.parameters import PINS
 from trcvtui.errors import Problem, UserError
 from trcvtui.net.connection.description import CONNECTIONS
-from trcvtui.project import parts as parts
-from trcvtui.project.combuffers import find_shared_ends, joined_up, read_combuffer
-from trcvtui.project.declared_names import WORDS, Names, find_duplicates
-from trcvtui.project.keys import KIND_OF, entry_of, forms_of, keys_of
-from trcvtui.project.project import ComBufferDecl, DataDecl, Declaration, Edit, Edits, Project
-from trcvtui.project.reader import Head, Reader
+from trcvtui.project.file import WORDS, Head, Names, Reader, find_duplicates
+from trcvtui.project.keys import (
+    KIND_OF,
+    entry_of,
+    find_shared_ends,
+    forms_of,
+    joined_up,
+    keys_of,
+    read_combuffer,
+    read_instance,
+    read_message,
+    read_peer,
+    read_sequence,
+    read_udp_config,
+)
+from trcvtui.project.layers import read_certificates
+from trcvtui.project.project import (
+    CertificateDecl,
+    ComBufferDecl,
+    DataDecl,
+    Declaration,
+    Edit,
+    Edits,
+    Project,
+)
 from trcvtui.project.tables import Given, Table
-from trcvtui.project.tls_words import CertificateDecl, read_certificates
 
 # Where the entries of a kind stand in a Project, and which kinds share their names with it.
 FIELDS: Final = {
@@ -100,7 +118,7 @@ def _read(kind: str, table: Table, project: Project, number: int) -> Declaration
         case "instance":
             blocks = tuple(block for block in project.dialect.blocks if block in PINS)
             reader.check_pins(table, _head(project))
-            return parts.read_instance(table, blocks, project.tasks[0].name, project.rules)
+            return read_instance(table, blocks, project.tasks[0].name, project.rules)
         case "connect":
             return reader.connect(table, number, _head(project), project.certificates)
         case "combuffer":
@@ -111,7 +129,7 @@ def _read(kind: str, table: Table, project: Project, number: int) -> Declaration
         case "certificate":
             return _certificate(table, project)
         case "peer":
-            return parts.read_peer(table, project.certificates)
+            return read_peer(table, project.certificates)
         case _:
             return _READERS[kind](table)
 
@@ -130,9 +148,9 @@ def structures_of(project: Project) -> tuple[str, ...]:
 
 
 _READERS: Final[dict[str, Callable[[Table], Declaration | None]]] = {
-    "udp_config": parts.read_udp_config,
-    "message": parts.read_message,
-    "sequence": parts.read_sequence,
+    "udp_config": read_udp_config,
+    "message": read_message,
+    "sequence": read_sequence,
 }
 
 

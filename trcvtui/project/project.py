@@ -19,7 +19,6 @@ from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
 from trcvtui.net.layer import Settings
 from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
-from trcvtui.project.tls_words import CertificateDecl, Certificates
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, LayoutRules
 from trcvtui.udt.type_set import TypeSet
@@ -155,6 +154,23 @@ class SimDecl:
     latency_ns: int = 0
     fragment: bool = False
     names: tuple[tuple[str, str], ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateDecl:
+    """One certificate of the CPU's certificate manager: PEM files; without a key it is one to trust."""
+
+    number: int
+    file: str
+    key: str = ""
+
+    @property
+    def name(self) -> str:
+        """Return what it is called: its number."""
+        return str(self.number)
+
+
+Certificates = Mapping[int, CertificateDecl]
 
 
 Declaration = (

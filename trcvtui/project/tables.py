@@ -1,19 +1,78 @@
-"""One TOML table read key by key: what is wrong, missing or left over becomes a Problem, all of it at once.
+"""A TOML file read, and each of its tables key by key: all that is wrong, missing or left over is a Problem.
 
 Rule: every key has a Kind, and a Kind reads both a TOML value and the text of `--set PATH=VALUE`.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 
-from trcvtui.errors import Problem, UserError
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.files import read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
 from trcvtui.net.results import Endpoint
-from trcvtui.project.names import NO_HIDDEN, expected_name, hidden_in
+from trcvtui.project.names import (
+    IDENTIFIER_TEXT,
+    NO_HIDDEN,
+    expected_name,
+    hidden_in,
+    is_identifier,
+    parse_reference,
+)
+from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
 from trcvtui.udt.literals import parse_integer, parse_time
+from trcvtui.udt.types import ELEMENTARY
+
+LARGEST_FILE: Final = 10 * 1024 * 1024
+# tomllib says where it stopped in the words of its message: "(at line 3, column 5)", "(at end of document)".
+_PLACE: Final = re.compile(r"(.*) \(at (.*)\)", re.DOTALL)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the document of a TOML file; raise UserError when it cannot be read or is no TOML."""
+    return parse_toml(read_text(path), str(path))
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Return the document of a TOML text; raise UserError when it is none."""
+    import tomllib
+
+    try:
+        return tomllib.loads(text)
+    except ValueError as wrong:  # TOMLDecodeError, and numbers of more digits than Python reads
+        found = _PLACE.fullmatch(str(wrong))
+        message, place = found.groups() if found else (str(wrong), "")
+        raise mistake(f"{where}: {place}" if place else where, f"no TOML ({message})", "TOML 1.0") from None
+    except RecursionError:
+        raise mistake(where, "brackets nested too deeply", "TOML 1.0") from None
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a TOML file; raise UserError when it cannot be read."""
+    hidden = hidden_in(str(path))
+    if hidden:
+        raise mistake(str(path), f"{hidden} in its name", NO_HIDDEN)
+    try:
+        content = read_bytes(path, LARGEST_FILE)
+    except (OSError, ValueError) as failed:
+        reason = reason_of(failed)
+        if isinstance(failed, FileNotFoundError) and not path.parent.is_dir():
+            reason = f"no folder {path.parent}"
+        raise mistake(str(path), reason, "a TOML file that can be read") from None
+    if len(content) > LARGEST_FILE:
+        raise mistake(str(path), "a larger file", f"at most {LARGEST_FILE} bytes")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as wrong:
+        line = content.count(b"\n", 0, wrong.start) + 1
+        raise mistake(
+            f"{path}: line {line}", f"byte 16#{content[wrong.start]:02X}", "TOML in UTF-8"
+        ) from None
+
 
 T = TypeVar("T")
 
@@ -151,6 +210,58 @@ STEPS: Final = Kind(
     'a list of message names and pauses such as ["hello", "T#100ms"]', _texts, lambda text: (text,)
 )
 RULES: Final = Kind('a list of rules such as ["contains hex 05 send hex 06"]', _texts, lambda text: (text,))
+
+
+NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
+UINT: Final = whole(*ELEMENTARY["UINT"].limits)
+PRIORITY: Final = whole(0, 255)
+SEED: Final = whole(0, (1 << 63) - 1)
+LINT: Final = whole(*ELEMENTARY["LINT"].limits)
+
+
+def addresses_by_name(value: Any) -> tuple[tuple[str, str], ...] | None:
+    """Return the names of a table with their addresses, None where one is no address."""
+    if not isinstance(value, Mapping):
+        return None
+    found = [(name, parse_address(address)) for name, address in value.items() if isinstance(address, str)]
+    known = tuple((name, address) for name, address in found if address is not None)
+    return known if len(known) == len(value) else None
+
+
+NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
+    'names and addresses such as { "plc2.line.local." = "10.0.0.7" }', addresses_by_name, lambda text: None
+)
+
+
+def _reference(text: str) -> str | None:
+    return text if parse_reference(text) is not None else None
+
+
+PORT_OR_NAME: Final[Kind[int | str]] = Kind(
+    "a port from 0 to 65535, or @NAME of a peer or CONNECT",
+    lambda value: _reference(value) if isinstance(value, str) else PORT.read(value),
+    lambda text: _reference(text) or PORT.from_text(text),
+)
+UDP_PORT_OR_NAME: Final[Kind[int | str]] = Kind(
+    "a port from 0 to 65535, or @NAME of a peer or UDP_CONFIG", PORT_OR_NAME.read, PORT_OR_NAME.from_text
+)
+END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
+    "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a CONNECT",
+    lambda text: _reference(text) or parse_endpoint(text),
+)
+UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
+    "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a UDP_CONFIG",
+    lambda text: _reference(text) or parse_endpoint(text),
+)
+LAYOUT: Final = of_text(
+    "a layout: " + ", ".join(LAYOUTS),
+    lambda text: text if text in LAYOUTS or text in LAYOUT_ALIASES else None,
+)
+BYTE_ORDER: Final = of_text("little or big", lambda text: text if text in BYTE_ORDERS else None)
+TEXT_FORM: Final = of_text(
+    "a form of STRING: " + ", ".join(TEXT_FORMS), lambda text: text if text in TEXT_FORMS else None
+)
+POINTER_SIZE: Final = one_of(*POINTER_SIZES)
 
 
 class Table:

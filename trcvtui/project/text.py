@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from trcvtui.errors import UserError, mistake
 from trcvtui.project.keys import KIND_OF, KeyValue, entry_of, forms_of
 from trcvtui.project.project import Declaration, Edit
-from trcvtui.project.toml_file import parse_toml
+from trcvtui.project.tables import parse_toml
 
 if TYPE_CHECKING:
     from tomlkit import TOMLDocument

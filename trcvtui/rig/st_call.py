@@ -22,7 +22,7 @@ from trcvtui.blocks.parameters import (
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.udp_config import AddrParam
-from trcvtui.project.initial_values import REMARK, Initial, declaration, declaration_of_addr, record
+from trcvtui.project.connect_view import REMARK, Initial, declaration, declaration_of_addr, record
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.udt.literals import format_time

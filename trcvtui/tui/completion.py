@@ -11,7 +11,7 @@ from trcvtui.plc.wired_pins import buffer_pin, mark_pins
 from trcvtui.project.edit import kinds_named, names_of
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.peer import VERBS as PEER_VERBS
-from trcvtui.tui.forms.add_fields import BARE, KINDS, fields_of, first_name
+from trcvtui.tui.forms.fields import BARE, KINDS, fields_of, first_name
 
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (

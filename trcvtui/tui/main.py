@@ -72,7 +72,7 @@ def _find(words: list[str], pane: Timing) -> str:
 
 if TYPE_CHECKING:
     from trcvtui.tui.copying.copy_formats import Format, Subject
-    from trcvtui.tui.forms.change_fields import Part
+    from trcvtui.tui.forms.fields import Part
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
 SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
@@ -470,7 +470,7 @@ class MainScreen(Screen[None]):
 
     def action_change(self) -> None:
         """Choose a part of the project: to change it in a form, or to remove it."""
-        from trcvtui.tui.forms.change_fields import all_parts, parts_at_hand  # read when first asked for
+        from trcvtui.tui.forms.fields import all_parts, parts_at_hand  # read when first asked for
         from trcvtui.tui.widgets.choice_screen import ChoiceScreen
 
         near = parts_at_hand(self._scene, self.peer in (self.focused.ancestors if self.focused else ()))

@@ -11,7 +11,7 @@ from textual.app import SystemCommand
 from trcvtui.plc.wired_pins import buffer_pin
 from trcvtui.rig import demo_path
 from trcvtui.tui.formatting import plain
-from trcvtui.tui.forms.add_fields import TITLES
+from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import RACE, MainScreen
 from trcvtui.tui.messages import InstanceSelected, PeerSelected
 from trcvtui.tui.palette_keys import PANES, commands_of_keys
@@ -78,7 +78,7 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
     for kind, what in TITLES.items():
         about = f"add {kind} …: a form" + (" · key A" if kind == "instance" else "")
         yield SystemCommand(f"Add {what}", about, partial(bench.add, kind))
-    from trcvtui.tui.forms.change_fields import parts_at_hand
+    from trcvtui.tui.forms.fields import parts_at_hand
 
     about = "a part of the project: its form, or `remove` · key E"
     yield SystemCommand("Change or remove …", about, bench.main.action_change)

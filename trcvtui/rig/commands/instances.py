@@ -19,10 +19,10 @@ from trcvtui.blocks.parameters import (
     Direction,
 )
 from trcvtui.errors import UserError
-from trcvtui.project.declared_names import WORDS
 from trcvtui.project.edit import edited, undone
+from trcvtui.project.file import WORDS
+from trcvtui.project.keys import link_key
 from trcvtui.project.names import IDENTIFIER_TEXT, expected_name, is_identifier, with_article
-from trcvtui.project.parts import link_key
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import shown
 from trcvtui.rig.commands.edit import edits_of

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from trcvtui.blocks.parameters import POINTERS, TIMES
-from trcvtui.project.parts import link_key
+from trcvtui.project.keys import link_key
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.rig.commands.edit import add_line

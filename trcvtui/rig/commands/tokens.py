@@ -13,7 +13,7 @@ from typing import Final
 
 from trcvtui.blocks.parameters import Pin
 from trcvtui.errors import UserError, mistake
-from trcvtui.project.parts import kind_of
+from trcvtui.project.keys import kind_of
 from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, shown
 
 _WORD: Final = re.compile(r"(?:(?:W#|WORD#)?16#|0x)?([0-9A-F]{1,4})", re.IGNORECASE)

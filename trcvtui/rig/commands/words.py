@@ -12,6 +12,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
 from trcvtui.plc import commands
 from trcvtui.project.project import (
+    CertificateDecl,
     ComBufferDecl,
     DataDecl,
     Declaration,
@@ -21,7 +22,6 @@ from trcvtui.project.project import (
     PeerDecl,
     SequenceDecl,
 )
-from trcvtui.project.tls_words import CertificateDecl
 from trcvtui.rig.commands.counters_and_checksums import Fill
 from trcvtui.rig.commands.trace_pattern import TracePattern
 from trcvtui.udt.layout.coding import Value

@@ -14,7 +14,7 @@ from dataclasses import replace
 from trcvtui.project.edit import difference
 from trcvtui.project.project import Edits as Steps
 from trcvtui.project.project import Project
-from trcvtui.project.toml_file import read_text
+from trcvtui.project.tables import read_text
 from trcvtui.rig.commands.instances import after
 from trcvtui.rig.commands.lines import to_line
 from trcvtui.rig.commands.reader import parse_line

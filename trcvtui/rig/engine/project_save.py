@@ -18,9 +18,8 @@ from trcvtui.project.edit import entry, same
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import forms_of
 from trcvtui.project.project import Edit, Edits, Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
 from trcvtui.project.text import with_change, with_constants, with_entries, with_files_from
-from trcvtui.project.toml_file import LARGEST_FILE, parse_toml, read_text
 from trcvtui.rig import configs_path, demo_path
 from trcvtui.rig.scenario.scenario import check_bench
 from trcvtui.rig.scenario.session_file import SUFFIX, target

@@ -10,8 +10,7 @@ from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
-from trcvtui.project.tables import shown
-from trcvtui.project.toml_file import parse_toml, read_text
+from trcvtui.project.tables import parse_toml, read_text, shown
 from trcvtui.rig import demo_path
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.scenario.recorded_session import OUTSIDE, Session

@@ -13,8 +13,19 @@ from textual.widgets import Input, Static
 
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, plain
-from trcvtui.tui.forms.add_fields import TITLES, AddField, fields_of, first_name, kinds_of, line_of
-from trcvtui.tui.forms.change_fields import Part, fields_to_change, set_line, text_of, values_of
+from trcvtui.tui.forms.fields import (
+    TITLES,
+    AddField,
+    Part,
+    fields_of,
+    fields_to_change,
+    first_name,
+    kinds_of,
+    line_of,
+    set_line,
+    text_of,
+    values_of,
+)
 from trcvtui.tui.view_model.validity import fault_of, said_before
 from trcvtui.tui.widgets.keystrokes import TypedField
 

@@ -8,7 +8,7 @@ from textual import events
 
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.plc.wired_pins import BUFFER_PINS, DATA_PINS, is_time
-from trcvtui.project.secure_view import security_of
+from trcvtui.project.connect_view import security_of
 from trcvtui.tui.formatting import cells, clip, count, lamp, plain
 from trcvtui.tui.messages import DescriptionWanted, Voice
 from trcvtui.tui.panes.block_drawing import Drawing, DrawnPin, drawing_of, glow_text, output_text

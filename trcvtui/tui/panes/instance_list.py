@@ -9,7 +9,7 @@ from textual import events
 from textual.binding import Binding
 
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
-from trcvtui.project.secure_view import TLS, security_of
+from trcvtui.project.connect_view import TLS, security_of
 from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
 from trcvtui.tui.messages import InstanceSelected
 from trcvtui.tui.view_model.afterglow import DONE, ERROR, Pulse

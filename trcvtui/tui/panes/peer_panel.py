@@ -279,7 +279,7 @@ class PeerPanel(Vertical):
 
     def action_library(self) -> None:
         """Open the named messages and sequences of the project."""
-        from trcvtui.tui.forms.message_list import MessagesScreen  # read when first asked for
+        from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
         if self._scene.peer:
             self.app.push_screen(MessagesScreen(self._scene.peer, self._scene.project), self._picked)
@@ -302,7 +302,7 @@ class PeerPanel(Vertical):
 
     def action_form(self) -> None:
         """Open the members of a UDT as fields."""
-        from trcvtui.tui.forms.udt_form import form_of  # read when first asked for
+        from trcvtui.tui.forms.messages import form_of  # read when first asked for
 
         found = form_of(self.composer.text, self.composer.mode, self._scene)
         if found is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.project.secure_view import WARNING, security_of
+from trcvtui.project.connect_view import WARNING, security_of
 from trcvtui.tui.formatting import GLOW, cells, lamp, moment, plain, status_word, wrapped
 from trcvtui.tui.view_model.afterglow import DONE, ERROR
 from trcvtui.tui.view_model.explain import Explainer

@@ -1,4 +1,4 @@
-"""One `[[connect]]` of a dialect with connection descriptions: by field name, or as the bytes of the DB.
+"""CONNECT and ADDR of a dialect with connection descriptions, by field or as the bytes of the DB, and back.
 
 Rule: refused is only what cannot be typed; what a CPU would find wrong is the block's to show (`flaw`).
 Beside the description stand the bench's own keys, which no CPU has: where this machine takes part.
@@ -14,6 +14,7 @@ from typing import Any, Final
 from trcvtui.blocks.rules import Rules
 from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig, parse_address
 from trcvtui.net.connection.description import (
+    ADDRESSES,
     CONNECTIONS,
     LONGEST_NAME,
     Description,
@@ -37,14 +38,87 @@ from trcvtui.net.connection.description_check import (
 )
 from trcvtui.net.connection.ipv4 import is_loopback, octets
 from trcvtui.net.connection.tcon_param import as_param
+from trcvtui.net.connection.udp_config import TADDR_PARAM, AddrParam
 from trcvtui.net.layer import Settings
-from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
+from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import Endpoint
-from trcvtui.project.iso_words import DB_BYTES, TSAP, db_bytes
+from trcvtui.project.layers import DB_BYTES, TSAP, UNSAFE, VERIFY, db_bytes, is_secure, secure
 from trcvtui.project.names import expected_name, parse_reference
-from trcvtui.project.parts import NAME, PORT_OR_NAME, UINT
-from trcvtui.project.tables import ADDRESS, PORT, TRUTH, Kind, Table, of_text, shown, whole
-from trcvtui.project.tls_words import VERIFY, Certificates, is_secure, secure
+from trcvtui.project.project import Certificates
+from trcvtui.project.tables import (
+    ADDRESS,
+    NAME,
+    PORT,
+    PORT_OR_NAME,
+    TEXT,
+    TRUTH,
+    UDP_PORT_OR_NAME,
+    UINT,
+    Kind,
+    Table,
+    of_text,
+    shown,
+    whole,
+)
+
+STRUCTURES: Final = CONNECTIONS | ADDRESSES
+_ADDR_FIELDS: Final = ("rem_ip_addr", "rem_port_nr", "reserved")
+
+
+def is_structure(table: Table) -> bool:
+    """Return whether a table says ADDR as a structure; RemoteAddress and RemotePort alone do not."""
+    return any(table.has(key) for key in ("type", "bytes", *_ADDR_FIELDS))
+
+
+def read_described_addr(table: Table) -> AddrParam | None:
+    """Return one ADDR that is written as a structure."""
+    name = table.must("name", NAME)
+    type_name = table.read("type", TEXT)
+    if type_name is not None and type_name not in STRUCTURES:
+        table.wrong("type", shown(type_name), expected_name(type_name, ADDRESSES, "structure"))
+        table.know(*table.rest())
+        return None
+    raw = table.read("bytes", DB_BYTES)
+    if table.has("bytes"):
+        found = None if raw is None else _addr_of_bytes(raw, type_name)
+    else:
+        found = _addr_of_fields(table, STRUCTURES[type_name or TADDR_PARAM.name])
+    port = table.read("RemotePort", UDP_PORT_OR_NAME) if table.has("bytes") else None
+    table.finish()
+    if name is None or found is None:
+        return None
+    description, said = found
+    return _addr(name, description, port if port is not None else said)
+
+
+def _addr_of_bytes(raw: bytes, type_name: str | None) -> tuple[Description, int | str | None]:
+    by_size = next((one for one in ADDRESSES.values() if one.size == len(raw)), TADDR_PARAM)
+    return Description(STRUCTURES[type_name] if type_name else by_size, raw), None
+
+
+def _addr_of_fields(table: Table, structure: Structure) -> tuple[Description, int | str | None]:
+    if structure != TADDR_PARAM:
+        return Description(structure, bytes(structure.size)), None
+    address = table.get("rem_ip_addr", ADDRESS, ANY_ADDRESS)
+    port = table.get("rem_port_nr", UDP_PORT_OR_NAME, 0)
+    number = port if isinstance(port, int) else 0
+    values: dict[str, Value] = {
+        "rem_ip_addr": address,
+        "rem_port_nr": number,
+        "reserved": table.get("reserved", UINT, 0),
+    }
+    return Description(structure, pack(structure, values)), port
+
+
+def _addr(name: str, description: Description, port: int | str | None) -> AddrParam:
+    """Return an ADDR with what its bytes say; a TADDR_RCV_IP is for a receiver to write."""
+    is_param = description.structure == TADDR_PARAM
+    address = description.text("rem_ip_addr") if is_param else ANY_ADDRESS
+    if port is None:
+        port = description.number("rem_port_nr")
+    return AddrParam(name, address, port, description)
+
 
 NO_CERTIFICATES: Final[Certificates] = MappingProxyType({})
 LOOPBACK: Final = "127.0.0.1"
@@ -319,3 +393,74 @@ def _session(
         return None
     own = says.local_tsap, says.remote_tsap
     return IsoSettings(*own, cap=rules.max_len, not_told=rules.policy.tpdu_default)
+
+
+Keys = list[tuple[str, bool | int | float | str | list[str]]]
+
+
+def keys_of_description(config: ConnectConfig, description: Description) -> Keys:
+    """Return the keys behind `name`; read again they give the same CONNECT."""
+    says = meaning(description)
+    is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
+    keys: Keys = [("type", description.structure.name)] if is_known else []
+    keys.append(("bytes", description.data.hex(" ")))
+    if isinstance(config.remote_port, str) and says.protocol is not Protocol.ISO:
+        keys.append(("RemotePort", config.remote_port))
+    return keys + _of_the_bench(config, says)
+
+
+def field_keys(config: ConnectConfig, description: Description) -> Keys:
+    """Return the same CONNECT by the names of its fields, as somebody writes it who changes one of them."""
+    keys: Keys = [("type", description.structure.name)]
+    for field in description.structure.fields:
+        is_named = field.name == "RemotePort" and isinstance(config.remote_port, str)
+        value = config.remote_port if is_named else description.value(field.name)
+        keys.append((field.name, f"hex {value.hex(' ')}" if isinstance(value, bytes) else value))
+    return [(key, value) for key, value in keys if value != "hex "] + _of_the_bench(
+        config, meaning(description)
+    )
+
+
+def plain_keys(config: ConnectConfig, description: Description) -> Keys:
+    """Return a CONNECT of plain TCP as one is written that names no structure."""
+    says = meaning(description)
+    keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
+    keys += [("ActiveEstablished", config.active), ("LocalPort", config.local.port)]
+    keys += [
+        ("RemoteAddress", config.remote_address),
+        ("RemotePort", config.remote_port),
+        ("ID", says.identity),
+    ]
+    interface = description.number("InterfaceId")
+    keys += [("InterfaceId", interface)] if interface else []
+    return keys + [("KeepAliveTimeInterval", config.keep_alive_interval_s)] * bool(
+        config.keep_alive_interval_s
+    )
+
+
+def _of_the_bench(config: ConnectConfig, says: Meaning) -> Keys:
+    keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
+    if says.protocol is Protocol.ISO:
+        keys.append(("IsoPort", config.remote_port if config.active else config.local.port))
+    elif not config.active and (config.local.port != says.local_port or _takes_free_port(config)):
+        keys.append(("ListenPort", config.local.port))
+    if says.remote_name and not config.remote_name:
+        no_server = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER
+        keys.append(("DnsAnswer", NO_SERVER if no_server else config.remote_address))
+    if isinstance(config.session, TlsSettings) and config.session.is_unverified:
+        keys.append(("verify", UNSAFE))
+    if config.keep_alive_interval_s:
+        keys.append(("KeepAliveTimeInterval", config.keep_alive_interval_s))
+    return keys
+
+
+def _takes_free_port(config: ConnectConfig) -> bool:
+    return not config.local.port and config.flaw is None
+
+
+def keys_of_iso(session: IsoSettings) -> Keys:
+    """Return what a peer's table says about ISO-on-TCP."""
+    tsaps = (("local_tsap", session.local), ("remote_tsap", session.remote))
+    keys: Keys = [("iso", True)]
+    keys += [(key, f"16#{tsap.hex().upper()}") for key, tsap in tsaps if tsap]
+    return keys + ([("tpdu", 1 << session.size_code)] if session.size_code != OWN_SIZE_CODE else [])

@@ -5,9 +5,8 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
-from trcvtui.project.connect_view import DescriptionView, description_view
+from trcvtui.project.connect_view import DescriptionView, description_view, initial_values
 from trcvtui.project.file import read_project
-from trcvtui.project.initial_values import initial_values
 
 
 def view(table: str, dialect: str = "s7-1500") -> DescriptionView | None:

@@ -18,9 +18,10 @@ test: $(READY)
 	@$(MAKE) --no-print-directory -j2 lint types contracts collected
 	@$(MAKE) --no-print-directory unit
 
-# The minute between two edits: no screen, no pseudo-terminal, no long random run.
-quick: lint types contracts
-	$(BIN)/pytest -n 2 --dist worksteal --ignore tests/tui --ignore tests/e2e --ignore tests/properties $(ARGS)
+# The minute between two edits: no screen, no real sockets, nothing slow.
+quick: $(READY)
+	@$(MAKE) --no-print-directory -j2 lint types contracts
+	$(BIN)/pytest -n 2 --dist worksteal -m "not (screen or live or slow)" --ignore tests/tui --ignore tests/e2e --ignore tests/properties $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff format --check .

@@ -18,13 +18,20 @@ settings.register_profile("untimed", deadline=None, max_examples=60)
 settings.load_profile("untimed")
 
 
-SLOW_FIRST = ("properties", "e2e", "tui")  # a long test that begins last is waited for by all workers
+# What a folder's tests are; the longest begin, for a long test that begins last is waited for by all workers.
+OF_FOLDER = {"properties": ("slow",), "e2e": ("live", "slow"), "tui": ("screen",)}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the folders of the long tests begin."""
-    folders = {folder: rank for rank, folder in enumerate(SLOW_FIRST)}
-    items.sort(key=lambda item: folders.get(item.path.relative_to(TESTS).parts[0], len(folders)))
+    """Mark tests of real sockets, of the screen, and long ones; let the folders of the long ones begin."""
+    ranks = {folder: rank for rank, folder in enumerate(OF_FOLDER)}
+    folder_of = {item: item.path.relative_to(TESTS).parts[0] for item in items}
+    for item in items:
+        case = item.callspec.params.values() if hasattr(item, "callspec") else ()
+        kernel = ("live",) if "live" in list(case) else ()
+        for name in (*OF_FOLDER.get(folder_of[item], ()), *kernel):
+            item.add_marker(name)
+    items.sort(key=lambda item: ranks.get(folder_of[item], len(ranks)))
 
 
 def pytest_collection_finish() -> None:

@@ -69,6 +69,7 @@ def readme_commands() -> list[str]:
     return [line for block in blocks for line in block.splitlines() if line.strip()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", readme_commands())
 def test_an_installed_user_runs_each_command_of_the_readme_from_any_folder(command: str) -> None:
     program = str(Path(sys.executable).with_name("trcvtui"))

@@ -167,6 +167,7 @@ def code_words(path: Path) -> Iterator[str]:
             yield node.name
 
 
+@pytest.mark.slow
 def test_no_code_outside_the_dialects_names_a_vendor() -> None:
     named = {
         path.relative_to(PACKAGE).as_posix(): words
@@ -177,6 +178,7 @@ def test_no_code_outside_the_dialects_names_a_vendor() -> None:
     assert named == ALLOWED
 
 
+@pytest.mark.slow
 def test_nothing_outside_the_dialects_imports_one_vendor() -> None:
     modules = {path.stem for path in (PACKAGE / "dialects").iterdir()}
     shared = {"__init__", "dialect", "switches", "status_report", "status_page"}

@@ -111,6 +111,7 @@ DATA = st.builds(Framing, st.integers(1, 9), MARKS, MARKS)
 ALL = st.one_of(DATA, TEXTS)  # a STRING holds no 00
 
 
+@pytest.mark.slow
 @given(ALL, STREAMS, CUTS)
 def test_p1_frames_do_not_depend_on_how_the_stream_is_cut(
     framing: Framing, stream: bytes, cuts: list[int]

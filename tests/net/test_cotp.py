@@ -149,6 +149,7 @@ TPDUS = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @given(st.lists(TPDUS, max_size=8))
 def test_what_is_written_is_read_back(tpdus: list[Connect | Data | Disconnect | Rejected]) -> None:
     assert read(b"".join(map(encode, tpdus))) == tpdus

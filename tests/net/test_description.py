@@ -85,6 +85,7 @@ def value_of(field: Field) -> st.SearchStrategy[Value]:
             return st.binary(min_size=field.size, max_size=field.size)
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_what_is_packed_is_read_again(data: st.DataObject) -> None:
     structure = data.draw(st.sampled_from(list(STRUCTURES.values())))

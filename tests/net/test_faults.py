@@ -123,6 +123,7 @@ def test_with_an_empty_plan_it_keeps_the_contract(fact: Fact) -> None:
     fact(FaultyBench())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fact", FACTS, ids=lambda f: f.__name__)
 def test_with_a_plan_for_somebody_else_it_keeps_the_contract(fact: Fact) -> None:
     b = FaultyBench()

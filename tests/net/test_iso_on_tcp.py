@@ -327,6 +327,7 @@ TPDUS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(st.booleans(), st.booleans(), st.lists(TPDUS, max_size=30), CUTS)
 @settings(max_examples=150)
 def test_no_input_crashes_a_session_or_makes_it_hold_more_than_its_cap_and_one_tpkt(

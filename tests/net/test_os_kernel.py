@@ -69,11 +69,13 @@ def only_select(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(os_kernel, "VERDICT", os_poll.OUT | os_poll.ERR)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fact", FACTS, ids=lambda f: f.__name__)
 def test_the_real_network_keeps_the_contract(fact: Fact, network: OsNetwork) -> None:
     fact(Bench(network))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fact", OF_THE_POLL_SET, ids=lambda f: f.__name__)
 def test_a_poll_set_without_epoll_keeps_the_contract(
     fact: Fact, network: OsNetwork, monkeypatch: pytest.MonkeyPatch
@@ -82,6 +84,7 @@ def test_a_poll_set_without_epoll_keeps_the_contract(
     fact(Bench(network))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fact", [f for f in OF_THE_POLL_SET if f not in NEEDS_RDHUP], ids=lambda f: f.__name__
 )
@@ -280,6 +283,7 @@ def test_close_all_frees_every_handle_and_the_poll_set() -> None:
 # -- a real dead link (3.2) ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_real_cut_link_is_etimedout_idle_and_with_data_in_flight() -> None:
     script = Path(__file__).with_name("cut_loopback.py")
     root = str(script.parents[2])

@@ -26,6 +26,7 @@ def b() -> Iterator[Bench]:
     network.close()
 
 
+@pytest.mark.slow
 @linux_only
 def test_keep_alive_finds_an_idle_cut_wire_within_three_intervals(b: Bench) -> None:
     one = b.pair(client=b.socket(owner="C1"))

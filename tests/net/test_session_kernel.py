@@ -29,6 +29,7 @@ def test_without_a_session_the_simulated_network_keeps_its_contract(fact: Fact) 
     fact(Bench(Through(SimNetwork(SimKernel()))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fact", [f for f in FACTS if f not in OF_THE_WIRE], ids=lambda f: f.__name__)
 def test_without_a_session_the_real_network_keeps_its_contract(fact: Fact) -> None:
     real = OsNetwork()

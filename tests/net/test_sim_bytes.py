@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -80,6 +81,7 @@ def drain(b: SimBench, sides: tuple[Side, Side]) -> None:
         quiet = 0 if len(sides[0].received) + len(sides[1].received) > before else quiet + 1
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(
     moves=st.lists(MOVES, min_size=20, max_size=60),
@@ -103,6 +105,7 @@ def test_random_sends_recvs_and_cuts_keep_every_byte_in_order(
             assert side.received == other.sent
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(
     moves=st.lists(MOVES, min_size=8, max_size=25),

@@ -57,6 +57,7 @@ def up(certificates: Certificates) -> Iterator[tuple[Session, Session]]:
 # -- in good order -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_both_ends_come_up_and_bytes_go_both_ways(up: tuple[Session, Session]) -> None:
     client, server = up
     fed(server, client.encode(b"abc"))
@@ -123,6 +124,7 @@ def flights(client: Session, server: Session) -> list[bytes]:
     return [flight for flight in said if flight]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asks_client", [False, True])
 def test_a_handshake_may_come_cut_at_every_byte(certificates: Certificates, asks_client: bool) -> None:
     shows = certificates.settings("partner"), certificates.settings("plc", asks_client=asks_client)

@@ -332,6 +332,7 @@ def test_a_slow_sender_is_not_called_stuck() -> None:
     assert told.of("X").why.startswith("filling: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("condition", list(Condition))
 def test_every_condition_has_an_answer_whatever_is_known(condition: Condition) -> None:
     known = Told(*UP).evidence("X")

@@ -92,6 +92,7 @@ def test_a_name_that_nobody_knows_is_what_7002_speaks_of() -> None:
     assert advice.code == 0x80D3
 
 
+@pytest.mark.slow
 def test_a_certificate_that_was_not_shown_stays_told_while_the_next_client_is_waited_for(
     secure_bench: Path,
 ) -> None:

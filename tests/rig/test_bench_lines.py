@@ -160,6 +160,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     return bench_project(tmp_path_factory.mktemp("bench"))
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=400)
 @given(command=COMMANDS)
 def test_the_line_of_a_command_means_that_command(project: Project, command: words.BenchCommand) -> None:

@@ -138,6 +138,7 @@ def undisturbed(tmp_path: Path) -> Iterator[int]:
 # -- TPDUs ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [ONE_BYTE, EMPTY_MESSAGE, EXPEDITED])
 def test_a_flood_of_the_smallest_tpdus_costs_a_scan_its_share_and_no_more(
     tmp_path: Path, undisturbed: int, tpdus: Counter, unit: bytes
@@ -155,6 +156,7 @@ def test_a_flood_of_the_smallest_tpdus_costs_a_scan_its_share_and_no_more(
     works.bench.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("unit", "why"),
     [(EMPTY, f"more than {EMPTY_PIECES} empty DTs"), (ONE_BYTE, "more than {cap} DTs")],
@@ -202,6 +204,7 @@ def come_and_go(works: Works, data: bytes = b"") -> Callable[[], None]:
     return again
 
 
+@pytest.mark.slow
 def test_a_flood_of_clients_at_a_plain_connect_is_turned_away_a_few_a_scan(
     tmp_path: Path, undisturbed: int
 ) -> None:
@@ -237,6 +240,7 @@ def client_hello() -> bytes:
     return out.read()
 
 
+@pytest.mark.slow
 @NEEDS_OPENSSL
 @pytest.mark.parametrize("leaves", [True, False], ids=["dropped", "stopped"])
 def test_handshakes_that_begin_and_do_not_end_are_a_few_a_scan(

@@ -84,6 +84,7 @@ def done_of(played: Played, block: str) -> dict[str, int]:
     return done
 
 
+@pytest.mark.slow
 def test_thirty_two_connections_receive_and_send_in_every_second_scan_each(tmp_path: Path) -> None:
     played = play(t4(tmp_path, f"run {2 * ROUNDS}"), "sim")
     assert played.verdict.passed, failures(played.verdict)
@@ -94,6 +95,7 @@ def test_thirty_two_connections_receive_and_send_in_every_second_scan_each(tmp_p
     assert all(done >= ROUNDS for done in sent.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("retry", [10, 50])  # scans between two attempts
 def test_the_thirty_third_shows_8080_at_each_attempt_and_the_others_do_not_notice(
     tmp_path: Path, retry: int
@@ -114,6 +116,7 @@ def test_the_thirty_third_shows_8080_at_each_attempt_and_the_others_do_not_notic
     assert sum(done_of(alone, "TRCV_C").values()) == T4 * ROUNDS
 
 
+@pytest.mark.slow
 def test_the_thirty_third_takes_the_place_that_another_gives_up_and_that_one_gets_8080(
     tmp_path: Path,
 ) -> None:

@@ -69,6 +69,7 @@ def errors(path: Path) -> Iterator[tuple[Condition, dict[str, Any]]]:
         yield Condition(edge.condition), record["cause"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ALL, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_every_error_of_a_scenario_names_its_cause(path: Path) -> None:
     plans_faults = "\nfault " in path.read_text()

@@ -140,6 +140,7 @@ def wait_for(driver: Driver, seen: Callable[[Picture], bool]) -> Picture:
     raise AssertionError("never seen")
 
 
+@pytest.mark.slow
 def test_the_engine_scans_by_itself_and_takes_lines(engine: EngineDriver) -> None:
     engine.submit("set TRCV_C_1 CONT=1 EN_R=1")
     wait_for(engine, lambda p: statuses(p) == ["7002"])
@@ -151,6 +152,7 @@ def test_the_engine_scans_by_itself_and_takes_lines(engine: EngineDriver) -> Non
     assert picture.kernel == "live"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", S7_PROJECTS)
 def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
     driver = start_engine(CONFIGS / f"{name}.toml", "live")
@@ -163,6 +165,7 @@ def test_a_siemens_project_crosses_with_its_pictures(name: str) -> None:
         driver.close()
 
 
+@pytest.mark.slow
 def test_the_demo_is_alive_by_itself() -> None:
     driver = start_engine(demo_path(), "live")
     try:
@@ -173,6 +176,7 @@ def test_the_demo_is_alive_by_itself() -> None:
         driver.close()
 
 
+@pytest.mark.slow
 def test_an_engine_that_was_killed_starts_anew_from_its_file() -> None:
     driver = start_engine(demo_path(), "live")
     try:

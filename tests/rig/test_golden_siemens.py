@@ -51,12 +51,14 @@ def test_each_table_of_section_1_has_a_scenario() -> None:
     assert {section_of(path) for path in SIEMENS + LEGACY} & SECTIONS == SECTIONS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SIEMENS + LEGACY, ids=name_of)
 def test_a_scenario_holds_on_the_simulated_kernel(path: Path) -> None:
     played = play(path, "sim")
     assert played.verdict.passed, failures(played.verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", LIVE, ids=name_of)
 def test_a_scenario_holds_on_real_sockets_with_the_same_status_walk(path: Path) -> None:
     live, sim = play(path, "live"), play(path, "sim")
@@ -64,6 +66,7 @@ def test_a_scenario_holds_on_real_sockets_with_the_same_status_walk(path: Path) 
     assert walk(live.records()) == walk(sim.records())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SIEMENS + LEGACY, ids=name_of)
 def test_sleeping_instances_show_what_called_ones_show(path: Path) -> None:
     seen = []
@@ -102,6 +105,7 @@ def unseen(rows: tuple[StatusRow, ...], shown: Shown) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_every_code_that_a_condition_can_reach_has_a_scenario(reached: Shown) -> None:
     assert unseen(DIALECTS["s7-1500"].status, reached) == []
 

@@ -18,12 +18,14 @@ def name_of(path: Path) -> str:
     return path.stem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BAOSKY + SIM_ONLY, ids=name_of)
 def test_a_scenario_holds_on_the_simulated_kernel(path: Path) -> None:
     played = play(path, "sim")
     assert played.verdict.passed, failures(played.verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BAOSKY, ids=name_of)
 def test_a_scenario_holds_on_real_sockets_with_the_same_status_walk_for_the_same_causes(path: Path) -> None:
     live, sim = play(path, "live"), play(path, "sim")
@@ -44,6 +46,7 @@ def walk(records: list[dict[str, object]]) -> dict[object, list[tuple[object, ..
     return walks
 
 
+@pytest.mark.slow
 def test_the_same_scenario_gives_the_same_bytes_twice() -> None:
     for path in BAOSKY + SIM_ONLY:
         assert play(path, "sim").text == play(path, "sim").text, path.name
@@ -60,6 +63,7 @@ def reached() -> frozenset[tuple[str, int, bool]]:
     return frozenset().union(*(play(path, "sim").reached() for path in BAOSKY + ours))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", TCP_BLOCKS)
 def test_every_status_in_the_table_of_a_block_is_reached(
     block: str, reached: frozenset[tuple[str, int, bool]]

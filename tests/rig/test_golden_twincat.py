@@ -42,18 +42,21 @@ def test_each_row_and_each_stream_vector_has_a_scenario() -> None:
         assert [name for name in names if name.startswith(start)], start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", TWINCAT, ids=name_of)
 def test_a_scenario_holds_on_the_simulated_kernel(path: Path) -> None:
     result = play(path, "sim")
     assert result.verdict.passed, failures(result.verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", STREAMS, ids=name_of)
 def test_a_stream_is_framed_on_real_sockets_too(path: Path) -> None:
     result = play(path, "live")
     assert result.verdict.passed, failures(result.verdict)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", TWINCAT, ids=name_of)
 def test_sleeping_instances_show_what_called_ones_show(path: Path) -> None:
     seen = []
@@ -68,6 +71,7 @@ def test_sleeping_instances_show_what_called_ones_show(path: Path) -> None:
     assert seen[0] == seen[1]
 
 
+@pytest.mark.slow
 def test_every_error_that_is_not_of_the_hardware_is_shown_by_a_scenario_that_names_it() -> None:
     for row in COM_ERRORS:
         if row.reach is Reach.NEVER or not row.error:
@@ -117,6 +121,7 @@ def test_what_overflows_is_counted_and_noted() -> None:
     assert bench.runtime.snapshot().combuffers[0].lost == 3
 
 
+@pytest.mark.slow
 def test_a_stream_without_an_end_is_held_back_and_nothing_of_it_is_lost() -> None:
     bench = played("6-t09")
     (buffer,) = bench.runtime.snapshot().combuffers

@@ -120,6 +120,7 @@ def room(source: str) -> int:
     return (65_536 if source == STREAM else 300) + KEPT_NOISE + SIZE + MOST_BYTES
 
 
+@pytest.mark.slow
 @LINES
 def test_noise_for_ever_is_thrown_away_and_its_end_kept(tmp_path: Path, source: str) -> None:
     bench = bench_on(tmp_path, source, PREFIX)
@@ -130,6 +131,7 @@ def test_noise_for_ever_is_thrown_away_and_its_end_kept(tmp_path: Path, source: 
     bench.close()
 
 
+@pytest.mark.slow
 @LINES
 def test_a_frame_that_never_ends_ends_at_its_size_each_time(tmp_path: Path, source: str) -> None:
     bench = bench_on(tmp_path, source, SUFFIX)

@@ -18,6 +18,7 @@ from trcvtui.rig.bench.bench import Bench
 SCENARIOS = sorted(CONFIGS.glob("scenarios/siemens/iso-*.toml"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_real_sockets_give_the_status_walk_of_the_simulated_ones_for_the_same_causes(path: Path) -> None:
     live, sim = play(path, "live"), play(path, "sim")

@@ -109,6 +109,7 @@ class Wire:
         file.write_bytes(head + b"".join(records))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
 def test_tshark_reads_our_traffic_as_tpkt_and_cotp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wire = Wire(monkeypatch)

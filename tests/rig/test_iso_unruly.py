@@ -59,6 +59,7 @@ def test_a_cr_that_comes_a_byte_a_second_is_dropped_after_5_s(desk: Desk) -> Non
     assert desk.status("R") == "7002"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", ["03 00 00 09 02 f0 00 61 62", "03 00 00 09 02 f0", "03"])
 def test_half_a_message_is_dropped_after_30_s_and_the_next_partner_is_welcome(desk: Desk, half: str) -> None:
     connect_by_hand(desk)
@@ -74,6 +75,7 @@ def test_half_a_message_is_dropped_after_30_s_and_the_next_partner_is_welcome(de
     assert desk.bench.runtime.outputs("R").rcvd_len == 2
 
 
+@pytest.mark.slow
 def test_endless_dts_are_dropped_at_16_times_the_longest_message(desk: Desk) -> None:
     connect_by_hand(desk)
     desk.say(f"peer RAW0 send hex 03 00 00 84 02 f0 00{' 55' * 125} repeat=8400")

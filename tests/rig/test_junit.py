@@ -197,6 +197,7 @@ def test_out_takes_the_document(tmp_path: Path, capsys: Capture) -> None:
     assert_fits_the_schema(ElementTree.parse(out).getroot())
 
 
+@pytest.mark.slow
 def test_every_scenario_of_the_project_gives_the_same_document_twice(capsys: Capture) -> None:
     argv = ["scenario", "--format", "junit", *map(str, BAOSKY)]
     assert main(argv) == 0

@@ -45,6 +45,7 @@ expect X trace 7001 7002+ 80D3! 7001 7002+ 80D2! 7001 7002+ 7004
 TABLE = '[sim]\nnames = { "plc2.line.local." = "127.0.0.1" }'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kernel", "sim", "name", "steps"),
     [

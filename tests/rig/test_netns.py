@@ -91,6 +91,7 @@ def run_alone(*args: str) -> subprocess.CompletedProcess[str]:
     return done
 
 
+@pytest.mark.slow
 def test_loopback_of_the_own_network_goes_down_for_every_connect_and_each_file_has_a_fresh_one(
     tmp_path: Path,
 ) -> None:
@@ -132,6 +133,7 @@ def test_the_ledger_says_by_what_means_the_wire_was_cut(kernel: str) -> None:
     assert [note for note in notes if note.subject == "C1"] == said
 
 
+@pytest.mark.slow
 def test_the_engine_of_a_screen_gets_a_network_of_its_own_too() -> None:
     run_alone("-c", "from trcvtui.rig.bench.cable import enter_own_network as enter; enter('live')")
     driver = start_engine(Path(PASSIVE), "live", netns=True)

@@ -173,6 +173,7 @@ def test_the_commands_of_start_are_taken_when_the_scenario_is_loaded(
     assert player.current == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BAOSKY + SIM_ONLY, ids=lambda path: path.stem)
 def test_step_by_step_every_scenario_goes_as_it_does_in_one_run(driver: LocalDriver, path: Path) -> None:
     verdict = play(path, "sim").verdict
@@ -314,6 +315,7 @@ def wait_for(driver: EngineDriver, seen: Callable[[Picture], bool]) -> Picture:
     raise AssertionError("never seen")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", ["sim", "live"])
 def test_the_engine_plays_step_by_step_to_the_end_and_goes_home(engine: EngineDriver, kernel: str) -> None:
     engine.submit("set TRCV_C_1 CONT=1")

@@ -69,6 +69,7 @@ def test_a_rule_finds_what_it_looks_for(project: Project, text: str, pieces: lis
     assert answers(f"{text} send hex 06", pieces, project) == [b"\x06"] * hits
 
 
+@pytest.mark.slow
 @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_however_the_stream_is_cut_the_same_is_found(project: Project, data: st.DataObject) -> None:

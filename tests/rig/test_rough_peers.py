@@ -81,6 +81,7 @@ def test_garbage_of_every_byte_value_is_data_and_nothing_else(bench: Bench) -> N
     assert received == every_byte
 
 
+@pytest.mark.slow
 def test_a_flood_costs_bounded_memory_and_one_frame_a_scan(bench: Bench) -> None:
     do(bench, "peer P1 send random 1000000 seed=1 repeat=1000000", scans=50)
     tracemalloc.start()

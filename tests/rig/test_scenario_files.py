@@ -121,6 +121,7 @@ def test_steps_that_the_file_writes_otherwise_count_from_one(steps: str) -> None
     assert [(line.place, line.step) for line in said.lines] == [(1, 0), (2, 1), (3, 0), (4, 2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
 def test_each_step_stands_at_its_place_in_its_file(path: Path) -> None:
     said = read_scenario_file(path)

@@ -30,6 +30,7 @@ def expected(steps: Iterable[words.Step], blocks: dict[str, str]) -> set[tuple[i
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
 def test_the_shelf_reads_a_scenario_as_the_bench_does(path: Path) -> None:
     scenario = load_scenario(path)
@@ -37,6 +38,7 @@ def test_the_shelf_reads_a_scenario_as_the_bench_does(path: Path) -> None:
     assert shown_by(path) == expected(scenario.steps, blocks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BAOSKY + SIEMENS + LEGACY, ids=lambda path: path.stem)
 def test_every_code_that_an_instance_shows_is_listed_for_its_block(path: Path) -> None:
     dialect = load_scenario(path).project.dialect
@@ -100,6 +102,7 @@ def test_without_configs_the_shelf_is_empty(tmp_path: Path, monkeypatch: pytest.
     assert scenarios_of("baosky") == {}
 
 
+@pytest.mark.slow
 def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
     whole = scenarios_of("baosky")
     for code in (0x7006, 0x80A7, 0x80C5):
@@ -109,6 +112,7 @@ def test_of_one_code_the_shelf_holds_what_the_whole_shelf_holds_of_it() -> None:
         assert {shown: files for shown, files in found.items() if shown[0] == code} == of_code
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", [0x7006, 0x7002, 0x80A7, 0x80C5])
 def test_a_card_names_the_same_scenarios_when_only_those_that_it_may_name_are_read(code: int) -> None:
     found = explain(tuple(DIALECTS.values()), code, None)

@@ -231,6 +231,7 @@ ALL_PEERS = st.lists(SAYS, min_size=4, max_size=4)
 UNHURRIED = (HealthCheck.too_slow, HealthCheck.data_too_large)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None, suppress_health_check=UNHURRIED)
 @given(projects(), ALL_PEERS, st.lists(st.tuples(st.integers(0, 9), MOVES), max_size=25))
 def test_any_session_saved_runs_and_holds(

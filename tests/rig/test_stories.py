@@ -19,6 +19,7 @@ def test_the_stories_are_these() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("story", "kernel"), [(s, "sim") for s in STORIES] + [(s, "live") for s in LIVE])
 def test_a_story_holds(story: str, kernel: str) -> None:
     verdict = play(

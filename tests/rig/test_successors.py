@@ -339,6 +339,7 @@ def test_who_comes_when_the_queue_is_full_comes_again_by_itself(kernel: str) -> 
     line.close()
 
 
+@pytest.mark.slow
 def test_a_thousand_devices_one_after_the_other_and_a_thousand_frames_in_order() -> None:
     for blocks in ORDERS[:3]:
         line = Line(*blocks)

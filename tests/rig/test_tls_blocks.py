@@ -67,6 +67,7 @@ TLSClientCertRef = 2
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", ["sim", "live"])
 @pytest.mark.parametrize("name", ["tls-server.toml", "tls-client.toml"])
 def test_a_scenario_holds(secure_bench: Path, name: str, kernel: str) -> None:

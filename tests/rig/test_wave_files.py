@@ -142,6 +142,7 @@ def test_the_text_draws_the_rows_and_lists_the_edges_with_their_causes() -> None
     assert "16#7008 received" in text and "the frame is complete" in text
 
 
+@pytest.mark.slow
 def test_the_text_of_a_long_run_stays_short() -> None:
     run = random_run(23, 9000)
     text = plain_text([run.wave()], whole(run), 1)

@@ -32,6 +32,7 @@ def long_run(seed: int) -> Run:
     return random_run(seed, 10_000)
 
 
+@pytest.mark.slow
 @settings(max_examples=2, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(st.integers(0, 2**32))
 def test_every_one_scan_pulse_of_10000_random_scans_is_found_at_every_zoom(seed: int) -> None:
@@ -56,6 +57,7 @@ def test_every_one_scan_pulse_of_10000_random_scans_is_found_at_every_zoom(seed:
     assert sum(value or 0 for value in run.seen[RECEIVER]["DONE"]) > 50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zoom", ZOOMS)
 def test_a_column_is_the_least_and_the_greatest_of_its_scans(zoom: int) -> None:
     run = long_run(1)

@@ -22,6 +22,7 @@ OF_FEW = 0.15  # how much less of 20 cases
 pytestmark = pytest.mark.timeout(3600 if IS_SOAK else 120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", CAUSES)
 def test_the_cause_of_a_blind_case_is_first_and_none_is_called_best_wrongly(cause: str) -> None:
     found = measure(range(FIRST_SEED, FIRST_SEED + BLIND), cause)
@@ -32,6 +33,7 @@ def test_the_cause_of_a_blind_case_is_first_and_none_is_called_best_wrongly(caus
     assert found.first >= (FIRST_OF_ALL.get(cause, 0.93) - less) * found.cases, found.missed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", CAUSES)
 def test_readings_of_one_rank_find_the_same_and_ranks_count_all_before_them(cause: str) -> None:
     for seed in range(FIRST_SEED, FIRST_SEED + 6):
@@ -47,6 +49,7 @@ def test_readings_of_one_rank_find_the_same_and_ranks_count_all_before_them(caus
             assert not (others and found.fits_best)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fill", FILLS)
 def test_numbers_that_are_hard_never_make_a_wrong_reading_best(fill: str) -> None:
     found = measure(range(FIRST_SEED, FIRST_SEED + HARD), "none", fill)

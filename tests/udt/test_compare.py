@@ -111,6 +111,7 @@ def test_layouts_that_differ_only_in_how_a_member_is_stored_are_not_equal(
     assert compare_text(both, b"")[1] is compare_json(both, b"")[1] is (not said)
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(structs(types, least=1), rules, rules)
 def test_layouts_are_equal_exactly_when_profiles_call_them_one(
@@ -124,6 +125,7 @@ def test_layouts_are_equal_exactly_when_profiles_call_them_one(
         assert shape(a) != shape(b)
 
 
+@pytest.mark.slow
 def test_text_json_and_exit_code_agree_however_far_the_first_difference_is() -> None:
     members = "a : ARRAY[1..70000] OF BYTE; t : TIME;"
     both = compare(layout_of(members), layout_of(members, "codesys-4"))

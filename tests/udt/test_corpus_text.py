@@ -101,6 +101,7 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
     assert unplaced(valve) == ["TON", "Lib.FB_Drive"]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(3600 if FULL else 60)
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:

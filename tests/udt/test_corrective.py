@@ -215,6 +215,7 @@ def test_the_scl_of_an_s7_sender_is_read_again(name: str) -> None:
     assert places(again) == places(found.layout) or not found.is_possible
 
 
+@pytest.mark.slow
 @settings(max_examples=250, deadline=None)
 @given(structs(types, least=1), rules, rules)
 def test_a_corrective_type_that_is_called_possible_gives_the_others_offsets(

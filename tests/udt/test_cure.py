@@ -75,6 +75,7 @@ def test_profiles_that_agree_need_no_cure() -> None:
     assert corrective(theirs, layout.rules).type is corrective(layout, theirs.rules).type is layout.type
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     structs(types, least=1),

@@ -99,6 +99,7 @@ def test_every_leaf_takes_what_it_shows(type_: Type, its_rules: LayoutRules, dat
     assert same(again, shown) or shown[0] != shown[0]
 
 
+@pytest.mark.slow
 @given(layouts(), st.data())
 def test_every_structure_comes_back(layout: Layout, data: st.DataObject) -> None:
     values = {leaf.path: data.draw(values_of(leaf, layout.rules)) for leaf in apart(layout)}
@@ -117,6 +118,7 @@ def test_every_prefix_agrees_with_the_whole(layout: Layout, data: st.DataObject)
         assert same(decode(layout, raw[:length]), expected)
 
 
+@pytest.mark.slow
 @given(layouts(), st.data())
 def test_a_page_shows_what_the_whole_decode_shows(layout: Layout, data: st.DataObject) -> None:
     raw = data.draw(st.binary(max_size=layout.size + 3))
@@ -222,6 +224,7 @@ def test_a_megabyte_is_decoded_at_once_and_by_pages() -> None:
     assert decode_leaves(wide, data, 70_000, 70_004) == tuple(data[70_000:70_004])
 
 
+@pytest.mark.slow
 @given(layouts(), st.data())
 def test_a_leaf_alone_reads_as_in_the_whole(layout: Layout, data: st.DataObject) -> None:
     raw = data.draw(st.binary(min_size=layout.size, max_size=layout.size))
@@ -230,6 +233,7 @@ def test_a_leaf_alone_reads_as_in_the_whole(layout: Layout, data: st.DataObject)
     assert same(found, decode(layout, raw)[:20])
 
 
+@pytest.mark.slow
 @given(layouts(), st.data())
 def test_the_next_leaf_is_the_first_that_is_not_wholly_there(layout: Layout, data: st.DataObject) -> None:
     length = data.draw(st.integers(0, layout.size + 1))

@@ -84,6 +84,7 @@ def test_every_member_lies_where_the_layout_has_it(name: str, more: dict[str, st
         assert found.members[path] == (leaf.offset, leaf.size)
 
 
+@pytest.mark.slow
 @given(layouts())
 @settings(max_examples=60, deadline=None)
 def test_any_type_under_any_rules_keeps_its_sizes(layout: Layout) -> None:

@@ -80,6 +80,7 @@ def digits(value: float, leaf: Leaf) -> str:
     return f"{value:.{6 if leaf.size == 4 else 15}g}"
 
 
+@pytest.mark.slow
 @with_tshark
 @pytest.mark.parametrize(("name", "more"), EVERY_LAYOUT)
 def test_tshark_shows_what_udt_decode_shows(name: str, more: dict[str, str], tmp_path: Path) -> None:
@@ -120,6 +121,7 @@ def test_values_that_tcp_has_cut_and_joined_are_each_found_once(tmp_path: Path) 
     assert found == [[("id", str(n)), ("t", "T#0ms"), ("s", "ok")] for n in range(1, 6)]
 
 
+@pytest.mark.slow
 @with_tshark
 def test_the_demo_s_traffic_on_loopback_reads_in_tshark_as_in_udt_decode(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

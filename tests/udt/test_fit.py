@@ -68,6 +68,7 @@ def message(layout: Layout, chance: random.Random) -> bytes:
 every = [(name, profile) for name in TELEGRAMS for profile in profiles_for(TYPES.named(name))]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(every), st.integers(0, 10_000), st.integers(1, 3), st.booleans())
 def test_the_profile_of_the_sender_ranks_first(
@@ -166,6 +167,7 @@ def test_the_difference_is_looked_for_in_the_whole_declaration(
     assert difference(ours, lay_out(ours.type, theirs.rules)) == said
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(structs(types, least=1), rules, rules)
 def test_two_readings_that_are_not_one_have_a_difference(

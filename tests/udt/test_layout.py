@@ -161,6 +161,7 @@ def test_forty_times_two_empty_structures_are_still_empty() -> None:
     assert (layout.size, layout.leaf_count, list(layout.leaves()), decode(layout, b"")) == (0, 0, [], ())
 
 
+@pytest.mark.slow
 @given(layouts())
 def test_offsets_grow_and_leaves_and_gaps_fill_the_type_exactly(layout: Layout) -> None:
     places = [(leaf.offset, leaf.bit or 0) for leaf in layout.leaves()]
@@ -174,6 +175,7 @@ def test_offsets_grow_and_leaves_and_gaps_fill_the_type_exactly(layout: Layout) 
     assert all(before < after for (_, before), (after, _) in pairwise(ends)), "each gap is told once, whole"
 
 
+@pytest.mark.slow
 @given(layouts())
 def test_members_lie_on_their_alignment(layout: Layout) -> None:
     rules = layout.rules
@@ -184,6 +186,7 @@ def test_members_lie_on_their_alignment(layout: Layout) -> None:
         assert rules.takes_pack or leaf.offset % min(natural, rules.cap) == 0
 
 
+@pytest.mark.slow
 @given(layouts().filter(lambda layout: layout.size <= 2000))
 def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
     covered: dict[tuple[int, int], int] = {}
@@ -199,6 +202,7 @@ def test_a_byte_finds_its_leaf_and_a_path_finds_it_too(layout: Layout) -> None:
             assert layout.leaf_at(place, bit) == covered.get((place, bit))
 
 
+@pytest.mark.slow
 @given(layouts(), st.integers(-5, 40), st.integers(-5, 40))
 def test_any_run_of_leaves_is_a_slice_of_all(layout: Layout, start: int, count: int) -> None:
     stop = start + count
@@ -269,6 +273,7 @@ def test_the_declared_spelling_names_the_layout() -> None:
     assert lay_out(types.named("Speed"), rules_for()).name == "REAL"
 
 
+@pytest.mark.slow
 @given(layouts())
 def test_a_layout_crosses_a_process_border(layout: Layout) -> None:
     data = bytes(n % 251 for n in range(layout.size))

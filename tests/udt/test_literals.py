@@ -162,6 +162,7 @@ def test_integer_literals(text: str, number: int | None) -> None:
     assert parse_integer(text) == number
 
 
+@pytest.mark.slow
 @given(st.text(max_size=80))
 def test_no_text_breaks_the_literals(text: str) -> None:
     parse_integer(text)

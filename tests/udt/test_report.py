@@ -155,6 +155,7 @@ def texts_overlap(layout: Layout) -> bool:
     return sum(map(len, places)) > len({at for place in places for at in place})
 
 
+@pytest.mark.slow
 @given(layouts(), st.data())
 def test_what_decode_prints_encode_takes_and_gives_the_same_again(
     layout: Layout, data: st.DataObject
@@ -168,6 +169,7 @@ def test_what_decode_prints_encode_takes_and_gives_the_same_again(
         assert value is None or again[path] == value
 
 
+@pytest.mark.slow
 @given(layouts(), st.data())
 def test_no_bytes_break_the_tables_or_reach_them_raw(layout: Layout, data: st.DataObject) -> None:
     raw = data.draw(st.binary(max_size=layout.size + 2))

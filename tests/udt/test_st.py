@@ -299,6 +299,7 @@ def test_nesting_ends_at_its_limit_with_a_line() -> None:
     assert not problems(f"TYPE T : {'ARRAY[0..0] OF ' * (MOST_NESTED - 1)}INT; END_TYPE")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SAMPLES, ids=lambda path: path.name)
 def test_a_file_cut_at_any_byte_gives_types_or_lines(path: Path) -> None:
     data = path.read_bytes()
@@ -329,6 +330,7 @@ def test_no_text_breaks_the_reader(text: str) -> None:
             assert problem.expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

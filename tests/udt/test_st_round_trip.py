@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,6 +12,7 @@ from trcvtui.udt.sources.st import Parser, read_st
 from trcvtui.udt.sources.st_cursor import Source, Token
 
 
+@pytest.mark.slow
 @given(declarations(), st.data())
 def test_what_is_written_as_st_text_comes_back_equal(
     declared: list[Declaration], data: st.DataObject

@@ -30,6 +30,7 @@ def lines_of(*argv: str) -> int:
     return ran.stdout.count(b"\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("answer", ["text", "json"])
 def test_a_million_leaves_are_shown_in_bounded_memory(answer: str, tmp_path: Path) -> None:
     source = tmp_path / "big.st"
@@ -39,6 +40,7 @@ def test_a_million_leaves_are_shown_in_bounded_memory(answer: str, tmp_path: Pat
     assert printed == (MOST_LEAVES + gaps + 2 if answer == "text" else MOST_LEAVES * 6 + gaps * 4 + 11)
 
 
+@pytest.mark.slow
 def test_half_a_million_leaves_are_decoded_and_compared_in_bounded_memory(tmp_path: Path) -> None:
     source, content = tmp_path / "big.st", tmp_path / "zeros.hex"
     source.write_text(f"{POINTS} TYPE Big : ARRAY[1..{MOST_LEAVES // 8}] OF Point; END_TYPE")
@@ -66,6 +68,7 @@ def small_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("trcvtui.udt.layout.values.MOST_AT_ONCE", 3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_pages")
 @given(layout=layouts(), data=st.binary(max_size=200))
 def test_leaves_and_values_are_the_same_one_after_the_other_and_all_at_once(
@@ -79,6 +82,7 @@ def test_leaves_and_values_are_the_same_one_after_the_other_and_all_at_once(
     assert repr([*values_of(layout, data)]) == repr([*decode(layout, data)])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_pages")
 @given(layout=layouts())
 def test_members_stand_in_offset_order_and_those_at_one_offset_in_declared_order(layout: Layout) -> None:

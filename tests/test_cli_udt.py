@@ -570,6 +570,7 @@ def test_cure_prints_the_type_and_the_swap_code(capsys: pytest.CaptureFixture[st
     assert "_pad1 : ARRAY[0..6] OF BYTE;" in padded and "SWAP" not in padded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("members", "size"), [(1 << 20, 4 << 20), (1 << 18, 4 << 20), (1, 8 << 20)])
 def test_the_largest_type_and_the_longest_bytes_are_judged_by_a_part_that_is_named(
     members: int, size: int, capsys: pytest.CaptureFixture[str]

@@ -66,6 +66,7 @@ def test_both_ends_come_up_and_bytes_go_both_ways(up: tuple[Session, Session]) -
     assert (server.held, client.held) == (0, 0)
 
 
+@pytest.mark.slow
 def test_bytes_are_read_in_any_portions_and_in_their_order(up: tuple[Session, Session]) -> None:
     client, server = up
     fed(server, client.encode(b"abc") + client.encode(b"defg"))

@@ -87,11 +87,13 @@ def test_every_error_of_a_scenario_names_its_cause(path: Path) -> None:
         assert cause["injected"] == cause["text"].startswith("injected fault: "), (condition, cause)
 
 
+@pytest.mark.slow
 def test_the_scenarios_bring_about_every_error_but_those_of_certificates() -> None:
     seen = {condition for path in ALL for condition, _ in errors(path)}
     assert ERROR - seen == OF_CERTIFICATES  # theirs: test_tls_blocks
 
 
+@pytest.mark.slow
 def test_a_record_without_error_has_no_cause() -> None:
     for path in ALL:
         assert all(("cause" in record) == record["ERROR"] for record in played(path).records())

@@ -293,6 +293,7 @@ def hidden(draw: st.DrawFn) -> Secret:
     return framing, frames, [bytes(each) for each in before], cuts
 
 
+@pytest.mark.slow
 @given(hidden())
 @settings(max_examples=60, deadline=None)
 def test_a_framing_that_was_hidden_is_found_first(secret: Secret) -> None:
@@ -312,6 +313,7 @@ FEW_VALUES = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(CHUNKS | FEW_VALUES, st.sampled_from(["sim", "serial", "tcp", "cable"]))
 @settings(max_examples=80, deadline=None)
 def test_whatever_was_recorded_each_proposal_is_what_the_framer_cuts(

@@ -114,6 +114,7 @@ def test_what_instructions_before_3_show_otherwise_has_a_scenario(reached_before
     assert unseen((*OWN_ROWS, *LEGACY_ERRORS), reached_before_3) == []
 
 
+@pytest.mark.slow
 def test_no_block_shows_a_status_that_its_table_does_not_list_or_calls_out_of_reach(reached: Shown) -> None:
     rows = DIALECTS["s7-1500"].status
     listed = {(b, row.code) for row in rows if row.reach is not Reach.NEVER for b in row.blocks}

@@ -74,6 +74,7 @@ def test_every_status_in_the_table_of_a_block_is_reached(
     ] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", TCP_BLOCKS)
 def test_no_block_shows_a_status_that_its_table_does_not_list(
     block: str, reached: frozenset[tuple[str, int, bool]]

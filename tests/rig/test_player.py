@@ -337,6 +337,7 @@ def test_the_engine_plays_step_by_step_to_the_end_and_goes_home(engine: EngineDr
     assert picture.snapshot.instances[0].pin("CONT") is False, "a fresh bench"
 
 
+@pytest.mark.slow
 def test_a_long_simulated_scenario_is_played_to_its_end_faster_than_the_clock(
     engine: EngineDriver, tmp_path: Path
 ) -> None:

@@ -231,6 +231,7 @@ def test_a_created_instance_takes_part_from_its_first_scan(tmp_path: Path) -> No
     assert walk(race, 1, instance=1) == "3 7001 | 4 7002 | 5 7002 | 6 -"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", [*BAOSKY[::12], *SIEMENS[::8]], ids=lambda path: path.stem)
 def test_the_shipped_scenarios_can_be_raced_or_say_why_not(
     path: Path, capsys: pytest.CaptureFixture[str]

@@ -129,6 +129,7 @@ def test_a_partner_who_unwraps_while_nobody_receives_is_answered(
         assert partner.found == "in good order"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("calls", [True, False], ids=["we are server", "we are client"])
 @pytest.mark.parametrize("how", ENDS)

@@ -118,6 +118,7 @@ def test_an_instance_deleted_in_mid_job_locks_until_the_socket_is_closed(tmp_pat
     desk.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", UDP_SCENARIOS, ids=[path.stem for path in UDP_SCENARIOS])
 def test_sleeping_instances_show_what_called_ones_show(path: Path) -> None:
     seen = []

@@ -74,6 +74,7 @@ def test_a_column_is_the_least_and_the_greatest_of_its_scans(zoom: int) -> None:
                 assert (column.low, column.high) == (min(part), max(part)), (pin, n, zoom)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 1)), max_size=60), st.sampled_from(ZOOMS[:6]))
 def test_a_lane_drawn_while_it_grows_is_drawn_as_at_the_end(steps: list[tuple[int, int]], zoom: int) -> None:

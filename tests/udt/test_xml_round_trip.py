@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as hyp
 
@@ -67,6 +68,7 @@ def types(leaf: hyp.SearchStrategy[Spec], unions: bool) -> hyp.SearchStrategy[Sp
     )
 
 
+@pytest.mark.slow
 @given(hyp.lists(types(every_leaf, True), min_size=1, max_size=3))
 def test_a_type_is_the_same_in_st_and_in_plcopen_xml(specs: list[Spec]) -> None:
     declared = [Declaration(f"T{n}", spec, "") for n, spec in enumerate(specs)]

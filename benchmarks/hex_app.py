@@ -14,11 +14,11 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Static
 
-from trcvtui.tui.widgets import styles
+import trcvtui.tui
 from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
-STYLES: Final = Path(styles.__file__).with_name("styles.tcss")
+STYLES: Final = Path(trcvtui.tui.__file__).with_name("styles.tcss")
 
 
 class HexScreen(Screen[None]):

@@ -288,7 +288,7 @@ def _udt_fit(args: argparse.Namespace) -> int:
 
 
 def _udt_cure(args: argparse.Namespace) -> int:
-    from trcvtui.tui.lab_model.lab_fix import cure_source
+    from trcvtui.tui.lab.lab_fix import cure_source
     from trcvtui.udt import command
 
     ours, theirs = command.two_sides_of_a_cure(_with_examples(args))

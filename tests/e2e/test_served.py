@@ -30,9 +30,9 @@ from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.history import wave_files
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import Answer
-from trcvtui.tui.copying import clipboard_and_files as keepsake
-from trcvtui.tui.copying import taking
-from trcvtui.tui.read_only import LINES
+from trcvtui.tui import clipboard_and_files
+from trcvtui.tui import clipboard_and_files as keepsake
+from trcvtui.tui.app import READ_ONLY_LINES
 from trcvtui.tui.served import (
     MOST_SCREENS,
     Entrance,
@@ -234,7 +234,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
     kept: list[object] = []
     monkeypatch.setattr(keepsake, "write_file", lambda *what, **how: kept.append(what))
     monkeypatch.setattr(keepsake, "to_clipboard", kept.append)
-    monkeypatch.setattr(taking, "to_clipboard", kept.append)
+    monkeypatch.setattr(clipboard_and_files, "to_clipboard", kept.append)
     monkeypatch.setattr(wave_files, "write_file", lambda *what, **how: kept.append(what))
     monkeypatch.setattr(files, "read_bytes", lambda *what: kept.append(what))
     async with looking(WIDE) as looker:
@@ -246,7 +246,7 @@ async def test_no_key_and_no_command_of_the_palette_does_more_than_look(
             while app.screen is not app.main:
                 app.pop_screen()
                 await looker.pilot.pause()
-            assert not [line for line in looker.lines if line.split()[0] not in LINES], did
+            assert not [line for line in looker.lines if line.split()[0] not in READ_ONLY_LINES], did
 
         done = {"app.quit", "quit", "suspend_process"}
         for pane in "12345678":

@@ -14,7 +14,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.history import waves
 from trcvtui.rig.history.pin_waveform import POLL_NS, Lane, Window
 from trcvtui.rig.history.wave_text import drawn, ruler
-from trcvtui.tui.panes.timing_view import ZOOMS
+from trcvtui.tui.panes.timing import ZOOMS
 
 LEVELS = "▁▔█╱╲┃"
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.tui.lab_model.collapsible_tree import FoldTree
-from trcvtui.tui.lab_model.compare_tree import twin_of
+from trcvtui.tui.lab.collapsible_tree import FoldTree, twin_of
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.sources import read_file
 

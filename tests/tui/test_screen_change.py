@@ -13,8 +13,8 @@ from tests.tui.on_a_line import on_a_line
 from tests.tui.test_screen_add import fields, fill, keys_of
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
+from trcvtui.tui.app import REFUSED
 from trcvtui.tui.forms.fields import all_parts, fields_to_change, set_line, text_of, values_of
-from trcvtui.tui.read_only import REFUSED
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

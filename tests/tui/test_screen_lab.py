@@ -17,8 +17,8 @@ from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
+from trcvtui.tui.lab.lab import DATA, JOB, LabBytes
 from trcvtui.tui.lab.screen import LabScreen
-from trcvtui.tui.lab_model.lab_bytes import DATA, JOB, LabBytes
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.udt.layout.layout import lay_out, rules_for
 

@@ -10,7 +10,7 @@ from tests.tui.looking import WIDE, Looker, looking
 from tests.tui.on_a_bench import on_a_bench
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
-from trcvtui.tui.palette_keys import own_bindings, pane_keys
+from trcvtui.tui.palette import own_bindings, pane_keys
 
 
 def entries(looker: Looker) -> list[SystemCommand]:

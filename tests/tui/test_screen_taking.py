@@ -16,10 +16,9 @@ import pytest
 from tests.tui.fakes import TELEGRAM, bench_project, picture, receiving, story
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.rig.snapshots import Answer
-from trcvtui.tui.copying import clipboard_and_files as keepsake
-from trcvtui.tui.copying.clipboard_and_files import keep, to_clipboard
-from trcvtui.tui.copying.copy_formats import FORMATS, Subject
-from trcvtui.tui.copying.taking import MOUSE_OFF, MOUSE_ON
+from trcvtui.tui import clipboard_and_files as keepsake
+from trcvtui.tui.clipboard_and_files import MOUSE_OFF, MOUSE_ON, keep, to_clipboard
+from trcvtui.tui.copy_formats import FORMATS, Subject
 from trcvtui.udt.sources import read_file
 
 

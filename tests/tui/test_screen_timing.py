@@ -18,8 +18,7 @@ from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import duration
-from trcvtui.tui.panes.timing import Timing
-from trcvtui.tui.panes.timing_view import LABEL
+from trcvtui.tui.panes.timing import LABEL, Timing
 from trcvtui.tui.widgets.theme import LIGHT
 
 SIZES = [(80, 24), (120, 40), (140, 45), (140, 60), (200, 60)]

@@ -19,25 +19,23 @@ from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
 from trcvtui.rig.scenario.files import Found
-from trcvtui.tui.copying.copy_formats import subject_of
-from trcvtui.tui.copying.copy_menu import YankScreen
+from trcvtui.tui.copy_formats import YankScreen, subject_of
 from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
 from trcvtui.tui.forms.description import DescriptionScreen
 from trcvtui.tui.forms.fields import Part
 from trcvtui.tui.forms.messages import MessagesScreen, UdtForm, form_of
 from trcvtui.tui.forms.split_test_screen import TrialScreen
-from trcvtui.tui.framings.screen import FramingScreen
-from trcvtui.tui.lab.constants_form import ConstantsForm
-from trcvtui.tui.lab.problems_screen import ProblemsScreen
+from trcvtui.tui.framings import FramingScreen
+from trcvtui.tui.lab.constants_form import ConstantsForm, ProblemsScreen
+from trcvtui.tui.lab.lab import Lab
 from trcvtui.tui.lab.screen import LabScreen
-from trcvtui.tui.lab_model.lab import Lab
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.race.screen import RaceScreen
-from trcvtui.tui.scenarios.scenario_list_model import Library
+from trcvtui.tui.scenarios.scenario_list import Library
 from trcvtui.tui.scenarios.screen import ScenariosScreen
-from trcvtui.tui.widgets.choice_screen import ChoiceScreen
 from trcvtui.tui.widgets.help import HelpScreen
-from trcvtui.tui.widgets.keystrokes import TypedField
+from trcvtui.tui.widgets.screens import ChoiceScreen
+from trcvtui.tui.widgets.typed_lines import TypedField
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

@@ -11,8 +11,8 @@ from trcvtui.tui.completion import complete
 from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped
 from trcvtui.tui.peer_commands import send_line
 from trcvtui.tui.view_model.explain import why
-from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, CLASSES
-from trcvtui.tui.widgets.keys import letters_of
+from trcvtui.tui.widgets.help import letters_of
+from trcvtui.tui.widgets.hex_view import CHARACTER_OF, CLASS_OF, CLASSES
 
 
 @pytest.mark.parametrize(

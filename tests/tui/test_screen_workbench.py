@@ -25,7 +25,7 @@ from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import CheckSnapshot, ReplySnapshot, Tally
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import MS
-from trcvtui.tui.panes.splits import Cuts, cuts_of
+from trcvtui.tui.panes.composer import Cuts, cuts_of
 
 SIZES = pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
 RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)

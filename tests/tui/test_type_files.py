@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.tui.lab_model.type_files import TypeFiles
+from trcvtui.tui.lab.lab import TypeFiles
 
 GOOD = "TYPE T : STRUCT a : INT; END_STRUCT END_TYPE\n"
 LONGER = "TYPE T : STRUCT a : INT; b : DINT; END_STRUCT END_TYPE\n"

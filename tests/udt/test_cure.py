@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.udt.st_machine import Machine
 from tests.udt.test_fit import TYPES, message
 from tests.udt.udt_strategies import rules, structs, types
-from trcvtui.tui.lab_model.lab_fix import cure_source
+from trcvtui.tui.lab.lab_fix import cure_source
 from trcvtui.udt.compare.fit import fit, verdict
 from trcvtui.udt.cure.padded_type import corrective
 from trcvtui.udt.cure.swap import swap_code

@@ -23,19 +23,18 @@ from trcvtui.files import close_files
 from trcvtui.project.project import Project
 from trcvtui.rig.engine.driver import Driver, EngineStopped
 from trcvtui.rig.wording import count
-from trcvtui.tui.lab_words import LAB, is_for_lab
+from trcvtui.tui.lab import LAB, is_for_lab
 from trcvtui.tui.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.messages import RaceWanted
-from trcvtui.tui.read_only import REFUSED, may_open, may_say
 from trcvtui.tui.settings import Settings, load_settings
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.keystrokes import obey
 from trcvtui.tui.widgets.theme import THEMES
+from trcvtui.tui.widgets.typed_lines import obey
 
 if TYPE_CHECKING:
-    from trcvtui.tui.framings.screen import FramingScreen
+    from trcvtui.tui.framings import FramingScreen
+    from trcvtui.tui.lab.lab import Lab
     from trcvtui.tui.lab.screen import LabScreen
-    from trcvtui.tui.lab_model.lab import Lab
     from trcvtui.tui.race.screen import RaceScreen
     from trcvtui.tui.scenarios.screen import ScenariosScreen
 
@@ -44,6 +43,27 @@ HANG_UP_S: Final = 1.0
 ENDING_SIGNALS: Final = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 HANG_UP: Final = 129  # as a shell reports SIGHUP
 ENGINE_ENDED: Final = 1
+REFUSED: Final = "this screen is read-only; `trcvtui serve --write`, or `run` without --read-only, commands"
+READ_ONLY_LINES: Final = frozenset(("expect", "find"))  # first words: they compare, and go to an edge
+
+
+# What a read-only screen may do: these two, and nothing else. A new command or screen is refused too. The
+# files of the screen's process and of its engine are closed beside that (`files.close_files`).
+
+
+def may_say(line: str) -> bool:
+    """Return whether a read-only screen may say a line of the prompt, of a key or of a button."""
+    return line.strip().partition(" ")[0] in READ_ONLY_LINES
+
+
+def may_open(screen: object) -> bool:
+    """Return whether a read-only screen may open a screen above the panes: it shows, and opens no file."""
+    from textual.command import CommandPalette
+
+    from trcvtui.tui.forms.description import DescriptionScreen
+    from trcvtui.tui.widgets.help import HelpScreen
+
+    return isinstance(screen, MainScreen | HelpScreen | DescriptionScreen | CommandPalette)
 
 
 class BenchApp(App[None]):
@@ -273,7 +293,7 @@ class BenchApp(App[None]):
 
     def _open_scenarios(self) -> None:
         from trcvtui.rig.scenario.files import find_files  # read when first asked for
-        from trcvtui.tui.scenarios.scenario_list_model import Library
+        from trcvtui.tui.scenarios.scenario_list import Library
         from trcvtui.tui.scenarios.screen import ScenariosScreen
 
         if self.scenarios is None and not self.last_words:
@@ -301,8 +321,8 @@ class BenchApp(App[None]):
         self.submit(LAB)
 
     def _open_lab(self, line: str) -> None:
+        from trcvtui.tui.lab.lab import Lab  # read when first asked for
         from trcvtui.tui.lab.screen import LabScreen
-        from trcvtui.tui.lab_model.lab import Lab  # read when first asked for
 
         if self.lab is not None or self.scenarios is not None or self.last_words:
             return
@@ -368,7 +388,7 @@ class BenchApp(App[None]):
 
     def action_framings(self) -> None:
         """Open the advice on how the bytes of a ComBuffer may be cut into frames."""
-        from trcvtui.tui.framings.screen import FramingScreen  # read when first asked for
+        from trcvtui.tui.framings import FramingScreen  # read when first asked for
 
         if self.screen is not self.main or self.refuses():
             return
@@ -409,7 +429,7 @@ class BenchApp(App[None]):
 
     def action_picture(self) -> None:
         """Save the screen as SVG and tell where."""
-        from trcvtui.tui.copying.taking import take_picture  # read when first asked for
+        from trcvtui.tui.clipboard_and_files import take_picture  # read when first asked for
 
         if not self.is_web and self.refuses():  # a browser gets the picture, no file is written
             return

@@ -214,9 +214,11 @@ def _after_resize(words: list[str], project: Project) -> Iterable[str]:
 
 
 def _after_udt(words: list[str], project: Project) -> Iterable[str]:
-    from trcvtui.tui.lab_model.lab import PROFILE_WORDS  # read when first asked for
-    from trcvtui.tui.lab_model.lab_bytes import SOURCES
-    from trcvtui.tui.lab_model.lab_lines import WORDS
+    from trcvtui.tui.lab.lab import (
+        PROFILE_WORDS,  # read when first asked for
+        SOURCES,
+    )
+    from trcvtui.tui.lab.lab_lines import WORDS
 
     if len(words) == 1:
         return WORDS

@@ -27,14 +27,12 @@ from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.panes.udt_table import UdtTable
 from trcvtui.tui.prompt import Prompt
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.filter_line import FilterLine
-from trcvtui.tui.widgets.header_line import HeaderLine
+from trcvtui.tui.widgets.help import TAKEN
 from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.key_line import KeyLine
-from trcvtui.tui.widgets.keys import TAKEN
 from trcvtui.tui.widgets.line_view import LineView
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
-from trcvtui.tui.widgets.tab_line import TabLine
+from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, TabLine
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.typed_lines import FilterLine
 
 if TYPE_CHECKING:
     from trcvtui.tui.panes.timing import Timing
@@ -71,7 +69,7 @@ def _find(words: list[str], pane: Timing) -> str:
 
 
 if TYPE_CHECKING:
-    from trcvtui.tui.copying.copy_formats import Format, Subject
+    from trcvtui.tui.copy_formats import Format, Subject
     from trcvtui.tui.forms.fields import Part
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
@@ -428,15 +426,17 @@ class MainScreen(Screen[None]):
 
     def action_yank(self) -> None:
         """Open the menu of what can be yanked, the focused pane's first."""
-        from trcvtui.tui.copying.copy_formats import FIRST_OF_PANE
-        from trcvtui.tui.copying.copy_menu import YankScreen  # read when first asked for
+        from trcvtui.tui.copy_formats import (
+            FIRST_OF_PANE,
+            YankScreen,  # read when first asked for
+        )
 
         pane = self._focused_pane()
         self.app.push_screen(YankScreen(self._subject(pane), FIRST_OF_PANE.get(pane, "c")), self._yanked)
 
     def yank(self, letter: str) -> None:
         """Yank in the format of a letter, without the menu."""
-        from trcvtui.tui.copying.copy_formats import FORMATS
+        from trcvtui.tui.copy_formats import FORMATS
 
         form = next(form for form in FORMATS if form.letter == letter)
         text = form.write(self._subject(self._focused_pane()))
@@ -449,14 +449,14 @@ class MainScreen(Screen[None]):
         return self.focused.id or "" if self.focused is not None else ""
 
     def _subject(self, pane: str) -> Subject:
-        from trcvtui.tui.copying.copy_formats import subject_of
+        from trcvtui.tui.copy_formats import subject_of
 
         of_job = pane == "job" or (pane == "udt" and self.table.of_job)
         of_peer = pane in ("peers", "payload")
         return subject_of(self._scene, of_job, self.peer.composer.line if of_peer else None)
 
     def _yanked(self, taken: tuple[Format, str] | None) -> None:
-        from trcvtui.tui.copying.taking import take
+        from trcvtui.tui.clipboard_and_files import take
 
         if taken is not None and not self._is_refused():
             self.run_worker(take(self.app, *taken, self.prompt.tell, self.prompt.complain))
@@ -471,7 +471,7 @@ class MainScreen(Screen[None]):
     def action_change(self) -> None:
         """Choose a part of the project: to change it in a form, or to remove it."""
         from trcvtui.tui.forms.fields import all_parts, parts_at_hand  # read when first asked for
-        from trcvtui.tui.widgets.choice_screen import ChoiceScreen
+        from trcvtui.tui.widgets.screens import ChoiceScreen
 
         near = parts_at_hand(self._scene, self.peer in (self.focused.ancestors if self.focused else ()))
         parts = [near, [part for part in all_parts(self._scene.project) if part not in near]]
@@ -522,7 +522,7 @@ class MainScreen(Screen[None]):
 
     def action_mouse(self) -> None:
         """Let the terminal have the mouse, or take it back."""
-        from trcvtui.tui.copying.taking import give_mouse
+        from trcvtui.tui.clipboard_and_files import give_mouse
 
         self.key_line.mouse_is_away = not self.key_line.mouse_is_away
         give_mouse(self.app, self.key_line.mouse_is_away)

@@ -15,8 +15,8 @@ from textual.widgets import Input, Static
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.keystrokes import TypedField
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+from trcvtui.tui.widgets.typed_lines import TypedField
 
 KEPT_LINES: Final = 200
 MOST_ROWS: Final = 4

@@ -27,7 +27,7 @@ from trcvtui.tui.forms.fields import (
     values_of,
 )
 from trcvtui.tui.view_model.validity import fault_of, said_before
-from trcvtui.tui.widgets.keystrokes import TypedField
+from trcvtui.tui.widgets.typed_lines import TypedField
 
 HINT: Final = 30
 

@@ -19,7 +19,7 @@ from trcvtui.project.connect_view import (
 )
 from trcvtui.tui.formatting import pad, plain, wrapped
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 from trcvtui.udt.byte_text import hex_lines
 
 OFFSET, FIELD, BYTES = 7, 24, 8  # columns, columns, bytes a line
@@ -177,8 +177,8 @@ class DescriptionScreen(ModalScreen[None]):
             self._take("the description in SCL", declaration(self._config) + "\n", ".scl")
 
     def _take(self, name: str, text: str, suffix: str) -> None:
-        from trcvtui.tui.copying.copy_formats import Format
-        from trcvtui.tui.copying.taking import take  # read when first asked for
+        from trcvtui.tui.clipboard_and_files import take  # read when first asked for
+        from trcvtui.tui.copy_formats import Format
 
         form = Format("h", name, lambda of: text, suffix)
         self.run_worker(take(self.app, form, text, self._tell, self._tell))

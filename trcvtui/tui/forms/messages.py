@@ -18,9 +18,9 @@ from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.keystrokes import TypedField
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.types import Text, type_text

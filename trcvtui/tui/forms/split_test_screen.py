@@ -13,7 +13,7 @@ from trcvtui.rig.snapshots import Answer, SplitRow, TrialSnapshot
 from trcvtui.tui.formatting import bar, clip, count, plain, wrapped
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
 HEAD: Final = 4  # lines above the rows
 SHOWN_BYTES: Final = 16

@@ -1,1 +1,10 @@
-"""The UDT lab on the screen."""
+"""The UDT lab on the screen; here only which lines of the prompt are for it: known before it is loaded."""
+
+from __future__ import annotations
+
+LAB, UDT = "lab", "udt"
+
+
+def is_for_lab(line: str) -> bool:
+    """Return whether the lab obeys this line."""
+    return line.strip().partition(" ")[0] in (LAB, UDT)

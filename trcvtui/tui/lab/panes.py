@@ -8,10 +8,9 @@ from textual import events
 from textual.binding import Binding
 
 from trcvtui.tui.formatting import clip, plain, wrapped
-from trcvtui.tui.lab_model.collapsible_tree import TreeRow
-from trcvtui.tui.lab_model.compare_tree import Place
-from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab
-from trcvtui.tui.lab_model.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
+from trcvtui.tui.lab.collapsible_tree import Place, TreeRow
+from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
+from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
 from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.hex_view import HexView, merged
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row

@@ -18,23 +18,18 @@ from textual.widget import Widget
 
 from trcvtui.errors import UserError
 from trcvtui.tui import messages
-from trcvtui.tui.copying.copy_formats import Format, Subject
+from trcvtui.tui.copy_formats import Format, Subject
 from trcvtui.tui.formatting import plain
-from trcvtui.tui.lab.head import LabHead
+from trcvtui.tui.lab import UDT, is_for_lab
+from trcvtui.tui.lab.lab import ABOUT, HEX, OURS, SOURCES, THEIRS, Lab
+from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
 from trcvtui.tui.lab.panes import CureText, FitList, LabHex
-from trcvtui.tui.lab.tree import ColumnHead, LabTree
-from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab
-from trcvtui.tui.lab_model.lab_bytes import ABOUT, HEX, SOURCES
-from trcvtui.tui.lab_model.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
-from trcvtui.tui.lab_words import UDT, is_for_lab
+from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.ask_line import AskLine
-from trcvtui.tui.widgets.header_line import HeaderLine
-from trcvtui.tui.widgets.key_line import KeyLine
 from trcvtui.tui.widgets.line_view import LineView, pane_title
-from trcvtui.tui.widgets.outcome_line import OutcomeLine
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
-from trcvtui.tui.widgets.tab_line import TabLine
+from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine, TabLine
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.typed_lines import AskLine
 from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit import reason_lines
 from trcvtui.udt.layout.rules import LAYOUTS
@@ -373,7 +368,7 @@ class LabScreen(Screen[None]):
         self._choose(bytes_of(self.lab))
 
     def _choose(self, choice: Choice) -> None:
-        from trcvtui.tui.widgets.choice_screen import ChoiceScreen  # read when first asked for
+        from trcvtui.tui.widgets.screens import ChoiceScreen  # read when first asked for
 
         def take(name: str | None) -> None:
             if choice.is_bytes and name == HEX:
@@ -467,7 +462,7 @@ class LabScreen(Screen[None]):
 
     def action_problems(self) -> None:
         """Show what is wrong in the files."""
-        from trcvtui.tui.lab.problems_screen import ProblemsScreen  # read when first asked for
+        from trcvtui.tui.lab.constants_form import ProblemsScreen  # read when first asked for
 
         lines = [str(problem) for problem in self.lab.files.problems]
         self.app.push_screen(ProblemsScreen(lines or ["nothing is wrong in the files"]))
@@ -498,7 +493,7 @@ class LabScreen(Screen[None]):
 
     def action_yank(self) -> None:
         """Yank what the pane shows: to the clipboard, and always into a file."""
-        from trcvtui.tui.copying.taking import take
+        from trcvtui.tui.clipboard_and_files import take
 
         found = text_of(PANES_BY_DIGIT[self._open], self.lab, self.cure)
         if found is None:

@@ -2,22 +2,221 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import ClassVar, Final
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, ClassVar, Final
 
+from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
+from trcvtui.tui.formatting import MS, count
 from trcvtui.tui.messages import Voice
-from trcvtui.tui.panes.cut_row import CutRow
-from trcvtui.tui.panes.splits import Cuts, cuts_of
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.button_line import ButtonLine
-from trcvtui.tui.widgets.keystrokes import TypedField
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.lines import ButtonLine
+from trcvtui.tui.widgets.typed_lines import TypedField
+from trcvtui.udt.literals import format_time
+
+if TYPE_CHECKING:  # the screen composes lines, it seldom reads one
+    from trcvtui.rig.commands.words import PeerSend
+
+PAUSES: Final = (0, 1, 2, 5, 10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000)  # ms
+FIRST_PAUSE: Final = 20 * MS
+
+
+@dataclass(frozen=True, slots=True)
+class Cuts:
+    """The places of the cuts, each with its pause in ns: a cut at 3 stands before the byte of offset 3."""
+
+    pauses: Mapping[int, int] = field(default_factory=dict)
+
+    @property
+    def places(self) -> tuple[int, ...]:
+        """Return the places in order."""
+        return tuple(sorted(self.pauses))
+
+    def toggled(self, place: int) -> Cuts:
+        """Return these with a cut more or less; a new one pauses as the one before it, or behind it."""
+        if place in self.pauses:
+            return Cuts({at: ns for at, ns in self.pauses.items() if at != place})
+        near = [at for at in self.places if at < place][-1:] or list(self.places[:1])
+        return Cuts({**self.pauses, place: self.pauses[near[0]] if near else FIRST_PAUSE})
+
+    def paused(self, place: int, step: int) -> Cuts:
+        """Return these with the next longer or shorter pause at a cut."""
+        now = self.pauses[place]
+        longer = [ms * MS for ms in PAUSES if ms * MS > now]
+        shorter = [ms * MS for ms in PAUSES if ms * MS < now]
+        then = longer[:1] if step > 0 else shorter[-1:]
+        return Cuts({**self.pauses, place: then[0] if then else now})
+
+    def pause_text(self, place: int) -> str:
+        """Return the pause of a cut as commands write it."""
+        return format_time(self.pauses[place])
+
+    @property
+    def split(self) -> str:
+        """Return what stands behind `split=`."""
+        return ",".join(str(b - a) for a, b in pairwise((0, *self.places)))
+
+    @property
+    def gap(self) -> str:
+        """Return what stands behind `gap=`, "" where nothing pauses."""
+        pauses = [self.pauses[at] for at in self.places]
+        if not any(pauses):
+            return ""
+        return ",".join(map(format_time, pauses[:1] if len(set(pauses)) == 1 else pauses))
+
+
+def cuts_of(send: PeerSend) -> Cuts:
+    """Return the cuts of a send command; one behind the message cuts nothing."""
+    gaps = send.gaps_ns or (send.gap_ns,)
+    places = [at for at in accumulate(send.split) if at < len(send.payload)]
+    return Cuts({at: gaps[min(n, len(gaps) - 1)] for n, at in enumerate(places)})
+
+
+CELL: Final = 3  # two digits and the place before them
+NO_MESSAGE: Final = "no message yet: its bytes and cuts stand here"
+CUT, HERE, BOTH = "┃", "╎", "╂"
+
+
+class CutRow(LineView):
+    """`changed` is told the cuts after every change; `payload` and `cuts` are what is drawn."""
+
+    DEFAULT_CSS = "CutRow { height: 1; }"
+    KEYS: ClassVar = (("←→", "place"), ("space", "cut or join"), ("+ -", "pause"), ("del", "no cuts"))
+    BINDINGS: ClassVar = [
+        Binding("left", "place(-1)", show=False),
+        Binding("right", "place(1)", show=False),
+        Binding("home", "edge(-1)", show=False),
+        Binding("end", "edge(1)", show=False),
+        Binding("space", "cut", "cut the message here, or join it", show=False),
+        Binding("plus,equals_sign", "pause(1)", "a longer pause at this cut", show=False),
+        Binding("minus", "pause(-1)", "a shorter pause at this cut", show=False),
+        Binding("delete,backspace", "join", "take all cuts away", show=False),
+        Binding("enter", "send", "send the message as it is cut", show=False),
+    ]
+
+    def __init__(self, changed: Callable[[Cuts], None], send: Callable[[], None]) -> None:
+        super().__init__(id="cuts")
+        self._changed = changed
+        self._send = send
+        self.payload = b""
+        self.cuts = Cuts()
+        self.place = 1  # the cursor stands before this byte
+        self._first = 0  # the first byte in view
+
+    def draw(self, payload: bytes, cuts: Cuts) -> None:
+        """Draw this message with these cuts."""
+        self.payload, self.cuts = payload, cuts
+        self.place = max(1, min(self.place, len(payload) - 1))
+        self.show()
+
+    # -- what stands there --------------------------------------------------------------------------
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the cells in view, and what the cut under the cursor is."""
+        if y:
+            return EMPTY
+        if not self.payload:
+            return row((NO_MESSAGE, "faint"))
+        self._keep_in_view()
+        parts: list[Part] = [("‥" if self._first else " ", "dim")]
+        last = min(len(self.payload), self._first + self._room())
+        for at in range(self._first, last):
+            if at > self._first:
+                parts.append(self._before(at))
+            parts.append((f"{self.payload[at]:02X}", "" if self._in_even_chunk(at) else "strong"))
+        parts.append(("‥" if last < len(self.payload) else " ", "dim"))
+        return row(*parts, (f" {self._told()}", "dim"))
+
+    def _before(self, at: int) -> Part:
+        is_cut, is_here = at in self.cuts.places, self.has_focus and at == self.place
+        sign = BOTH if is_cut and is_here else CUT if is_cut else HERE if is_here else " "
+        return sign, "key cursor" if is_here else "key"
+
+    def _in_even_chunk(self, at: int) -> bool:
+        return sum(place <= at for place in self.cuts.places) % 2 == 0
+
+    def _told(self) -> str:
+        size = count(len(self.payload), "byte")
+        if not self.has_focus:
+            return f"{size} in {count(len(self.cuts.places) + 1, 'piece')}"
+        if self.place not in self.cuts.places:
+            return f"{size}, space cuts at {self.place}"
+        return f"{size}, cut at {self.place}, pause {self.cuts.pause_text(self.place)}"
+
+    def _room(self) -> int:
+        return max(1, (self.line_width - 2 - len(f" {self._told()}") + 1) // CELL)
+
+    def _keep_in_view(self) -> None:
+        room = self._room()
+        if self.place <= self._first:
+            self._first = max(0, self.place - 1)
+        elif self.place >= self._first + room:
+            self._first = self.place - room + 1
+        self._first = max(0, min(self._first, len(self.payload) - room))
+
+    # -- what keys and mouse do ---------------------------------------------------------------------
+
+    def action_place(self, step: int) -> None:
+        """Go to the next place between two bytes."""
+        self._go(self.place + step)
+
+    def action_edge(self, side: int) -> None:
+        """Go behind the first byte, or before the last."""
+        self._go(1 if side < 0 else len(self.payload) - 1)
+
+    def _go(self, place: int) -> None:
+        self.place = max(1, min(place, len(self.payload) - 1))
+        self.show()
+
+    def action_cut(self) -> None:
+        """Cut here, or join what is cut here."""
+        if len(self.payload) > 1:
+            self._changed(self.cuts.toggled(self.place))
+
+    def action_pause(self, step: int) -> None:
+        """Make the pause of this cut longer or shorter."""
+        if self.place in self.cuts.places:
+            self._changed(self.cuts.paused(self.place, step))
+
+    def action_join(self) -> None:
+        """Take all cuts away."""
+        self._changed(Cuts())
+
+    def action_send(self) -> None:
+        """Send the message as it is drawn."""
+        self._send()
+
+    def on_click(self, event: events.Click) -> None:
+        """Cut or join where the mouse points between two bytes; on a byte: before it."""
+        found = self.place_of(event)
+        if found is None or not self.payload:
+            return
+        place = self._first + found[0] // CELL
+        if 0 < place < len(self.payload) and place < self._first + self._room():
+            self.place = place
+            self.action_cut()
+
+    def on_focus(self) -> None:
+        """Show the cursor."""
+        self.show()
+
+    def on_blur(self) -> None:
+        """Hide the cursor."""
+        self.show()
+
 
 OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every", "T#50ms"))
 EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
@@ -96,7 +295,9 @@ class Composer(Vertical):
         """Return the command as it stands, "" without a payload."""
         if not self._payload.value.strip() or not self._scene.peer:
             return ""
-        options = tuple((name, field.value) for (name, _), field in zip(OPTIONS, self._options, strict=True))
+        options = tuple(
+            (name, option.value) for (name, _), option in zip(OPTIONS, self._options, strict=True)
+        )
         return send_line(self._scene.peer, self.mode, self._payload.value, options)
 
     def judge(self) -> None:
@@ -109,8 +310,8 @@ class Composer(Vertical):
         bad_options = bool(self.fault) and not fault_of(self._without_options(), self._scene.project)
         self._draw(line if not self.fault else self._without_options() if bad_options else "")
         self._payload.set_class(bool(self.fault) and not bad_options, "-bad")
-        for field in self._options:
-            field.set_class(bad_options and bool(field.value.strip()) and self._is_bad(field), "-bad")
+        for option in self._options:
+            option.set_class(bad_options and bool(option.value.strip()) and self._is_bad(option), "-bad")
 
     def _draw(self, line: str) -> None:
         from trcvtui.rig.commands.reader import (
@@ -126,9 +327,9 @@ class Composer(Vertical):
 
     def _cut(self, cuts: Cuts) -> None:
         """Write the cuts into the fields, which are what is sent."""
-        for (name, _), field in zip(OPTIONS, self._options, strict=True):
+        for (name, _), option in zip(OPTIONS, self._options, strict=True):
             if name in ("split", "gap"):
-                field.value = cuts.split if name == "split" else cuts.gap
+                option.value = cuts.split if name == "split" else cuts.gap
         self.judge()
 
     def cut_at(self, place: int) -> None:
@@ -142,7 +343,7 @@ class Composer(Vertical):
         if not self._payload.value.strip():
             return ""
         gap = next(
-            field.value for (name, _), field in zip(OPTIONS, self._options, strict=True) if name == "gap"
+            option.value for (name, _), option in zip(OPTIONS, self._options, strict=True) if name == "gap"
         )
         return try_line(self._scene.peer, self.mode, self._payload.value, instance, gap)
 

@@ -13,7 +13,7 @@ from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.rig.commands.words import FeedLine
 from trcvtui.tui.formatting import bar, clip, pad, plain
 from trcvtui.tui.messages import Voice
-from trcvtui.tui.panes.framer_lines import source_words
+from trcvtui.tui.panes.framer import source_words
 from trcvtui.tui.view_model.view_model import Scene
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 

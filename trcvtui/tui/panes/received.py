@@ -13,19 +13,125 @@ from textual.containers import Vertical
 from textual.content import Content
 from textual.widget import Widget
 
-from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.project.project import Project
 from trcvtui.rig.history.window import HistoryRequest, JobSpan, MessageSpan, RecvSpan
-from trcvtui.tui.formatting import clip, moment, plain
+from trcvtui.tui.formatting import bar, clip, moment, plain, wrapped
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.panes.job_line import JobLine, OriginLine
+from trcvtui.tui.panes.framer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.find_line import FindLine
-from trcvtui.tui.widgets.frame_marks import of_data, of_part
-from trcvtui.tui.widgets.hex_view import HexView
-from trcvtui.tui.widgets.line_view import pane_title
+from trcvtui.tui.widgets.hex_view import CLOSES, OPENS, HexView, marks_of_data, marks_of_part
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row, ruled
+from trcvtui.tui.widgets.typed_lines import FindLine
 from trcvtui.udt.byte_text import Wanted
+
+BAR: Final = 12
+GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfinished frame
+ROOMY: Final = 100
+
+
+class JobLine(LineView, can_focus=False):
+    """One line between both views: how far the job is."""
+
+    DEFAULT_CSS = "JobLine { height: 1; }"
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="job-line")
+        self._scene = scene
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the line."""
+        instance = self._scene.instance
+        if y or instance is None:
+            return EMPTY
+        if instance.sends:
+            return ruled(self.line_width, *self._sent(instance))
+        if instance.framer is not None:
+            return ruled(self.line_width, *self._framed(instance, instance.framer))
+        if not instance.need:
+            return ruled(self.line_width, ("── no job running ", "dim"))
+        full, empty = bar(instance.have, instance.need, BAR)
+        mode = "ad-hoc, at most" if instance.adhoc else "of"
+        numbers = f" {instance.have} {mode} {instance.need} B "
+        return ruled(
+            self.line_width, ("── job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong"),
+            ("not in DATA yet ", "dim"),
+        )  # fmt: skip
+
+    def _framed(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
+        """Return how the frame stands that has no end yet; without one, what the newest frame is made of."""
+        if instance.busy:
+            full, empty = bar(instance.have, framer.size, BAR)
+            told: list[Part] = [
+                ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),
+                (f" {instance.have} of ≤{framer.size} B ", "strong"),
+            ]  # fmt: skip
+            gap = gap_of(self._scene, instance)
+            if gap is not None and gap.limit_ns and self.line_width >= GAP_BESIDE:
+                told += [("· gap ", "dim"), *gap_parts(gap), (" ", "")]
+            return told
+        last = framer.last
+        if last is None:
+            return [("── no frame has begun ", "dim")]
+        data = last.size - last.prefix - last.suffix
+        marks = f"prefix {last.prefix} {OPENS} data {data} {CLOSES} suffix {last.suffix}"
+        style = "dim" if last.is_good else "warn"
+        return [("── ", "dim"), (f"frame of {last.size} B", "strong"), (f" · {marks} · ", "dim"),
+                (f"ended by: {last.ending} ", style)]  # fmt: skip
+
+    def _sent(self, instance: InstanceSnapshot) -> list[Part]:
+        """Return how far the bytes of this connection have come: DONE tells of the local stack only."""
+        parts: list[Part] = [("── ", "dim")]
+        if instance.need:
+            full, empty = bar(instance.have, instance.need, BAR)
+            numbers = f" {instance.have} of {instance.need} B in the stack  "
+            parts += [("job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong")]
+        connection = self._scene.connection
+        if connection is None or connection.state != "connected" or connection.udp:
+            return parts if instance.need else [*parts, ("no job running ", "dim")]
+        parts.append((f"{connection.bytes_sent} B accepted", "strong"))
+        if connection.unacknowledged is not None:
+            style = "warn" if connection.unacknowledged else "dim"
+            parts.append((f" · {connection.unacknowledged} unacknowledged", style))
+        for peer in self._scene.peers:
+            if (peer.local, peer.remote) == (connection.remote, connection.local):
+                parts.append((f" · {peer.received_here} read by {plain(peer.name)}", "dim"))
+        return [*parts, (" ", "dim")]
+
+
+class OriginLine(LineView, can_focus=False):
+    """Below the stream: where the selected byte came from, or what has become of a search."""
+
+    DEFAULT_CSS = "OriginLine { height: 1; display: none; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="origin-line")
+        self.text = ""
+
+    def row_count(self) -> int:
+        """Return 1, on a narrow pane 2."""
+        return 1 if self.line_width >= ROOMY else 2
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        texts = wrapped(self.text, self.line_width) if self.row_count() > 1 else (self.text,)
+        return row((clip(texts[y], self.line_width), "strong")) if y < len(texts) else EMPTY
+
+    def on_resize(self) -> None:
+        """Take the room that the words need."""
+        self.styles.height = self.row_count()
+        self.show()
+
+    def say(self, text: str) -> None:
+        """Show another text."""
+        self.text = text
+        self.show()
+
 
 Labels = tuple[JobSpan | None, RecvSpan | None, MessageSpan | None]
 
@@ -159,7 +265,7 @@ class Received(Vertical):
             self._show_now(instance)
 
     def _show_now(self, instance: InstanceSnapshot) -> None:
-        self.data.frame, self.job.frame = of_data(instance), of_part(instance)
+        self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
         self.data.show_bytes(self._scene.data, 0, self._starts(False))
         self._line.show()
         self._size_job(instance)

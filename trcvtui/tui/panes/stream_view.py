@@ -6,7 +6,10 @@ position counts the bytes of the CONNECT since the bench began, so it stays with
 
 from __future__ import annotations
 
-from typing import ClassVar, Final
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from operator import attrgetter
+from typing import ClassVar, Final, NamedTuple, Protocol, TypeVar
 
 from textual import events
 
@@ -20,15 +23,205 @@ from trcvtui.rig.history.window import (
     RecvSpan,
     Seek,
 )
-from trcvtui.tui.formatting import clip
+from trcvtui.tui.formatting import clip, moment, plain, short_time
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.panes import rulers
-from trcvtui.tui.panes.rulers import MESSAGES, RECVS, RULERS, WAS
-from trcvtui.tui.widgets import frame_marks
-from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
-from trcvtui.tui.widgets.hex_view import GHOST_HEX, GHOST_TEXT, NARROW, WIDE, merged
+from trcvtui.tui.widgets.hex_view import (
+    CHARACTER_OF,
+    CLASS_OF,
+    GHOST_HEX,
+    GHOST_TEXT,
+    HEX_OF,
+    NARROW,
+    WIDE,
+    frame_signs,
+    marks_of_span,
+    merged,
+)
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in
+
+# The rulers: spans and the columns of the bytes in, parts of a line out. A job that ends within a message is
+# marked between the two bytes that it splits, in the row and in its ruler, by a stroke, not by colour alone.
+
+SPLIT: Final = "╱"
+START: Final = "▕"
+MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
+RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
+_STOP: Final = attrgetter("stop")
+_POSITION: Final = attrgetter("position")
+
+
+class Spanned(Protocol):
+    """Anything that stands over bytes."""
+
+    @property
+    def position(self) -> int: ...
+    @property
+    def stop(self) -> int: ...
+
+
+Span = TypeVar("Span", bound=Spanned)
+
+
+class Pen(NamedTuple):
+    """How one kind of span is drawn: beginning, in between, end, and the style."""
+
+    begin: str
+    between: str
+    end: str
+    style: str
+
+
+MESSAGE: Final = Pen("└", "─", "┘", "key")
+RECV: Final = Pen("╰", "┄", "╯", "dim")
+JOB: Final = Pen("╚", "═", "╝", "busy")
+DROPPED: Final = Pen("×", "×", "×", "warn")
+
+
+class Stroke(NamedTuple):
+    """A bracket over columns `first` .. `last` of a ruler; names from the longest to the shortest."""
+
+    first: int
+    last: int
+    begins: bool
+    ends: bool
+    pen: Pen
+    names: tuple[str, ...]
+
+
+def spans_within(spans: Sequence[Span], start: int, stop: int) -> Sequence[Span]:
+    """Return the spans that have bytes between two positions."""
+    first = bisect_right(spans, start, key=_STOP)
+    last = first
+    while last < len(spans) and spans[last].position < stop:
+        last += 1
+    return spans[first:last]
+
+
+def span_at(spans: Sequence[Span], position: int) -> Span | None:
+    """Return the span that holds a position."""
+    return next(iter(spans_within(spans, position, position + 1)), None)
+
+
+def message_splits(window: HistoryWindow, start: int, stop: int) -> frozenset[int]:
+    """Return the positions at which a job begins in the middle of a message."""
+    found = set()
+    for job in spans_within(window.jobs, start, stop):
+        message = span_at(window.messages, job.position) if job.position >= start else None
+        if message is not None and message.first + job.position - message.position > 0:
+            found.add(job.position)
+    return frozenset(found)
+
+
+def signs_before(window: HistoryWindow, start: int, stop: int) -> dict[int, str]:
+    """Return the sign before each byte at which a message is cut, or data or suffix of a frame begin."""
+    cut = dict.fromkeys(message_splits(window, start, stop), SPLIT)
+    return cut | frame_signs(spans_within(window.jobs, start, stop))
+
+
+def before_byte(position: int, signs: dict[int, str], begins: set[int]) -> tuple[str, str]:
+    """Return what stands before a byte: a sign, the beginning of a message, or room."""
+    if position in signs:
+        return signs[position], "warn strong"
+    return (START, "key") if position in begins else (" ", "")
+
+
+# -- one ruler -----------------------------------------------------------------------------------------------
+
+
+def ruler_parts(strokes: Sequence[Stroke], width: int) -> list[tuple[str, str]]:
+    """Return the parts of a ruler of `width` columns."""
+    parts: list[tuple[str, str]] = []
+    reached = 0
+    for stroke in strokes:
+        if stroke.first > reached:
+            parts.append((" " * (stroke.first - reached), ""))
+        parts.append((_bracket(stroke), stroke.pen.style))
+        reached = stroke.last + 1
+    parts.append((" " * max(0, width - reached), ""))
+    return parts
+
+
+def _bracket(stroke: Stroke) -> str:
+    pen, width = stroke.pen, stroke.last - stroke.first + 1
+    begin = pen.begin if stroke.begins else pen.between
+    end = pen.end if stroke.ends else pen.between
+    room = width - 2
+    name = next((name for name in stroke.names if len(name) <= room), "")
+    return begin + name + pen.between * (room - len(name)) + end
+
+
+def brackets(
+    spans: Sequence[Span],
+    start: int,
+    stop: int,
+    column: Callable[[int], int],
+    drawn: Callable[[Span], tuple[bool, bool, Pen, tuple[str, ...]]],
+) -> list[Stroke]:
+    """Return the brackets of the spans over a row; `column` tells where a byte of it stands."""
+    found = []
+    for span in spans_within(spans, start, stop):
+        begins, ends, pen, names = drawn(span)
+        first, last = max(span.position, start), min(span.stop, stop) - 1
+        here = begins and span.position >= start, ends and span.stop <= stop
+        found.append(Stroke(column(first - start), column(last - start) + 1, *here, pen, names))
+    return found
+
+
+def bracket_of_message(span: MessageSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
+    """Return how a message is drawn."""
+    peer, number = plain(span.peer), f"#{span.number}"
+    size = f"{span.first}.." if span.first else f"{span.whole} B"
+    return span.begins, span.ends, MESSAGE, (f"{peer} {number} {size}", f"{peer} {number}", number)
+
+
+def bracket_of_recv(span: RecvSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
+    """Return how a recv call is drawn; 0 is none: the bytes were never read."""
+    if not span.number:
+        return True, True, RECV, ("never read", "")
+    number, scan = span.number, span.scan
+    return True, True, RECV, (f"recv {number} scan {scan}", f"r{number} s{scan}", f"{number}", "")
+
+
+def bracket_of_job(span: JobSpan) -> tuple[bool, bool, Pen, tuple[str, ...]]:
+    """Return how a job is drawn, or bytes that were dropped."""
+    name = plain(span.instance)
+    if not span.done:
+        return True, True, DROPPED, (f"{span.whole} B dropped: {plain(span.reason)}", "dropped", "")
+    number = f"{'frame' if span.is_frame else 'job'} {span.number}"
+    return True, True, JOB, (f"{name} {number} scan {span.scan}", f"{number} scan {span.scan}", number, "")
+
+
+# -- beside the rulers ---------------------------------------------------------------------------------------
+
+
+def beside_messages(marks: Sequence[int], messages: Sequence[MessageSpan]) -> str:
+    """Return what a cut means."""
+    message = span_at(messages, marks[0]) if marks else None
+    if message is None:
+        return ""
+    return f"{SPLIT} #{message.number} cut at {message.first + marks[0] - message.position}"
+
+
+def beside_recvs(recvs: Sequence[RecvSpan], start: int, stop: int) -> str:
+    """Return when the first chunk arrived that begins in a row, and how long after the one before."""
+    first = next((n for n, span in enumerate(recvs) if start <= span.position < stop), None)
+    if first is None:
+        return ""
+    span = recvs[first]
+    gap = f" +{short_time(span.t_ns - recvs[first - 1].t_ns)}" if first else ""
+    return f"{moment(span.t_ns)}{gap}"
+
+
+def beside_jobs(jobs: Sequence[JobSpan], start: int, stop: int) -> str:
+    """Return the DONE, or the loss, that stands in a row."""
+    job = next((span for span in jobs if start < span.stop <= stop), None)
+    if job is None:
+        return ""
+    if job.done:
+        return f"DONE {moment(job.t_ns)}" if not job.reason else clip(plain(job.reason), 60)
+    return f"{moment(job.t_ns)} dropped"
+
 
 LEAST_DIGITS, ROOMY, TIGHT = 5, 68, 66  # of a position; what 16 bytes need beside it, with and without blanks
 NO_WINDOW: Final = HistoryWindow("", 0, 0)
@@ -212,16 +405,16 @@ class StreamView(LineView):
         stop = min(start + self.per_row, self.window.end)
         if start >= stop:
             return EMPTY
-        signs = rulers.signs(self.window, start, stop)
-        begins = {m.position for m in rulers.within(self.window.messages, start, stop) if m.begins}
+        signs = signs_before(self.window, start, stop)
+        begins = {m.position for m in spans_within(self.window.messages, start, stop) if m.begins}
         styles = [self._style_of(position) for position in range(start, stop)]
-        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), rulers.before_byte(start, signs, begins)]
+        parts: list[Part] = [(f"{start:0{self.digits}x} ", "dim"), before_byte(start, signs, begins)]
         for index, position in enumerate(range(start, stop)):
             byte = self._byte(position)
             parts.append((GHOST_HEX if byte is None else HEX_OF[byte], styles[index]))
             if position + 1 < stop:
                 parts.append((" " * (self._column(index + 1) - self._column(index) - 3), ""))
-                parts.append(rulers.before_byte(position + 1, signs, begins))
+                parts.append(before_byte(position + 1, signs, begins))
         parts.append((" " * (self._width - self._column(stop - start - 1) - 2), ""))
         text = [self._character(position) for position in range(start, stop)]
         parts += [(" " * self._blank + "│", "faint"), *zip(text, styles, strict=True)]
@@ -232,7 +425,7 @@ class StreamView(LineView):
         window = self.window
         if not window.start <= position < window.stop:
             return None
-        job = rulers.covering(window.jobs, position)
+        job = span_at(window.jobs, position)
         return window.content[position - window.start] if job is not None and job.is_kept else None
 
     def _character(self, position: int) -> str:
@@ -240,10 +433,10 @@ class StreamView(LineView):
         return GHOST_TEXT if byte is None else CHARACTER_OF[byte]
 
     def _style_of(self, position: int) -> str:
-        byte, job = self._byte(position), rulers.covering(self.window.jobs, position)
+        byte, job = self._byte(position), span_at(self.window.jobs, position)
         style = "ghost" if byte is None else CLASS_OF[byte]
         if job is not None and (job.prefix or job.suffix or not job.done):
-            style = frame_marks.of_span(job).style(position) or (style if job.done else "ghost")
+            style = marks_of_span(job).style(position) or (style if job.done else "ghost")
         if byte is not None and self._before.get(position, byte) != byte:
             style += " changed"
         if position in self.link:
@@ -263,8 +456,8 @@ class StreamView(LineView):
         if track == WAS:
             return Row((head, (" ", ""), (self._was(start, stop), "warn")))
         parts, side = self._drawn_ruler(track, start, stop)
-        marks = rulers.cuts(self.window, start, stop) if track != RECVS else frozenset()
-        first: Part = (rulers.CUT, "warn strong") if start in marks else (" ", "")
+        marks = message_splits(self.window, start, stop) if track != RECVS else frozenset()
+        first: Part = (SPLIT, "warn strong") if start in marks else (" ", "")
         side = clip(side, max(0, self.line_width - self.digits - 4 - width))
         return Row((head, first, *self._with_cuts(parts, marks, start, width), ("  ", ""), (side, "dim")))
 
@@ -272,14 +465,14 @@ class StreamView(LineView):
         window, width = self.window, self._width
         column = self._column
         if track == MESSAGES:
-            marks = sorted(rulers.cuts(window, start, stop))
-            drawn = rulers.strokes(window.messages, start, stop, column, rulers.of_message)
-            return rulers.ruler(drawn, width), rulers.beside_messages(marks, window.messages)
+            marks = sorted(message_splits(window, start, stop))
+            drawn = brackets(window.messages, start, stop, column, bracket_of_message)
+            return ruler_parts(drawn, width), beside_messages(marks, window.messages)
         if track == RECVS:
-            drawn = rulers.strokes(window.recvs, start, stop, column, rulers.of_recv)
-            return rulers.ruler(drawn, width), rulers.beside_recvs(window.recvs, start, stop)
-        drawn = rulers.strokes(window.jobs, start, stop, column, rulers.of_job)
-        return rulers.ruler(drawn, width), rulers.beside_jobs(window.jobs, start, stop)
+            drawn = brackets(window.recvs, start, stop, column, bracket_of_recv)
+            return ruler_parts(drawn, width), beside_recvs(window.recvs, start, stop)
+        drawn = brackets(window.jobs, start, stop, column, bracket_of_job)
+        return ruler_parts(drawn, width), beside_jobs(window.jobs, start, stop)
 
     def _with_cuts(self, parts: list[Part], marks: frozenset[int], start: int, width: int) -> list[Part]:
         """Return a ruler with a stroke before each byte at which a job cuts a message."""
@@ -290,7 +483,7 @@ class StreamView(LineView):
         place = 0
         for text, style in parts:
             for character in text:
-                found.append((rulers.CUT, "warn strong") if place in columns else (character, style))
+                found.append((SPLIT, "warn strong") if place in columns else (character, style))
                 place += 1
         return merged(found)
 
@@ -312,9 +505,9 @@ class StreamView(LineView):
             return None, None, None
         window, place = self.window, self.cursor
         return (
-            rulers.covering(window.jobs, place),
-            rulers.covering(window.recvs, place),
-            rulers.covering(window.messages, place),
+            span_at(window.jobs, place),
+            span_at(window.recvs, place),
+            span_at(window.messages, place),
         )
 
     def value(self) -> int | None:

@@ -2,23 +2,169 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.rig.history.pin_waveform import Lane, Window
+from trcvtui.rig.history.wave import LAMPS, Wave
+from trcvtui.rig.history.wave_text import (
+    CODES,
+    WATCH,
+    Mark,
+    drawn,
+    lane_of,
+    pin_of,
+    row_names,
+    ruler,
+    split_at,
+    value_text,
+)
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
 from trcvtui.tui.messages import EdgeSelected, Voice
-from trcvtui.tui.panes.timing_view import LABEL, TimingView
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
-if TYPE_CHECKING:  # what draws is read when the pane is first in sight: the first frame does not wait for it
-    from trcvtui.rig.history.pin_waveform import Lane, Window
-    from trcvtui.rig.history.wave import Wave
-    from trcvtui.tui.panes.timing_rows import Drawn
+ZOOMS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+NAME: Final = 12  # columns of a row's name, where none is longer
+LABEL: Final = 20  # columns: mark, name, value under the cursor
+MARGIN: Final = 4  # columns between the cursor and the edge, where there is room
+
+
+class TimingView:
+    """`cursor` None is the present. Scans count from 1."""
+
+    def __init__(self) -> None:
+        self.cursor: int | None = None
+        self.follows = True
+        self.markers: list[int] = []
+        self._level = 0
+        self._first = 0
+        self._count = 1
+
+    @property
+    def zoom(self) -> int:
+        """Return how many scans stand in a column."""
+        return ZOOMS[self._level]
+
+    def window(self, count: int, until: int) -> Window:
+        """Return the columns to draw in a pane of this width; `until` is the newest scan."""
+        self._count = max(1, count)
+        if self.follows:
+            self._first = max(0, self._column(until) - self._count + 1)
+        return Window(self._first, self._count, self.zoom)
+
+    def _column(self, scan: int) -> int:
+        return max(0, scan - 1) // self.zoom
+
+    def zoom_by(self, steps: int, until: int) -> None:
+        """Take more or fewer scans into a column; what is under the cursor stays where it is."""
+        if steps > 0 and self._count * self.zoom >= until:
+            return  # the whole run is in view already
+        anchor = until if self.cursor is None else self.cursor
+        place = self._column(anchor) - self._first
+        self._level = max(0, min(len(ZOOMS) - 1, self._level + steps))
+        self._first = max(0, self._column(anchor) - place)
+
+    def go_to(self, scan: int, until: int) -> None:
+        """Put the cursor into a scan and have it in view; what comes in no longer moves the view."""
+        self.cursor, self.follows = max(1, min(scan, max(1, until))), False
+        margin = min(MARGIN, (self._count - 1) // 2)
+        column = self._column(self.cursor)
+        if column < self._first + margin:
+            self._first = max(0, column - margin)
+        elif column > self._first + self._count - 1 - margin:
+            self._first = column - self._count + 1 + margin
+
+    def page(self, pages: int, until: int) -> None:
+        """Go a whole view on or back."""
+        here = until if self.cursor is None else self.cursor
+        self.go_to(here + pages * self._count * self.zoom, until)
+
+    def now(self) -> None:
+        """Go back to the present, and follow it."""
+        self.cursor, self.follows = None, True
+
+    def follow(self) -> None:
+        """Follow the newest scan, or let the view stand; the cursor keeps its scan."""
+        self.follows = not self.follows
+
+    def mark(self, until: int) -> None:
+        """Set the first marker, then the second; a third one begins anew."""
+        here = until if self.cursor is None else self.cursor
+        self.markers = [*self.markers, here] if len(self.markers) < 2 else [here]
+
+    @property
+    def stretch(self) -> tuple[int, int] | None:
+        """Return the scans between two markers, or between the one and the cursor."""
+        ends = self.markers if len(self.markers) == 2 else [*self.markers, self.cursor or 0]
+        if not self.markers or not ends[1]:
+            return None
+        return ends[0], ends[1]
+
+
+STYLES: Final = {"": "faint", "pulse": "glow", "gap": "warn", "mark": "key", "high": "strong"}
+
+
+class Drawn(NamedTuple):
+    """One row of one instance; without a name it is the head of that instance."""
+
+    wave: Wave
+    name: str
+
+
+def rows_of(waves: Sequence[Wave], is_strip: bool = False) -> list[Drawn]:
+    """Return the rows of these instances, each with a head where there are several; a strip has no codes."""
+    heads = [""] if len(waves) > 1 else []
+    rows = [Drawn(wave, name) for wave in waves for name in heads + row_names(wave)]
+    return [shown for shown in rows if not (is_strip and shown.name == CODES)]
+
+
+def label_width(rows: Sequence[Drawn]) -> int:
+    """Return the columns in front of the waves: as wide as the longest name asks for."""
+    return LABEL + max(0, *(len(shown.name) - NAME for shown in rows)) if rows else LABEL
+
+
+def ruler_row(window: Window, until: int, view: TimingView, label: int) -> Row:
+    """Return the scans with cursor and markers."""
+    marks = [Mark(scan, sign) for scan, sign in zip(view.markers, "12", strict=False)]
+    if view.cursor is not None:
+        marks.append(Mark(view.cursor, "▼"))
+    pieces = ruler(window, until, marks)
+    return row(("".ljust(label), ""), *[(text, STYLES.get(kind, kind)) for text, kind in pieces])
+
+
+def wave_row(
+    shown: Drawn, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
+) -> Row:
+    """Return one row behind `label` columns; `label_style` None: it is not the chosen one."""
+    wave, name = shown
+    if not name:
+        return row((f" {plain(wave.instance)} ", "label"), ("─" * (label + window.width), "faint"))
+    at = until if cursor is None else cursor
+    return row(*_label(wave, name, at, label_style, label), *_parts(wave, name, window, cursor))
+
+
+def _label(wave: Wave, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
+    value = "" if name == CODES else value_text(pin_of(name), lane_of(wave, name).at(at))
+    kind = "ghost" if name.startswith(WATCH) else "label"
+    sign, style = (" ", "") if label_style is None else ("▸", label_style)
+    return [(f"{sign}{name:<{NAME + label - LABEL}}", f"{kind} {style}"), (f"{value:>6} ", style)]
+
+
+def _parts(wave: Wave, name: str, window: Window, cursor: int | None) -> list[Part]:
+    pieces = drawn(wave, name, window)
+    if name.startswith(WATCH):
+        parts = [(text, "ghost") for text, _ in pieces]
+    else:
+        high = LAMPS.get(name, "strong")
+        parts = [(text, high if kind == "high" else STYLES.get(kind, kind)) for text, kind in pieces]
+    if cursor is None:
+        return parts
+    return split_at(parts, window.column_of(cursor), lambda style: f"{style} byte-cursor")
 
 
 NOT_KEPT: Final = "its wave was not kept when the view froze"
@@ -95,8 +241,6 @@ class Timing(LineView):
         """Repaint what changed."""
         self._ready.clear()
         if self.size.height:
-            from trcvtui.tui.panes.timing_rows import label_width, rows_of
-
             self._rows = rows_of(self.waves, self.size.height <= STRIP)
             self._label = label_width(self._rows)
             self._chosen = min(self._chosen, max(0, len(self._rows) - 1))
@@ -158,8 +302,6 @@ class Timing(LineView):
         return self._ready[y]
 
     def _row(self, y: int) -> Row:
-        from trcvtui.tui.panes.timing_rows import ruler_row, wave_row
-
         if y == 0:
             return ruler_row(self._window, self._until, self.view, self._label)
         if y > len(self._rows):
@@ -169,8 +311,6 @@ class Timing(LineView):
 
     def _lane(self) -> Lane | None:
         """Return the lane of the chosen row."""
-        from trcvtui.rig.history.wave_text import lane_of
-
         shown = self._rows[self._chosen] if self._rows else None
         return lane_of(*shown) if shown is not None and shown.name else None
 

@@ -20,9 +20,8 @@ from textual.widget import Widget
 from trcvtui.rig.scenario.race import InstanceRace
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import plain
-from trcvtui.tui.race.race_folder import RaceFolder
-from trcvtui.tui.race.race_run import RaceRun, since
-from trcvtui.tui.race.race_table import (
+from trcvtui.tui.race.run import RaceFolder, RaceRun, since
+from trcvtui.tui.race.table import (
     NAMES,
     RaceColumns,
     RaceHead,
@@ -32,11 +31,9 @@ from trcvtui.tui.race.race_table import (
     race_parts,
 )
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.header_line import HeaderLine
-from trcvtui.tui.widgets.key_line import KeyLine
 from trcvtui.tui.widgets.line_view import pane_title
-from trcvtui.tui.widgets.outcome_line import OutcomeLine
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
 LOOK_S: Final = 1 / 30
 KEYS: Final = (
@@ -262,8 +259,8 @@ class RaceScreen(Screen[None]):
     def action_yank(self) -> None:
         """Take the whole race as text."""
         from trcvtui.rig.scenario.race_report import race_text  # read when first asked for
-        from trcvtui.tui.copying.copy_formats import Format
-        from trcvtui.tui.copying.taking import take
+        from trcvtui.tui.clipboard_and_files import take
+        from trcvtui.tui.copy_formats import Format
 
         if self._taken is not None and self._taken.race is not None:
             text = race_text(self._taken.race) + "\n"

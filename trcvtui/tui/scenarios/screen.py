@@ -24,18 +24,13 @@ from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.status_card import StatusCard
 from trcvtui.tui.panes.status_history import StatusHistory
 from trcvtui.tui.panes.timing import Timing
-from trcvtui.tui.scenarios.scenario_list import ScenarioList
-from trcvtui.tui.scenarios.scenario_list_model import Library
-from trcvtui.tui.scenarios.scenario_text import ScenarioText
-from trcvtui.tui.scenarios.trace_list import TraceList
+from trcvtui.tui.scenarios.panes import ScenarioText, TraceList
+from trcvtui.tui.scenarios.scenario_list import Library, ScenarioList
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.filter_line import FilterLine
-from trcvtui.tui.widgets.header_line import HeaderLine
-from trcvtui.tui.widgets.key_line import KeyLine
 from trcvtui.tui.widgets.line_view import LineView
-from trcvtui.tui.widgets.outcome_line import OutcomeLine
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
-from trcvtui.tui.widgets.tab_line import TabLine
+from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine, TabLine
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.typed_lines import FilterLine
 
 LEAST_WIDTH, LEAST_HEIGHT, HIGH = 110, 30, 42
 TABS, PLAYING = "-tabs", "-playing"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import ClassVar, Final
 
 from textual.binding import Binding
@@ -12,9 +12,160 @@ from textual.widget import Widget
 from trcvtui.plc.wired_pins import BUFFER_PINS
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.keys import BLOCK, LETTERS, SECTION_OF, SECTIONS, KeyTable
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+
+# Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
+PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "LEN": "l", "REQ": "r"}
+TAKEN: Final = frozenset("hjkqgbpvy")
+
+EVERYWHERE: Final = (
+    ("1 … 8", "go to a pane; on a small screen its tab opens"),
+    ("tab, shift+tab", "next, previous pane or field"),
+    ("M or \\", "the pane alone on the screen, and back"),
+    ("space", "hold the scans, let them go on (the network goes on)"),
+    (".", "one single scan while holding"),
+    ("F", "freeze the view while the PLC runs on; again: live"),
+    ("T", "trigger: X STATUS=80C5 · X EN_R rises · rx.speed > 100 · … hold · off"),
+    ("S or F2", "scenarios: read them, play them step by step"),
+    ("L", "UDT lab: two profiles side by side, which one fits, what cures it"),
+    ("D", "dialect race: the session since the mark through several dialects, scan beside scan"),
+    ("B", "framing advice: how the bytes on a ComBuffer may be cut into frames, with evidence"),
+    (":", "bench command line; up and down walk its history"),
+    ("ctrl+p", "command palette: everything by name"),
+    ("y", "yank: a menu of twelve formats; y y takes what the pane is about"),
+    ("K", "mark: what a saved session will expect begins here"),
+    ("A", "add an instance (with the CONNECT and DATA that it lacks), connection, DATA, peer, message"),
+    ("E", "change or remove a part: the selected instance's CONNECT and DATA, peers, all others"),
+    ("ctrl+z", "undo: takes the newest add, change or remove back; `save project` keeps them"),
+    ("P", "a picture of the screen as SVG, its path is told"),
+    ("U", "leave the mouse to the terminal for its own selection, and take it back"),
+    ("? or F1", "this help"),
+    ("esc", "leave a field, close the prompt, back to now"),
+    ("R", "start the engine anew, after it has ended"),
+    ("q or ctrl+q", "quit"),
+)
+BLOCK: Final = "Block"
+LETTERS: Final = (
+    ("n t a x r", "EN_R, CONT, ADHOC, COM_RST, REQ of the selected instance"),
+    ("l", "write LEN: the prompt opens with the command"),
+    ("f u d c", "ReceiveData: prefix, suffix (hex or text), the variable, bytes for its line"),
+)
+INSTANCES: Final = (
+    ("↑ ↓, g G", "choose an instance; the first, the last one"),
+    ("/", "list only those with these words: name, block, code, address, `error`; esc: all"),
+    ("!", "the next one with an ERROR"),
+)
+PINS: Final = (
+    *INSTANCES,
+    *LETTERS,
+    ("C", "the connection description byte for byte; y takes it as hex, s as SCL"),
+    ("↑ ↓ enter", "walk the pins of the block, toggle the one under the cursor"),
+)
+BYTES: Final = (
+    ("h j k l, arrows", "byte by byte; g and G first and last; page up and down"),
+    ("!, /", "in the history: the ERROR before; a code, as in `find 7004`"),
+    ("v", "members of DATA, or of what the running job has collected so far"),
+    ("V", "view DATA as theirs: in the layout that fits what came; again: as the PLC's own"),
+    ("enter", "in the table: show the bytes of the row; in the history: explain that edge"),
+    ("H", "all bytes received so far as one stream, with rulers; again: DATA now"),
+    ("[ ]", "the DONE before, the next one"),
+    ("X", "bytes that were thrown away: noise, parts of frames, lost ones; again: those before"),
+    ("/, n N", 'find hex, "text" or =number in either byte order; next, previous; esc ends it'),
+    ("d, u", "the job before where it differs; fewer rulers"),
+)
+TIMING: Final = (
+    ("← →, shift", "scan by scan; edge by edge of any pin"),
+    ("↑ ↓, n N", "choose a row; next and previous edge of that pin"),
+    ("! and /", "next ERROR; next edge to a code, as in `find 7008`"),
+    ("+ -, wheel", "fewer or more scans a column; a pulse stays visible"),
+    ("m", "first and second marker: the distance in scans and ms stands in the title"),
+    ("f, esc", "follow or stand; back to now"),
+    ("c", "the other instances of this CONNECT, too"),
+    ("e", "export as VCD (GTKWave, PulseView), SVG or text"),
+)
+PEER: Final = (
+    ("enter s → b", "a simulated line: type bytes, the same again, byte by byte, the cable pulled"),
+    ("i, m", "edit the payload; as hex, text or udt"),
+    ("enter", "in the payload: send it"),
+    ("s c f", "send the message; connect or listen; FIN (UDP: close)"),
+    ("r h z", "RST; half-close, the peer still receives; stall: it reads no more, and on again"),
+    ("l u", "silence: the wire goes down without a word; a fault of a kernel call, or clear them"),
+    ("b", "self-checking traffic, number and CRC: what is lost, doubled, shifted is counted; off"),
+    ("x, ← → space + -", "the message drawn: place a cut, make it pause longer or shorter"),
+    ("e", "try every split of the message, as a table; enter in it takes the cut"),
+    ("o", "a UDT as a form: its members as fields"),
+    ("w", "the message under a name into the project's library; p picks from it"),
+    ("a d", "a reply rule more; no replies"),
+    ("← → enter", "walk the buttons, press one"),
+)
+SCENARIOS: Final = (
+    ("↑ ↓, /", "choose a scenario; a filter, as you type it"),
+    ("k", "simulated network or real sockets, for the next one that is loaded"),
+    ("enter", "load it: a fresh bench stands in for the present one"),
+    ("n or space", "the next step; during a run: stop after the running one"),
+    ("r", "all steps that are left; simulated ones as fast as they go"),
+    ("D", "dialect race: the chosen scenario through several dialects, scan beside scan"),
+    ("5 6 7", "STATUS, history, timing of what plays"),
+    ("v", "all panes of the bench, with the scenario on them; S comes back to its steps"),
+    ("esc or q", "leave: the project that was opened begins afresh"),
+)
+RACE: Final = (
+    ("n N", "the next scan in which the dialects differ, the one before"),
+    ("1 … 4", "let a dialect take part, or no longer: the race runs anew"),
+    ("← →", "another instance"),
+    ("o", "only the scans that differ; all"),
+    ("r", "race again: the file, or the session as it is now"),
+    ("y", "yank the whole race as text: clipboard, and always a file"),
+    ("esc or q", "back to where it was asked for; the bench runs on meanwhile"),
+)
+LAB: Final = (
+    ("1 … 4", "members, bytes, which profile fits, cure"),
+    ("t b", "the type; the bytes: DATA, job, last job, a message, typed hex"),
+    ("o p", "the layout of ours, of theirs; x exchanges them"),
+    ("E e, S s", "byte order of ours, of theirs; STRING form of ours, of theirs"),
+    ("space, ← →, z", "fold the branch under the cursor; all"),
+    ("n N", "the next member that differs, the one before"),
+    ("[ ]", "the message before, the next one"),
+    ("f, enter", "rank the profiles by the bytes at hand, with reasons; take one as theirs"),
+    ("c d", "cure: type for our side, for the sender's, swap code; in ST or SCL"),
+    ("y", "yank what the pane shows: clipboard, and always a file"),
+    ("O X", "open a type file; hex to look at (typed or pasted)"),
+    ("C w", "constants that no file declares; problems in the type files"),
+    ("R", "take a changed type into DATA: udt reload, then resize"),
+    (":", "udt open, type, ours, theirs, swap, bytes, hex, fit, constant, reload"),
+    ("esc or q", "back to the bench; files that change are read again while the lab is open"),
+)
+KeyTable = tuple[tuple[str, str], ...]
+# Which table is about a pane, by the id of it or of what it stands in.
+SECTION_OF: Final = {
+    "instances": "Block", "block": "Block", "status": "Bytes and past", "history": "Bytes and past",
+    "received": "Bytes and past", "udt": "Bytes and past", "timing": "Timing", "peer": "Peer",
+    "scenarios": "Scenarios", "text": "Scenarios", "traces": "Scenarios",
+    "race-table": "Race", "race-scan": "Race",
+    "lab-tree": "Lab", "lab-hex": "Lab", "lab-fit": "Lab", "lab-cure": "Lab",
+}  # fmt: skip
+SECTIONS: Final[tuple[tuple[str, KeyTable], ...]] = (
+    ("Everywhere", EVERYWHERE),
+    ("Block", PINS),
+    ("Bytes and past", BYTES),
+    ("Timing", TIMING),
+    ("Peer", PEER),
+    ("Scenarios", SCENARIOS),
+    ("Race", RACE),
+    ("Lab", LAB),
+)
+
+
+def letters_of(pins: Iterable[str], taken: Collection[str] = ()) -> dict[str, str]:
+    """Return the letter of each pin, each letter once, none that is `taken`; who finds none has ""."""
+    names = list(pins)
+    given = {pin: PIN_LETTERS[pin] for pin in names if pin in PIN_LETTERS}
+    for pin in names:
+        free = (c for c in pin.lower() if c.isalpha() and c not in {*TAKEN, *taken, *given.values()})
+        given.setdefault(pin, next(free, ""))
+    return given
+
 
 KEY: Final = 18
 SIGNS: Final = (

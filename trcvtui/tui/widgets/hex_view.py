@@ -4,16 +4,111 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
-from trcvtui.rig.history.window import Before
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.rig.history.window import Before, JobSpan
 from trcvtui.tui.messages import ByteSelected
-from trcvtui.tui.widgets.byte_classes import CHARACTER_OF, CLASS_OF, HEX_OF
-from trcvtui.tui.widgets.frame_marks import OLD, Marked
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in, first_in, last_in
+
+# `02›41 42 43‹0d 0a`: what stands before the first sign is prefix, behind the second suffix.
+
+OPENS, CLOSES = "›", "‹"
+PREFIX, SUFFIX, OLD = "prefix", "suffix", "faint"
+
+
+class Marked(NamedTuple):
+    """Bytes `start` to `stop`: data begin at `data`, the suffix at `suffix`."""
+
+    start: int
+    data: int
+    suffix: int
+    stop: int
+
+    def style(self, place: int) -> str:
+        """Return the style of a byte of it, "" for data."""
+        if self.start <= place < self.data:
+            return PREFIX
+        return SUFFIX if self.suffix <= place < self.stop else ""
+
+    def sign(self, place: int) -> str:
+        """Return the sign before a byte of it, "" for none."""
+        if place == self.data and self.start < self.data:
+            return OPENS
+        return CLOSES if place == self.suffix and self.suffix < self.stop else ""
+
+
+NOTHING: Final = Marked(0, 0, 0, 0)
+
+
+def marked(start: int, size: int, prefix: int, suffix: int) -> Marked:
+    """Return the marks of a frame of `size` bytes."""
+    return Marked(start, start + prefix, start + size - suffix, start + size)
+
+
+def marks_of_span(span: JobSpan) -> Marked:
+    """Return the marks of a frame of the past."""
+    if not span.prefix and not span.suffix:
+        return NOTHING
+    return marked(span.position, span.size, span.prefix, span.suffix)
+
+
+def marks_of_data(instance: InstanceSnapshot) -> Marked | None:
+    """Return the marks of the newest frame in its variable, None where there is none."""
+    last = instance.framer.last if instance.framer is not None else None
+    return marked(0, last.size, last.prefix, last.suffix) if last is not None else None
+
+
+def marks_of_part(instance: InstanceSnapshot) -> Marked | None:
+    """Return the marks of a frame that is not complete: it has no suffix yet."""
+    framer = instance.framer
+    if framer is None or not instance.have:
+        return None
+    return marked(0, instance.have, min(instance.have, len(framer.prefix or b"")), 0)
+
+
+def frame_signs(spans: Sequence[JobSpan]) -> dict[int, str]:
+    """Return the sign before each byte that begins data or a suffix."""
+    found = {}
+    for span in spans:
+        marks = marks_of_span(span)
+        for place in (marks.data, marks.suffix):
+            if sign := marks.sign(place):
+                found[place] = sign
+    return found
+
+
+# The character tells the class as well, so that the colour is never the only sign.
+
+NULL, PRINTABLE, SPACE, CONTROL, HIGH = "null", "printable", "space", "control", "high"
+CLASSES: Final = (NULL, PRINTABLE, SPACE, CONTROL, HIGH)
+
+
+def byte_class(byte: int) -> str:
+    """Return the class of a byte 0..255."""
+    if byte == 0:
+        return NULL
+    if byte in b" \t\n\r\x0b\x0c":
+        return SPACE
+    if byte < 0x20 or byte == 0x7F:
+        return CONTROL
+    return PRINTABLE if byte < 0x80 else HIGH
+
+
+def byte_character(byte: int) -> str:
+    """Return the one character that stands for a byte in the text column."""
+    if 0x20 <= byte < 0x7F:
+        return chr(byte)
+    return {NULL: "⋄", SPACE: "_", CONTROL: "•", HIGH: "×"}[byte_class(byte)]
+
+
+CLASS_OF: Final = tuple(byte_class(byte) for byte in range(256))
+CHARACTER_OF: Final = tuple(byte_character(byte) for byte in range(256))
+HEX_OF: Final = tuple(f"{byte:02x}" for byte in range(256))
+
 
 GHOST_HEX, GHOST_TEXT = "··", "·"
 START: Final = "▕"

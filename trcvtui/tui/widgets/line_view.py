@@ -18,7 +18,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from trcvtui.tui.formatting import cells
-from trcvtui.tui.widgets.styles import composed
+from trcvtui.tui.widgets.theme import composed
 
 Part = tuple[str, str]
 

@@ -11,9 +11,8 @@ from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.tui.formatting import count, plain
-from trcvtui.tui.lab_model.lab import OURS, THEIRS, Lab, profile_from
-from trcvtui.tui.lab_model.lab_bytes import HEX, SOURCES
-from trcvtui.tui.lab_words import LAB, UDT
+from trcvtui.tui.lab import LAB, UDT
+from trcvtui.tui.lab.lab import HEX, OURS, SOURCES, THEIRS, Lab, profile_from
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.command import constants_of
 

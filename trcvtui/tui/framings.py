@@ -18,10 +18,9 @@ from trcvtui.rig.framing_advice.lines import lines_for
 from trcvtui.rig.framing_advice.proposal import FramingAdvice, Proposal, ShownFrame
 from trcvtui.tui.formatting import clip, pad, plain, wrapped
 from trcvtui.tui.view_model.view_model import Scene
-from trcvtui.tui.widgets.byte_classes import CLASS_OF, HEX_OF
-from trcvtui.tui.widgets.frame_marks import marked
+from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, marked
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row, ruled
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
 GOOD: Final = ("suffix", "size reached")
 LABEL: Final = 9

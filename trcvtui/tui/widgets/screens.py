@@ -12,7 +12,7 @@ from textual.widget import Widget
 
 from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.widgets.line_view import LineView, Row, row
-from trcvtui.tui.widgets.styles import COMPONENT_CLASSES
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
 NAME: Final = 30
 

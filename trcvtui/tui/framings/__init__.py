@@ -1,1 +1,0 @@
-"""The framing advice on the screen."""

@@ -1,1 +1,0 @@
-"""What the UDT lab knows and does, without a screen."""

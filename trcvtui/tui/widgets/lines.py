@@ -1,0 +1,412 @@
+"""The first line: which file, dialect and model; whether scans pass, and how punctually."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Final, NamedTuple
+
+from textual import events
+from textual.widget import Widget
+from textual.widgets import Input
+
+from trcvtui.tui.formatting import clip, count, plain, short_time, wrapped
+from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
+from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.udt.literals import format_time
+
+
+class ButtonLine(LineView):
+    """`labels` gives (letter, label) now, `press` is told the index; `chosen` is the one in force."""
+
+    DEFAULT_CSS = "ButtonLine { height: auto; }"
+    KEYS: ClassVar = (("←→", "button"), ("enter", "press"))
+    BINDINGS: ClassVar = [
+        ("left", "move(-1)", "left"),
+        ("right", "move(1)", "right"),
+        ("enter", "press", "press"),
+    ]
+
+    def __init__(
+        self,
+        id: str,
+        labels: Callable[[], Sequence[tuple[str, str]]],
+        press: Callable[[int], None],
+        chosen: Callable[[], int] | None = None,
+    ) -> None:
+        super().__init__(id=id)
+        self._labels = labels
+        self._press = press
+        self._chosen = chosen
+        self.cursor = 0
+        self.hover: int | None = None
+        self._told: int | None = None
+
+    def show(self) -> None:
+        """Repaint what changed, and tell when another button is pointed at."""
+        if (pointed := self.pointed_at()) != self._told:
+            self._told = pointed
+            self.post_message(ButtonPointed())
+        super().show()
+
+    def row_count(self) -> int:
+        """Return in how many lines they fit."""
+        return max((line for _, line, _, _ in self._places()), default=0) + 1
+
+    def _places(self) -> list[tuple[int, int, int, int]]:
+        """Return index, line, first column and width of each button."""
+        places, line, left = [], 0, 0
+        for index, (letter, label) in enumerate(self._labels()):
+            width = len(letter) + len(label) + (3 if letter else 2)
+            if left and left + width > self.line_width > 0:
+                line, left = line + 1, 0
+            places.append((index, line, left, width))
+            left += width + 1
+        return places
+
+    def row_at(self, y: int) -> Row:
+        """Return the buttons of one line."""
+        labels = self._labels()
+        parts: list[Part] = []
+        for index, line, _, _ in self._places():
+            if line != y:
+                continue
+            letter, label = labels[index]
+            style = self._style(index)
+            chosen = self._chosen is not None and index == self._chosen()
+            parts += [
+                ("▸" if chosen else "[", f"{'key' if chosen else 'faint'} {style}"),
+                (letter, f"key {style}"),
+            ]
+            parts += [(f" {label}" if letter else label, style)]
+            parts += [("◂" if chosen else "]", f"{'key' if chosen else 'faint'} {style}"), (" ", "")]
+        return row(*parts)
+
+    def _style(self, index: int) -> str:
+        if self._chosen is not None and index == self._chosen():
+            return "cursor strong" if self.has_focus else "cursor-blurred strong"
+        if self._chosen is None and self.has_focus and index == self.cursor:
+            return "cursor"
+        return "hover" if index == self.hover else ""
+
+    def pointed_at(self) -> int | None:
+        """Return the button under the mouse, else the one under the cursor of a focused line."""
+        return self.hover if self.hover is not None else self.cursor if self.has_focus else None
+
+    def action_move(self, count: int) -> None:
+        """Move the cursor; where one button is in force, the next one comes into force."""
+        here = self._chosen() if self._chosen else self.cursor
+        self.cursor = (here + count) % len(self._labels())
+        if self._chosen is not None:
+            self._press(self.cursor)
+        self.show()
+
+    def action_press(self) -> None:
+        """Press the button under the cursor."""
+        self._press(min(self.cursor, len(self._labels()) - 1))
+        self.show()
+
+    def on_click(self, event: events.Click) -> None:
+        """Press the button under the mouse."""
+        index = self._index_at(event)
+        if index is not None:
+            self.cursor = index
+            self.action_press()
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        """Show which button a click would press."""
+        self.hover = self._index_at(event)
+        self.show()
+
+    def on_leave(self) -> None:
+        """The mouse has gone."""
+        self.hover = None
+        self.show()
+
+    def _index_at(self, event: events.MouseEvent) -> int | None:
+        place = self.place_of(event)
+        if place is None:
+            return None
+        found = (
+            index
+            for index, line, left, width in self._places()
+            if line == place[1] and left <= place[0] < left + width
+        )
+        return next(found, None)
+
+
+MOST_ROWS: Final = 3
+
+
+class OutcomeLine(LineView, can_focus=False):
+    """A sentence and the style it is said in."""
+
+    DEFAULT_CSS = "OutcomeLine { height: 1; background: $background; padding: 0 1; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="outcome")
+        self._said = "", ""
+        self._rows = 1
+
+    def say(self, words: str, style: str = "dim") -> None:
+        """Show this."""
+        self._said = words, style
+        self._fit()
+        self.show()
+
+    def _fit(self) -> None:
+        rows = self.row_count()
+        if rows != self._rows:
+            self._rows = self.styles.height = rows
+
+    def on_resize(self) -> None:
+        """Break the lines anew."""
+        self._fit()
+        self.show()
+
+    def _texts(self) -> tuple[str, ...]:
+        return wrapped(self._said[0], self.line_width or 80)[:MOST_ROWS]
+
+    def row_count(self) -> int:
+        """Return the lines that it takes."""
+        return len(self._texts())
+
+    def row_at(self, y: int) -> Row:
+        """Return one of them."""
+        texts = self._texts()
+        return row((texts[y], self._said[1])) if y < len(texts) else EMPTY
+
+
+Keys = tuple[tuple[str, str], ...]
+GLOBAL: Final = (
+    (":", "command"), ("space", "hold"), (".", "one scan"), ("S", "scenarios"), ("L", "lab"), ("1-8", "pane"),
+    ("M", "zoom"), ("ctrl+p", "palette"), ("?", "help"), ("q", "quit"),
+)  # fmt: skip
+# In a text field the other keys are typed.
+IN_A_FIELD: Final = (("enter", "take"), ("tab", "next"), ("esc", "leave"))
+ANYWHERE: Final = (("ctrl+p", "palette"), ("F1", "help"))
+ACTIONS: Final = {
+    ":": "prompt", "space": "hold", ".": "single_scan", "S": "scenarios", "L": "app.lab", "M": "zoom",
+    "ctrl+p": "app.command_palette", "?": "help", "q": "app.quit", "esc": "calm",
+    "l": "pin('l')", "F1": "help", "A": "app.add('instance')", "E": "change",
+}  # fmt: skip
+
+
+class KeyLine(LineView, can_focus=False):
+    """Keys of the focused pane first, then those that work everywhere, as far as they fit."""
+
+    DEFAULT_CSS = "KeyLine { height: 1; background: $panel; padding: 0 1; }"
+
+    def __init__(self, everywhere: Keys = GLOBAL, actions: Mapping[str, str] = ACTIONS) -> None:
+        super().__init__(id="keys")
+        self._everywhere = everywhere
+        self._actions = actions
+        self._local: Keys = ()
+        self._holding = self._types = False
+        self._names: Mapping[str, str] = {}  # of keys that the user has changed
+        self.mouse_is_away = False
+
+    def show_keys_of(self, focused: Widget | None, holding: bool) -> None:
+        """Name the keys of what has the focus; in a text field those alone that are not typed."""
+        self._types = isinstance(focused, Input)
+        own = focused.keys() if isinstance(focused, LineView) else ()
+        self.show_keys(getattr(focused, "KEYS", IN_A_FIELD) if self._types else own, holding)
+
+    def show_keys(self, local: Keys, holding: bool) -> None:
+        """Name these keys."""
+        self._local, self._holding = local, holding
+        if self._actions is ACTIONS:
+            self._names = getattr(self.app, "key_names", {})
+        self.show()
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def _keys(self) -> list[tuple[str, str]]:
+        keys = [("U", "mouse back"), *self._local] if self.mouse_is_away else list(self._local)
+        for key, label in ANYWHERE if self._types else self._everywhere:
+            keys.append((key, "go" if key == "space" and self._holding else label))
+        keys = [(self._names.get(key, key), label) for key, label in keys]
+        # The last ones, help and quit, stay; what does not fit goes from the middle.
+        while len(keys) > 3 and sum(len(k) + len(label) + 3 for k, label in keys) - 2 > self.line_width:
+            del keys[-3]
+        return keys
+
+    def row_at(self, y: int) -> Row:
+        """Return the keys."""
+        if y:
+            return EMPTY
+        parts: list[Part] = []
+        for key, label in self._keys():
+            parts += [(key, "key"), (f" {label}", "dim"), ("  ", "")]
+        return row(*parts[:-1])
+
+    def on_click(self, event: events.Click) -> None:
+        """Act as if the key had been pressed."""
+        place, left = self.place_of(event), 0
+        old = {name: key for key, name in self._names.items()}
+        for key, label in self._keys():
+            width = len(key) + len(label) + 3
+            action = self._actions.get(old.get(key, key))
+            if place is not None and left <= place[0] < left + width - 2 and action:
+                self.post_message(KeyClicked(action))
+            left += width
+
+
+TABS = (
+    (3, "STATUS"), (2, "Block"), (4, "History"), (5, "Received"), (6, "Members"), (7, "Peer"), (8, "Timing"),
+)  # fmt: skip
+
+
+class TabLine(LineView, can_focus=False):
+    """One line; a click opens a tab."""
+
+    DEFAULT_CSS = "TabLine { height: 1; background: $background; padding: 0 1; }"
+
+    def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 3) -> None:
+        super().__init__(id="tabs")
+        self._tabs = tabs
+        self._open = opened
+
+    def take(self, tabs: tuple[tuple[int, str], ...]) -> None:
+        """Have these tabs from now on."""
+        self._tabs = tabs
+
+    def mark(self, digit: int) -> None:
+        """Mark the tab that is open."""
+        self._open = digit
+        self.show()
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the tabs."""
+        if y:
+            return EMPTY
+        parts: list[Part] = []
+        for digit, name in self._shown():
+            style = "cursor strong" if digit == self._open else "dim"
+            parts += [
+                (f" {digit} ", f"key {style}" if digit == self._open else "key"),
+                (f"{name} " if name else "", style),
+                (" ", ""),
+            ]
+        return row(*parts)
+
+    def _shown(self) -> list[tuple[int, str]]:
+        """Return the tabs with their names; where these do not fit, the open one alone has its name."""
+        whole = sum(len(name) + 5 for _, name in self._tabs) - 1
+        fits = whole <= self.line_width or not self.line_width
+        return [(digit, name if fits or digit == self._open else "") for digit, name in self._tabs]
+
+    def on_click(self, event: events.Click) -> None:
+        """Open the tab under the mouse."""
+        place, left = self.place_of(event), 0
+        for digit, name in self._shown():
+            width = len(name) + (5 if name else 4)
+            if place is not None and left <= place[0] < left + width - 1:
+                self.post_message(PaneWanted(digit))
+            left += width
+
+
+MOST_TRIGGER: Final = 36
+
+
+class Piece(NamedTuple):
+    """One word of the header; those with the highest `rank` give way first on a narrow screen."""
+
+    text: str
+    style: str
+    rank: int
+
+
+class HeaderLine(LineView, can_focus=False):
+    """One line that never scrolls."""
+
+    DEFAULT_CSS = "HeaderLine { height: 1; background: $panel; padding: 0 1; }"
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(id="header")
+        self._scene = scene
+        self.ended = False
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the line, with as many words as fit."""
+        if y:
+            return EMPTY
+        pieces = self._pieces()
+        while len(pieces) > 1 and _length(pieces) > self.line_width:
+            pieces.remove(max(pieces, key=lambda piece: piece.rank))
+        return row(*_spaced(pieces))
+
+    def _pieces(self) -> list[Piece]:
+        project, picture = self._scene.project, self._scene.picture
+        name = plain(project.path.name)
+        pieces = [Piece("trcvtui", "dim", 60), Piece(name, "strong", 10)]
+        pieces.append(Piece(f"{project.dialect.name} {project.model}", "", 20))
+        if self._scene.unsaved:
+            pieces.append(Piece(f"+{self._scene.unsaved} unsaved", "warn", 15))
+        if self.ended:
+            return [*pieces, Piece(" ENGINE ENDED ", "stop", 0)]
+        if picture is None:
+            return [*pieces, Piece("the engine starts …", "dim", 5)]
+        if picture.player is not None:
+            count_of, at = len(picture.player.steps), picture.player.current + 1
+            pieces.append(Piece(f"scenario, step {min(at, count_of)} of {count_of}", "warn", 4))
+        snapshot, timing = picture.snapshot, picture.timing
+        pieces += self._frozen()
+        now = self._scene.live or picture
+        pieces.append(_state(now.snapshot.running, now.holding))
+        pieces.append(Piece(format_time(snapshot.interval_ns), "", 30))
+        live = "live at " if self._scene.is_frozen else ""
+        pieces.append(Piece(f"{live}scan {now.snapshot.scan}", "", 2))
+        if now.armed:
+            pieces.append(Piece(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
+        pieces.append(Piece(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
+        style = "warn" if timing.overruns else "dim"
+        pieces.append(Piece(count(timing.overruns, "overrun"), style, 35))
+        pieces.append(Piece(picture.kernel, "dim", 4))
+        if snapshot.connections_limit:
+            used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
+            pieces.append(Piece(used, "dim", 70))
+        if snapshot.faults:
+            pieces.append(Piece(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
+        return pieces
+
+    def _frozen(self) -> list[Piece]:
+        """Say loudly that what is shown is not what is now."""
+        scene = self._scene
+        if not scene.is_frozen or scene.picture is None:
+            return []
+        chip = f" * FROZEN at scan {scene.picture.snapshot.scan} *  F live "
+        if scene.fired is None:
+            return [Piece(chip, "stop", 0)]
+        text = f" TRIGGER {clip(plain(scene.fired.text), MOST_TRIGGER)} "
+        return [Piece(text, "hold", 1), Piece(chip, "stop", 0)]
+
+
+def _state(running: bool, holding: bool) -> Piece:
+    if not running:
+        return Piece(" ■ STOP ", "stop", 0)
+    return Piece(" ‖ HOLD ", "hold", 0) if holding else Piece(" ▶ RUN ", "run", 0)
+
+
+def _spaced(pieces: list[Piece]) -> list[Part]:
+    parts: list[Part] = []
+    for before, piece in zip([None, *pieces], pieces, strict=False):
+        if before is not None:
+            chip = "ARMED" in piece.text or before.rank == 0 or piece.rank == 0
+            parts.append(("  " if chip else " · ", "faint"))
+        parts.append((piece.text, piece.style))
+    return parts
+
+
+def _length(pieces: list[Piece]) -> int:
+    return sum(len(text) for text, _ in _spaced(pieces))

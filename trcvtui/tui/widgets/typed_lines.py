@@ -1,0 +1,296 @@
+"""Keys in the order in which they were typed, each obeyed before the next one is looked at, on every screen.
+
+Textual hands a key to the widget that has the focus when the key arrives, and that widget's queue
+hands it on. A letter acts in that queue, but Backspace, enter and tab only when they have gone all the way
+up: they are overtaken by what was typed after them. Here a key acts at once, and a screen that was just
+opened is waited for.
+
+Rule: whatever takes text is a TypedField, or a screen that is a TakesLetters; nothing else reads letters.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from textual import events
+from textual.app import App, ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal
+from textual.content import Content
+from textual.widget import Widget
+from textual.widgets import Input, Static
+
+from trcvtui.errors import UserError
+from trcvtui.tui.formatting import plain
+from trcvtui.udt.byte_text import Wanted, wanted
+
+
+class TypedField(Input):
+    """One line to type into, without a frame. Nothing is selected when it gets the focus: that comes late."""
+
+    def __init__(self, value: str = "", **settings: Any) -> None:
+        super().__init__(value=value, compact=True, select_on_focus=False, **settings)
+
+    async def action_submit(self) -> None:
+        """Take what stands there now: a key typed after enter is not part of it."""
+        raise NotImplementedError
+
+    async def follow(self) -> None:
+        """Do what must be done about a change before the next key, such as laying out other fields."""
+
+
+@runtime_checkable
+class TakesLetters(Protocol):
+    """A screen that takes letters without a field."""
+
+    def take_letter(self, letter: str) -> None:
+        """Take one printable character."""
+
+
+async def obey(app: App[None], event: events.Key | events.Paste) -> bool:
+    """Type the key into the field that has the focus, or do what it is bound to; False: neither."""
+    app.app_focus = True
+    stands: asyncio.Event = app.screen._mounted_event
+    await stands.wait()  # opened by the key before: its fields are there with this
+    field = app.focused
+    if not isinstance(field, TypedField):
+        return await _act(app, event)
+    before = field.value
+    acted = await _act(app, event)
+    if field.is_attached and field.value != before:
+        await field.follow()
+    return acted
+
+
+async def _act(app: App[None], event: events.Key | events.Paste) -> bool:
+    field, screen = app.focused, app.screen
+    if isinstance(event, events.Paste):
+        if isinstance(field, Input) and event.text:
+            field.replace(event.text.splitlines()[0], *field.selection)
+        return isinstance(field, Input)
+    if event.is_printable and event.character:
+        if isinstance(field, Input):
+            field.replace(event.character, *field.selection)
+            return True
+        if isinstance(screen, TakesLetters):
+            screen.take_letter(event.character)
+            return True
+    bound = screen.active_bindings.get(event.key)
+    return bound is not None and await app.run_action(bound.binding.action, bound.node)
+
+
+class AskInput(TypedField):
+    """What is typed."""
+
+    BINDINGS: ClassVar = [Binding("escape", "drop", show=False)]
+
+    def __init__(self, line: AskLine) -> None:
+        super().__init__(id="ask")
+        self._line = line
+
+    async def action_submit(self) -> None:
+        """Take the line."""
+        self._line.close(self.value.strip())
+
+    def action_drop(self) -> None:
+        """Take nothing."""
+        self._line.close("")
+
+
+class AskLine(Horizontal):
+    """One line, there while it is open."""
+
+    DEFAULT_CSS = """
+    AskLine { height: 1; display: none; background: $panel; padding: 0 1; }
+    AskLine Static { width: 2; color: $accent; text-style: bold; }
+    AskLine Input { background: $panel; width: 1fr; }
+    AskLine Input:focus { background: $panel; background-tint: $primary 12%; }
+    """
+
+    def __init__(self, take: Callable[[str], None]) -> None:
+        super().__init__()
+        self._take = take
+        self._input = AskInput(self)
+        self._back: Widget | None = None
+
+    def compose(self) -> ComposeResult:
+        """Compose the sign and the field."""
+        yield Static(":", markup=False)
+        yield self._input
+
+    def open(self, text: str) -> None:
+        """Let a line be typed that begins like that; the very next key is part of it."""
+        if not self.display:
+            self._back = self.screen.focused
+        self._input.value, self._input.cursor_position = text, len(text)
+        self.display = True
+        self.screen.set_focus(self._input)
+
+    def close(self, line: str) -> None:
+        """Close the line, and take what was typed."""
+        self.screen.set_focus(self._back)
+        self.display = False
+        if line:
+            self._take(line)
+
+
+class FilterInput(TypedField):
+    """The words of the filter; up and down go on moving in the list."""
+
+    BINDINGS: ClassVar = [
+        Binding("escape", "drop", show=False),
+        Binding("up", "list(-1)", show=False),
+        Binding("down", "list(1)", show=False),
+    ]
+
+    def __init__(self, line: FilterLine) -> None:
+        super().__init__(id="filter")
+        self._line = line
+
+    async def action_submit(self) -> None:
+        """Keep the filter."""
+        self._line.close()
+        self._line.taken()
+
+    def action_drop(self) -> None:
+        """Show everything again."""
+        self.value = ""
+        self._line.close()
+
+    def action_list(self, files: int) -> None:
+        """Move in the list."""
+        self._line.move(files)
+
+
+class FilterLine(Horizontal):
+    """One line, there while it is open."""
+
+    DEFAULT_CSS = """
+    FilterLine { height: 1; display: none; background: $panel; padding: 0 1; }
+    FilterLine Static { width: 2; color: $accent; text-style: bold; }
+    FilterLine Input { background: $panel; width: 1fr; }
+    FilterLine Input:focus { background: $panel; background-tint: $primary 12%; }
+    """
+
+    def __init__(
+        self,
+        narrow: Callable[[str], None],
+        move: Callable[[int], None],
+        back: Widget,
+        taken: Callable[[], None] = lambda: None,
+    ) -> None:
+        super().__init__()
+        self.taken = taken
+        self._narrow = narrow
+        self.move = move
+        self._back = back
+        self._input = FilterInput(self)
+
+    def compose(self) -> ComposeResult:
+        """Compose the sign and the field."""
+        yield Static("/", markup=False)
+        yield self._input
+
+    def open(self) -> None:
+        """Let the words be typed; the very next key is one of them."""
+        self.display = True
+        self.screen.set_focus(self._input)
+
+    def clear(self) -> None:
+        """Show everything again, from outside the line."""
+        self._input.value = ""
+        self._narrow("")
+
+    def close(self) -> None:
+        """Close the line; what stands in it now is the filter."""
+        self._narrow(self._input.value)
+        self.screen.set_focus(self._back)
+        self.display = False
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Filter while typing."""
+        event.stop()
+        self._narrow(self._input.value)
+
+
+HINT = '29 00 · "abc" · =1234 · =1.5'
+
+
+class FindInput(TypedField):
+    """The field; enter looks, escape leaves."""
+
+    KEYS: ClassVar = (("enter", "find"), ("esc", "leave"))
+    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
+
+    def __init__(self, line: FindLine) -> None:
+        super().__init__(placeholder=HINT)
+        self._line = line
+
+    async def action_submit(self) -> None:
+        """Look for what stands there."""
+        self._line.submit()
+
+    def action_leave(self) -> None:
+        """Close without looking."""
+        self._line.close()
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Say what that would look for."""
+        self._line.judge()
+
+
+class FindLine(Horizontal):
+    """Closed it takes no room; `found` gets what is to be looked for, `left` is called when it closes."""
+
+    DEFAULT_CSS = """
+    FindLine { height: 1; display: none; background: $panel; }
+    FindLine #find-mark { width: 2; color: $accent; text-style: bold; }
+    FindLine FindInput { width: 1fr; background: $panel; }
+    FindLine #find-about { width: auto; max-width: 60%; color: $text-muted; padding: 0 1; }
+    """
+
+    def __init__(self, found: Callable[[Wanted], None], left: Callable[[], None]) -> None:
+        super().__init__(id="find-line")
+        self._found = found
+        self._left = left
+        self._field = FindInput(self)
+        self._about = Static("", id="find-about", markup=False)
+
+    async def open(self) -> None:
+        """Open the line; the very next key is typed into it."""
+        if not self._field.is_attached:
+            await self.mount(Static("/", id="find-mark", markup=False), self._field, self._about)
+        self.display = True
+        self.screen.set_focus(self._field)
+        self._field.action_select_all()
+
+    def close(self) -> None:
+        """Close the line and go back to the bytes."""
+        self._left()
+        self.display = False
+
+    def judge(self) -> None:
+        """Show what the text asks for, or what is wrong with it."""
+        text = self._field.value.strip()
+        asked = self._read(text) if text else HINT
+        self._about.update(Content(plain(asked.about if isinstance(asked, Wanted) else asked)))
+
+    def _read(self, text: str) -> Wanted | str:
+        try:
+            return wanted(text)
+        except UserError as wrong:
+            return f"✗ {wrong.lines()[0]}"
+
+    def submit(self) -> None:
+        """Look for it; what cannot be looked for stays open with its mistake."""
+        text = self._field.value.strip()
+        asked = self._read(text)
+        if not text:
+            self.close()
+        elif isinstance(asked, Wanted):
+            self.close()
+            self._found(asked)
+        else:
+            self.judge()

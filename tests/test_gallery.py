@@ -8,7 +8,7 @@ from types import ModuleType
 
 from tests.tui.fakes import bench_project
 from trcvtui.tui.main import MainScreen
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -24,7 +24,7 @@ def make_pictures() -> ModuleType:
 
 
 def test_every_pane_and_every_screen_is_in_the_gallery() -> None:
-    screen = MainScreen(Scene(bench_project()), lambda line: None)
+    screen = MainScreen(ViewModel(bench_project()), lambda line: None)
     panes = {pane.id for pane in (screen.instances, *screen._panes().values())}
     screens = {path.parent.name for path in (ROOT / "trcvtui" / "tui").glob("*/screen.py")}
     assert len(panes) == 8 and screens >= {"framings", "lab", "race", "scenarios"}

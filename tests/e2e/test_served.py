@@ -27,7 +27,7 @@ from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui import files
 from trcvtui.cli import main
 from trcvtui.rig.engine.driver import EngineDriver
-from trcvtui.rig.history import wave_files
+from trcvtui.rig.history import waveform_text as wave_files
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui import clipboard_and_files

@@ -19,7 +19,7 @@ from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.lab.lab import DATA, JOB, LabBytes
 from trcvtui.tui.lab.screen import LabScreen
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.udt.layout.layout import lay_out, rules_for
 
 MISMATCH = CONFIGS / "udt-mismatch.toml"
@@ -422,7 +422,7 @@ def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
     scene = SimpleNamespace(
         data=data, partial=job, declaration=declared, snapshot=snapshot, instance=receiver, selected="R"
     )
-    return LabBytes(cast(Scene, scene))
+    return LabBytes(cast(ViewModel, scene))
 
 
 def test_the_lab_opens_on_the_running_job_where_data_has_never_been_written() -> None:

@@ -244,8 +244,8 @@ async def test_16_mib_scroll_from_end_to_end() -> None:
         await connected(looker)
         jobs = looker.bench.console._jobs
         stream = jobs._stream("C1")
-        from trcvtui.rig.history.job_stream import Chunk
-        from trcvtui.rig.history.window import JobSpan, RecvSpan
+        from trcvtui.rig.history.received import Chunk
+        from trcvtui.rig.history.records import JobSpan, RecvSpan
 
         size = 65_536
         content = random.Random(1).randbytes(size)

@@ -309,7 +309,7 @@ async def test_a_click_on_a_wide_column_goes_to_the_edge_inside_it() -> None:
 
 @pytest.fixture(autouse=True)
 def _files_stay_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trcvtui.rig.history.wave_files.target_folder", lambda project: tmp_path)
+    monkeypatch.setattr("trcvtui.rig.history.waveform_text.target_folder", lambda project: tmp_path)
 
 
 async def test_e_asks_for_the_format_and_says_where_the_file_is(tmp_path: Path) -> None:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.rig.history.facts import Facts
-from trcvtui.rig.history.waveform_delta import WaveNews
-from trcvtui.rig.history.window import HistoryRequest, HistoryWindow
+from trcvtui.rig.history.pin_waveform import WaveformDelta
+from trcvtui.rig.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.rig.snapshots import Answer, EngineTiming, Fired, PeerSnapshot, PlayerSnapshot, TrialSnapshot
 
 if TYPE_CHECKING:  # the screen's process starts the engine before it knows what a project is
@@ -62,7 +61,7 @@ class Picture:
     project: Project | None = None
     player: PlayerSnapshot | None = None
     trial: TrialSnapshot | None = None
-    waves: tuple[WaveNews, ...] = ()
+    waves: tuple[WaveformDelta, ...] = ()
     history: HistoryWindow | None = None
     unsaved: int = 0  # edits of the project that are in no file
     unsaved_word: str = "addition"

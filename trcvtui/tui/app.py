@@ -27,7 +27,7 @@ from trcvtui.tui.lab import LAB, is_for_lab
 from trcvtui.tui.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.messages import RaceWanted
 from trcvtui.tui.settings import Settings, load_settings
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.theme import THEMES
 from trcvtui.tui.widgets.typed_lines import obey
 
@@ -90,7 +90,7 @@ class BenchApp(App[None]):
         self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
         self._home = project.path
-        self.scene = Scene(project)
+        self.scene = ViewModel(project)
         self.main = MainScreen(self.scene, self.submit)
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last

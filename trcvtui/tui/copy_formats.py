@@ -25,7 +25,7 @@ from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.report import csv_lines, json_value, markdown, member_rows
 
 if TYPE_CHECKING:
-    from trcvtui.tui.view_model.view_model import Scene
+    from trcvtui.tui.view_model.view_model import ViewModel
 
 MOST_MEMBERS: Final = 70_000
 
@@ -44,7 +44,7 @@ class Subject:
     line: str  # the bench command that the peer's composer makes
 
 
-def subject_of(scene: Scene, of_job: bool, line: str | None) -> Subject:
+def subject_of(scene: ViewModel, of_job: bool, line: str | None) -> Subject:
     """Return what is selected: bytes of the job or of DATA; with a `line`, what the peer has received."""
     name, content, declared = scene.selected, scene.partial, scene.declaration
     if not of_job and declared is not None:

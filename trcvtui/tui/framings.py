@@ -14,10 +14,10 @@ from trcvtui.plc.wired_pins import buffer_pin, mark_pins
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.reader import parse_script
 from trcvtui.rig.framing_advice.advice import advise
-from trcvtui.rig.framing_advice.lines import lines_for
+from trcvtui.rig.framing_advice.command import lines_for
 from trcvtui.rig.framing_advice.proposal import FramingAdvice, Proposal, ShownFrame
 from trcvtui.tui.formatting import clip, pad, plain, wrapped
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, marked
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row, ruled
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
@@ -26,7 +26,7 @@ GOOD: Final = ("suffix", "size reached")
 LABEL: Final = 9
 
 
-def buffer_for(scene: Scene) -> str:
+def buffer_for(scene: ViewModel) -> str:
     """Return the ComBuffer that is looked at: that of the selected instance, the one it feeds, or any."""
     project, instance = scene.project, scene.instance
     if instance is not None and buffer_pin(instance.block):
@@ -36,7 +36,7 @@ def buffer_for(scene: Scene) -> str:
     return next(iter((*fed, *names)), "")
 
 
-def framed_by(buffer: str, scene: Scene) -> str:
+def framed_by(buffer: str, scene: ViewModel) -> str:
     """Return the block that is set: the selected one, or the first that cuts this ComBuffer's bytes."""
     readers = [i.name for i in scene.project.instances if i.connect == buffer and mark_pins(i.block)]
     return scene.selected if scene.selected in readers else next(iter(readers), "")
@@ -183,7 +183,7 @@ class FramingScreen(ModalScreen[tuple[str, ...]]):
     }
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__()
         self._scene = scene
         self.buffer = buffer_for(scene)

@@ -26,7 +26,7 @@ from trcvtui.tui.panes.status_history import StatusHistory
 from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.panes.udt_table import UdtTable
 from trcvtui.tui.prompt import Prompt
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.help import TAKEN
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import LineView
@@ -110,7 +110,7 @@ class MainScreen(Screen[None]):
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "main.tcss"
 
-    def __init__(self, scene: Scene, submit: Callable[[str], None]) -> None:
+    def __init__(self, scene: ViewModel, submit: Callable[[str], None]) -> None:
         super().__init__()
         self._scene = scene
         self._submit = submit

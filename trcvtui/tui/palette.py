@@ -21,7 +21,7 @@ from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import RACE, MainScreen
 from trcvtui.tui.messages import InstanceSelected, PeerSelected
 from trcvtui.tui.peer_commands import SEND, buttons_for
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 
 PANES: Final = {
     1: "Instances", 2: "Block", 3: "STATUS", 4: "History", 5: "Received", 6: "Members", 7: "Peer",
@@ -102,7 +102,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
 class Reach(NamedTuple):
     """What the commands may reach."""
 
-    scene: Scene
+    scene: ViewModel
     main: MainScreen
     submit: Callable[[str], None]
     add: Callable[[str], None]

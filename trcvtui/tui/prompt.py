@@ -14,7 +14,7 @@ from textual.widgets import Input, Static
 
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.formatting import clip, plain, wrapped
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.tui.widgets.typed_lines import TypedField
 
@@ -126,7 +126,7 @@ class Prompt(Vertical):
     """
 
     def __init__(
-        self, scene: Scene, submit: Callable[[str], None], only_looks: Callable[[], bool] = lambda: False
+        self, scene: ViewModel, submit: Callable[[str], None], only_looks: Callable[[], bool] = lambda: False
     ) -> None:
         super().__init__(id="prompt")
         self._only_looks = only_looks  # then no line is read: one may name a file

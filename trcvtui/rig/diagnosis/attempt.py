@@ -13,7 +13,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.diagnosis.link import lost_before
-from trcvtui.rig.history.facts import NOT_BUILT
+from trcvtui.rig.history.records import NOT_BUILT
 
 Rule = Callable[[Evidence], str]
 # What shows while a connection is built; RUNNING of the block that builds one.

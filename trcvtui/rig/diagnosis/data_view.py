@@ -5,13 +5,120 @@ Rule: an offer needs evidence: a size that no other reading of the type has to e
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+import struct
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 from trcvtui.project.project import DataDecl
-from trcvtui.rig.diagnosis.byte_order import byte_order_suspicion
 from trcvtui.rig.wording import count
-from trcvtui.udt.layout.layout import Layout, profiles_for, same_layouts
+from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, profiles_for, same_layouts
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, rules_for
+from trcvtui.udt.types import Elementary, Enumeration, Kind
+
+# Rule: a suspicion needs two members, one of them of four bytes or more, and none that speaks against it (one
+# where there is no other). Small numbers look sensible in either order and say nothing.
+
+# Rule: between sensible and senseless there is room for doubt, and a doubt says nothing.
+
+SENSIBLE_REAL: Final = (1e-5, 1e8)
+SENSELESS_REAL: Final = (1e-15, 1e18)
+
+
+def swap_verdict(row: Elementary, read: float, swapped: float) -> int:
+    """Return 1: makes sense swapped only; -1: makes sense as read only; 0: says nothing."""
+    if row.kind is Kind.REAL:
+        good, bad = is_sensible_real, is_senseless_real
+        return (bad(read) and good(swapped)) - (good(read) and bad(swapped))
+    large = 1 << 8 * (row.size - 1)  # the highest byte is needed
+    small = 1 << 4 * row.size  # the upper half of the bytes is not
+    read, swapped = abs(read), abs(swapped)
+    return (read >= large and 0 < swapped < small) - (swapped >= large and 0 < read < small)
+
+
+def is_sensible_real(value: float, within: tuple[float, float] = SENSIBLE_REAL) -> bool:
+    """Return whether the magnitude is one that machines send; 0 is not, it says nothing."""
+    low, high = within
+    return math.isfinite(value) and low <= abs(value) <= high
+
+
+def is_senseless_real(value: float) -> bool:
+    """Return whether it is no number, or one that no machine sends."""
+    low, high = SENSELESS_REAL
+    return not math.isfinite(value) or 0 < abs(value) < low or abs(value) > high
+
+
+MOST_LEAVES: Final = 256  # that are looked at
+NAMED: Final = 2  # that the sentence names
+OTHER: Final = {"little": "big", "big": "little"}
+NUMBERS: Final = frozenset({Kind.INTEGER, Kind.REAL})
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """A member and its value in the layout's byte order and in the other one."""
+
+    path: str
+    as_read: int | float
+    swapped: int | float
+
+
+@dataclass(frozen=True, slots=True)
+class Suspicion:
+    """The members that make sense in `other` order only."""
+
+    order: str
+    other: str
+    suspects: tuple[Suspect, ...]
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        named = self.suspects[:NAMED]
+        swapped = " and ".join(f"{s.path} = {_short(s.swapped)}" for s in named)
+        as_read = " and ".join(_short(s.as_read) for s in named)
+        more = len(self.suspects) - len(named)
+        others = f" (and {more} more)" if more else ""
+        return (
+            f"members look swapped: in {self.other}-endian {swapped}, read here in {self.order}-endian "
+            f"{as_read}{others}: does the sender use the other byte order?"
+        )
+
+
+def byte_order_suspicion(layout: Layout, content: bytes) -> Suspicion | None:
+    """Return the members that only make sense when their bytes are swapped, None without clear evidence."""
+    order = layout.rules.byte_order
+    here, there = BYTE_ORDERS[order], BYTE_ORDERS[OTHER[order]]
+    suspects: list[Suspect] = []
+    clear = asked = 0
+    for leaf in layout.leaves(0, min(layout.leaf_count, MOST_LEAVES)):
+        row = _number(leaf)
+        part = content[leaf.offset : leaf.offset + leaf.size]
+        if row is None or len(part) < leaf.size or leaf.bit is not None:
+            continue
+        (read,), (swapped,) = struct.unpack(here + row.code, part), struct.unpack(there + row.code, part)
+        asked += read != swapped
+        verdict = swap_verdict(row, read, swapped)
+        if verdict < 0:
+            return None
+        if verdict:
+            suspects.append(Suspect(leaf.path or "the value", read, swapped))
+            clear += leaf.size >= 4
+    if not clear or len(suspects) < min(2, asked):
+        return None
+    suspects.sort(key=lambda suspect: not isinstance(suspect.as_read, float))  # the loudest first
+    return Suspicion(order, OTHER[order], tuple(suspects))
+
+
+def _number(leaf: Leaf) -> Elementary | None:
+    """Return the type of a number of more than one byte."""
+    row = leaf.type.base if isinstance(leaf.type, Enumeration) else leaf.type
+    if isinstance(row, Elementary) and row.kind in NUMBERS and row.size > 1:
+        return row
+    return None
+
+
+def _short(value: float) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 class Offer(NamedTuple):

@@ -9,7 +9,7 @@ from trcvtui.blocks.cause import Cause
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
-from trcvtui.rig.history.facts import Facts, Moment
+from trcvtui.rig.history.records import Facts, Moment
 from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import PeerSnapshot
 

@@ -13,7 +13,7 @@ from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.net.serial_line import OVER_TCP
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
-from trcvtui.rig.port_trouble import port_away, port_hint
+from trcvtui.rig.bench.port_trouble import port_away, port_hint
 from trcvtui.rig.wording import count
 
 MS: Final = 1_000_000

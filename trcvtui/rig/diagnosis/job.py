@@ -9,7 +9,7 @@ from typing import Final
 
 from trcvtui.blocks.parameters import SENDERS
 from trcvtui.rig.diagnosis.evidence import Evidence
-from trcvtui.rig.history.facts import Drop, Facts
+from trcvtui.rig.history.records import Drop, Facts
 from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count
 

@@ -11,7 +11,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
 from trcvtui.rig.diagnosis.evidence import Evidence
-from trcvtui.rig.history.facts import NOT_BUILT, Failures
+from trcvtui.rig.history.records import NOT_BUILT, Failures
 from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count, times
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.diagnosis.evidence import Evidence
-from trcvtui.rig.history.facts import PAUSE_SCANS, Drop
+from trcvtui.rig.history.records import PAUSE_SCANS, Drop
 from trcvtui.rig.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one

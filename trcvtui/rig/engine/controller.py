@@ -29,10 +29,10 @@ from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.commands.words import Mend
 from trcvtui.rig.engine.project_edits import Edits
 from trcvtui.rig.engine.trigger_watch import Watching
-from trcvtui.rig.history.job_history import JobHistory
+from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.reader import HistoryReader
-from trcvtui.rig.history.waveform_delta import WaveNews
-from trcvtui.rig.history.waves import Waves
+from trcvtui.rig.history.received import JobHistory
+from trcvtui.rig.history.waveform_recorder import WaveformRecorder
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario.recorded_session import Session
@@ -147,7 +147,7 @@ class Console:
         self._trials = Trials()
         self.session = Session(bench)
         self._watching = Watching(bench)
-        self._waves = Waves(bench.runtime.ledger, bench.project)
+        self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
         self._jobs = JobHistory(bench)
         self._history = HistoryReader(self._jobs)
         self._saved: set[str] = set()  # real paths of the files that were written from here
@@ -366,7 +366,7 @@ class Console:
     def _enter(self, bench: Bench) -> None:
         self.bench, self.player, self.session = bench, None, Session(bench)
         self._watching = Watching(bench)
-        self._waves = Waves(bench.runtime.ledger, bench.project)
+        self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
         self._jobs = JobHistory(bench)
         self._history = HistoryReader(self._jobs)
         self.holding, self.wanted = False, 0
@@ -448,7 +448,7 @@ class Console:
         )
         return self._watching.completed(picture, request.partial_of, since) if known else picture
 
-    def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveNews, ...]:
+    def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger
         now = ledger.scan, ledger.t_ns
         news = (self._waves.news(name, number if known else 0, now) for name, number in asked)

@@ -12,8 +12,8 @@ from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.triggers import Watch, read_trigger
-from trcvtui.rig.history.facts import Facts
-from trcvtui.rig.history.link_statistics import FactBook
+from trcvtui.rig.history.link_statistics import LinkStatistics
+from trcvtui.rig.history.records import Facts
 from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import Fired, PeerSnapshot
 
@@ -43,7 +43,7 @@ class Watching:
     def __init__(self, bench: Bench) -> None:
         self.trigger = Watch(bench)
         self._bench = bench
-        self._book = FactBook()
+        self._book = LinkStatistics()
         self._seq = 0  # of the last line that was read
         self._told = 0  # of the last line that a picture has brought
         self._kept: _Kept | None = None

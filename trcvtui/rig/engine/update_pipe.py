@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from trcvtui.plc.ledger import Line
 from trcvtui.rig import clock
-from trcvtui.rig.history.waveform_delta import Change, WaveNews
+from trcvtui.rig.history.pin_waveform import Change, WaveformDelta
 from trcvtui.rig.picture import Picture
 
 LINES_A_PIECE: Final = 32
@@ -138,8 +138,8 @@ def _unpack(
     return replace(bare, snapshot=snapshot, lines=tuple(starmap(_line, news)), waves=drawn)
 
 
-def _wave(pieces: list[bytes]) -> WaveNews:
-    bare: WaveNews = pickle.loads(pieces[0])
+def _wave(pieces: list[bytes]) -> WaveformDelta:
+    bare: WaveformDelta = pickle.loads(pieces[0])
     changes = chain.from_iterable(map(pickle.loads, pieces[1:]))
     return replace(bare, changes=tuple(starmap(Change, changes)))
 

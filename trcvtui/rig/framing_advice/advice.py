@@ -1,11 +1,8 @@
 """Recorded bytes to proposals how to cut them into frames, each tried with the real framer; pure and bounded.
 
-`advise(recording)` takes a `Recording` (blocks/serial/recording.py; `Runtime.recording("RX")` and
-`Picture.recordings` have one) and answers `FramingAdvice`: `.proposals`, the best first, and `.said`. A
-`Proposal` (framing_proposal.py) has `title`, `evidence`, `doubt`, `instead`, `preview` for the screen, and
-`framing_lines.lines_for(proposal, project, "RD")` has the bench lines that set an instance so; `framing RD
-apply 1` runs them. It takes some 10 ms, of
-long recordings 50 or more: the screen calls it in its own process.
+`advise(recording)` answers `FramingAdvice`: `.proposals`, the best first, and `.said`.
+`command.lines_for` has the bench lines that set an instance so. It takes some 10 ms, of long recordings 50 or
+more: the screen calls it in its own process.
 """
 
 from __future__ import annotations
@@ -17,7 +14,6 @@ from typing import Final
 
 from trcvtui.blocks.framing.frame import Framing
 from trcvtui.blocks.serial.recording import Recording
-from trcvtui.rig.framing_advice.evidence import doubt_of, evidence_of, instead_of, title_of
 from trcvtui.rig.framing_advice.marks import (
     LONGEST_FRAME,
     USUAL_WIDTHS,
@@ -29,17 +25,33 @@ from trcvtui.rig.framing_advice.marks import (
     places_of,
     sizes_of,
     splits_of,
+    stands_twice,
+    start_behind_noise,
     take_turns,
+    with_noise,
 )
-from trcvtui.rig.framing_advice.noise import stands_twice, start_behind_noise, with_noise
-from trcvtui.rig.framing_advice.proposal import FramingAdvice, Kind, Proposal, shown
-from trcvtui.rig.framing_advice.trial import Cut, LengthField, Placed, cut, cut_by_length, joined
-from trcvtui.rig.framing_advice.weight import (
+from trcvtui.rig.framing_advice.proposal import (
+    CutKind,
+    FramingAdvice,
+    Proposal,
+    doubt_of,
+    evidence_of,
+    instead_of,
+    shown,
+    title_of,
+)
+from trcvtui.rig.framing_advice.trial import (
     KNOWN_ENDS,
     KNOWN_STARTS,
     TEXT,
+    Cut,
+    LengthField,
+    Placed,
     Scale,
+    cut,
+    cut_by_length,
     is_amid_lines,
+    joined,
     scale_of,
     weight,
 )
@@ -61,14 +73,14 @@ MOST_TRIED: Final = 100  # of one trial
 MOST_SUFFIXES: Final = 8  # that are looked at for a prefix behind noise
 MOST_HEADS: Final = 6  # of long suffixes, likewise
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
-MARKED: Final = (Kind.PREFIX_SUFFIX, Kind.SUFFIX, Kind.PREFIX)
+MARKED: Final = (CutKind.PREFIX_SUFFIX, CutKind.SUFFIX, CutKind.PREFIX)
 
 
 @dataclass(frozen=True, slots=True)
 class Guess:
     """What is to be tried."""
 
-    kind: Kind
+    kind: CutKind
     framing: Framing
     field: LengthField | None = None
 
@@ -161,38 +173,38 @@ def _guesses(recording: Recording, stream: bytes, bursts: Bursts, marks: Sequenc
         for place in splits_of(mark, stream, bursts.pauses)[:3] if len(mark) > 1 else (1,):
             prefix, suffix = mark[place:], mark[:place]
             if suffix:
-                kind = Kind.PREFIX_SUFFIX if prefix else Kind.SUFFIX
+                kind = CutKind.PREFIX_SUFFIX if prefix else CutKind.SUFFIX
                 yield Guess(kind, Framing(size, prefix, suffix))
     for fixed in sizes_of(stream, bursts, marks):
-        yield Guess(Kind.SIZE, Framing(fixed))
+        yield Guess(CutKind.SIZE, Framing(fixed))
         for mark in marks:
             prefix = mark[splits_of(mark, stream, bursts.pauses)[0] :] or mark
-            yield Guess(Kind.PREFIX, Framing(fixed, prefix[:fixed]))
+            yield Guess(CutKind.PREFIX, Framing(fixed, prefix[:fixed]))
     for field in fields_of(stream, bursts):
-        yield Guess(Kind.LENGTH, Framing(field.head), field)
+        yield Guess(CutKind.LENGTH, Framing(field.head), field)
     if bursts.is_clear:
         middle = min((bursts.within + bursts.between) // 2, bursts.between - recording.tick_ns)
         timeout = max(1, middle // MILLISECOND) * MILLISECOND
-        yield Guess(Kind.GAP, Framing(size, timeout_ns=timeout))
+        yield Guess(CutKind.GAP, Framing(size, timeout_ns=timeout))
     places = {mark: places_of(mark, stream[: WINDOWS[0]]) for mark in marks}
     for start in marks:
         for end in marks:
             if start != end and take_turns(places[start], places[end]):
-                yield Guess(Kind.PREFIX_SUFFIX, Framing(size, start, end))
+                yield Guess(CutKind.PREFIX_SUFFIX, Framing(size, start, end))
 
 
 def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
     """Yield the best guesses again, with the bytes with which all their frames begin as the prefix."""
     for each in _ranked(list(tried)):
         guess = each.guess
-        if guess.kind not in (Kind.SUFFIX, Kind.SIZE, Kind.GAP):
+        if guess.kind not in (CutKind.SUFFIX, CutKind.SIZE, CutKind.GAP):
             continue
-        room = guess.framing.size - 1 if guess.kind is Kind.SIZE else LONGEST_FRAME
+        room = guess.framing.size - 1 if guess.kind is CutKind.SIZE else LONGEST_FRAME
         contents = [
             frame.content[: len(frame.content) - len(guess.framing.suffix)] for frame in each.cut.good
         ]
         start = common_start(contents[1:])[: min(room, 8)]
-        kind = Kind.PREFIX_SUFFIX if guess.kind is Kind.SUFFIX else Kind.PREFIX
+        kind = CutKind.PREFIX_SUFFIX if guess.kind is CutKind.SUFFIX else CutKind.PREFIX
         for prefix in dict.fromkeys((_known(start), start)):
             if prefix:
                 yield replace(guess, kind=kind, framing=replace(guess.framing, prefix=prefix))
@@ -204,7 +216,7 @@ def _behind_noise(
     """Return what cuts by a suffix again, with the prefix that leaves the noise out: it outweighs that."""
     found: list[Tried] = []
     stream = b"".join([chunk.payload for chunk in plain.chunks])
-    ends = sorted([each for each in tried if each.guess.kind is Kind.SUFFIX], key=lambda each: -each.bits)
+    ends = sorted([each for each in tried if each.guess.kind is CutKind.SUFFIX], key=lambda each: -each.bits)
     known = {each.guess for each in ends}
     shorter = [guess for guess in dict.fromkeys(_heads(ends)) if guess not in known][:MOST_HEADS]
     more = [_try(recording, plain, guess, scale) for guess in shorter]
@@ -214,7 +226,7 @@ def _behind_noise(
         prefix = (
             suffix if is_both else start_behind_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
         )
-        guess = Guess(Kind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
+        guess = Guess(CutKind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
         made = _try(recording, plain, guess, scale, is_noise=True) if prefix else None
         if made is None or (is_both and not _is_in_step(made.cut, suffix)):
             continue
@@ -229,7 +241,7 @@ def _heads(ends: Sequence[Tried]) -> Iterator[Guess]:
     for each in ends[:3]:
         suffix = each.guess.framing.suffix
         for size in range(1, min(len(suffix), 5)):
-            yield Guess(Kind.SUFFIX, Framing(LONGEST_FRAME, b"", suffix[:size]))
+            yield Guess(CutKind.SUFFIX, Framing(LONGEST_FRAME, b"", suffix[:size]))
 
 
 def _is_in_step(made: Cut, flag: bytes) -> bool:
@@ -315,13 +327,13 @@ def _ranks(tried: Sequence[Tried]) -> list[int]:
 def _preference(tried: Tried) -> tuple[int, int, int, int]:
     """Return what goes first of those that cut alike: marks that say most, and no data among them."""
     kind, framing = tried.guess.kind, tried.guess.framing
-    order = list(Kind).index(kind) + 3
+    order = list(CutKind).index(kind) + 3
     width = USUAL_WIDTHS.index(tried.guess.field.width) if tried.guess.field else 0
-    if kind is Kind.PREFIX_SUFFIX:
+    if kind is CutKind.PREFIX_SUFFIX:
         is_both = framing.prefix == framing.suffix
         is_mark = is_both or framing.prefix in KNOWN_STARTS or not set(framing.prefix) & TEXT
         order = 0 if is_mark else 2
-    elif kind is Kind.SUFFIX:
+    elif kind is CutKind.SUFFIX:
         order = 1
     return order, width, -len(framing.suffix), -len(framing.prefix)
 
@@ -330,7 +342,7 @@ def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording, best: tu
     guess, good = tried.guess, made.good
     longest = max(len(frame.content) for frame in good)
     framing = guess.framing
-    if guess.kind is not Kind.SIZE and framing.size == LONGEST_FRAME:
+    if guess.kind is not CutKind.SIZE and framing.size == LONGEST_FRAME:
         framing = replace(framing, size=longest)
     return Proposal(
         rank=rank,
@@ -356,7 +368,7 @@ def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording, best: tu
 
 def _doubt_of_noise(good: Sequence[Placed], best: Guess, clean: Cut) -> tuple[str, ...]:
     """Return what speaks against frames that contain what the best leaves out as noise."""
-    number = with_noise(good, clean.good) if best.kind is Kind.PREFIX_SUFFIX and clean.noise else 0
+    number = with_noise(good, clean.good) if best.kind is CutKind.PREFIX_SUFFIX and clean.noise else 0
     if not number:
         return ()
     left_out = title_of(best.kind, best.framing, None)

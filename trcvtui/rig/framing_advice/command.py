@@ -5,17 +5,103 @@ Rule: what `apply` does are lines of other commands, carried out one by one: the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import count as counted
 from typing import Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN
+from trcvtui.blocks.framing.frame import Framing
+from trcvtui.blocks.parameters import BUFFER_PIN, POINTERS
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.errors import mistake
 from trcvtui.project.names import expected_name
-from trcvtui.project.project import Project
+from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import shown
+from trcvtui.rig.commands.lines import to_line
 from trcvtui.rig.commands.tokens import Words
+from trcvtui.rig.commands.words import Create
 from trcvtui.rig.framing_advice.advice import advise
-from trcvtui.rig.framing_advice.lines import framed_instance, lines_for
+from trcvtui.rig.framing_advice.proposal import Proposal
+from trcvtui.udt.literals import format_time
+
+# Rule: what is there is used: the variables of prefix and suffix are written where the instance has them for
+# itself and they are large enough; else new ones are added, and the instance is made anew with them.
+
+DATA_BLOCK: Final = "ReceiveData"
+
+
+def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
+    """Return an instance that can be set so; raise UserError where it has no prefix and suffix."""
+    known = {each.name: each for each in project.instances if each.block in POINTERS}
+    if name not in known:
+        raise mistake(where, shown(name), expected_name(name, known, "ReceiveData or ReceiveString"))
+    return known[name]
+
+
+def lines_for(proposal: Proposal, project: Project, name: str, where: str = "framing") -> tuple[str, ...]:
+    """Return the lines that let an instance cut as proposed; raise UserError where it cannot."""
+    decl = framed_instance(name, project, where)
+    framing = proposal.framing
+    if framing is None:
+        raise mistake(where, proposal.title, f"a framing that {decl.block} has: {proposal.instead}")
+    is_text = decl.block != DATA_BLOCK
+    if is_text and not framing.suffix and not framing.timeout_ns:
+        raise mistake(where, f"{proposal.title} for a {decl.block}", f"a suffix or a gap, or a {DATA_BLOCK}")
+    lines: list[str] = []
+    if not is_text:
+        lines += _room(decl, project, framing)
+    lines += _marks(decl, project, framing, is_text)
+    return (*lines, f"pulse {name} Reset", _pins(decl, project, framing, is_text))
+
+
+def _room(decl: InstanceDecl, project: Project, framing: Framing) -> Iterator[str]:
+    """Yield what makes the variable of the data large enough."""
+    data = project.data_decl(decl.data or "")
+    if data is not None and data.size < framing.size:
+        yield f"resize {data.name} ARRAY[0..{framing.size - 1}] OF BYTE"
+
+
+def _marks(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> Iterator[str]:
+    """Yield what writes prefix and suffix, into variables that are there or new."""
+    pointers = [*decl.pointers, "", ""][:2]
+    names = list(pointers)
+    for place, mark in enumerate((framing.prefix, framing.suffix)):
+        if not mark and not (is_text and pointers[place]):
+            continue
+        content = mark + b"\0" if is_text else mark
+        area = project.data_decl(pointers[place])
+        is_written = place == 1 and names[0] == pointers[1] and framing.prefix not in (b"", framing.suffix)
+        if area is None or area.size < len(content) or is_written or _is_shared(area.name, decl, project):
+            names[place] = _new_name(f"{decl.name}_{('prefix', 'suffix')[place]}", project)
+            yield f"add data {names[place]} ARRAY[0..{max(4, len(content)) - 1}] OF BYTE"
+        yield f"write {names[place]} hex {content.hex(' ').upper()}"
+    if names != pointers:
+        yield f"delete {decl.name}"
+        yield to_line(Create(replace(decl, pointers=tuple(names))))
+
+
+def _is_shared(name: str, decl: InstanceDecl, project: Project) -> bool:
+    """Return whether a variable is more than a mark of this instance: to write it would change others too."""
+    others = [each for each in project.instances if each.name != decl.name]
+    return name == decl.data or any(name in (each.data, *each.pointers) for each in others)
+
+
+def _new_name(wanted: str, project: Project) -> str:
+    known = {each.name for each in project.data} | {each.name for each in project.instances}
+    return next(name for n in counted(1) if (name := f"{wanted}{n if n > 1 else ''}") not in known)
+
+
+def _pins(decl: InstanceDecl, project: Project, framing: Framing, is_text: bool) -> str:
+    timeout = f"Timeout={format_time(framing.timeout_ns)}"
+    if is_text:
+        return f"set {decl.name} {timeout}"
+    data = project.data_decl(decl.data or "")
+    room = max(framing.size, data.size if data is not None else 0)
+    ends_by_size = not framing.suffix and not framing.timeout_ns
+    size = framing.size if ends_by_size else room
+    lengths = f"LenPrefix={len(framing.prefix)} LenSuffix={len(framing.suffix)}"
+    return f"set {decl.name} {lengths} SizeReceiveData={size} {timeout}"
+
 
 APPLY: Final = "apply"
 

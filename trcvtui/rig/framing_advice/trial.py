@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import lgamma, log, log2
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.framing.frame import Ending, Frame, Framing
@@ -166,3 +168,150 @@ def _joined(chunks: Sequence[Chunk]) -> Iterator[Chunk]:
         begun.append(chunk)
     if begun:
         yield begun[0]._replace(payload=b"".join([each.payload for each in begun]))
+
+
+# -- how much a cut explains, in bits ---------------------------------------------------------------------
+
+# Rule: what is alike in all frames, lengths that are alike, and ends where the line pauses save bits; each
+# exception costs some. So noise, in which nothing is alike, saves none, whatever framing is laid over it.
+
+COLUMNS: Final = 8  # bytes at either end of the frames that are compared place by place
+EXCEPTION: Final = 8.0  # bits of a frame that ended otherwise, of a piece of noise
+MOST_OF_A_MARK: Final = 24.0  # bits that the mere number of a mark is worth
+TEXT: Final = frozenset(range(0x20, 0x7F)) | {0x09}
+KNOWN_ENDS: Final = (b"\r\n", b"\n", b"\r", b"\x03", b"\x04", b"\x00", b"\x7e", b"\xc0", b"\x17")
+FLAGS: Final = (b"\x7e", b"\xc0")
+LINE_ENDS: Final = (b"\n", b"\r", b"\x03")
+KNOWN_STARTS: Final = (b"\x02", b"\x01", b"\x7e", b"\xc0", b":", b"$", b"!", b"\xaa\x55")
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """What each byte of a recording costs by itself; where pauses and connections are."""
+
+    costs: tuple[float, ...]
+    counts: Counter[int]
+    pauses: frozenset[int]
+    starts: frozenset[int]
+    total: int
+
+    @property
+    def is_text(self) -> bool:
+        """Return whether nearly all bytes are printable."""
+        printable = sum([number for byte, number in self.counts.items() if byte in TEXT])
+        return printable >= 0.75 * self.total
+
+
+def scale_of(stream: bytes, pauses: Iterable[int], starts: Iterable[int]) -> Scale:
+    """Return the scale of a recording; `pauses` are the places before which the line was surely quiet."""
+    counts = Counter(stream)
+    total = max(1, len(stream))
+    costs = tuple([-log2(counts[byte] / total) if counts[byte] else 0.0 for byte in range(256)])
+    return Scale(costs, counts, frozenset(pauses), frozenset(starts), total)
+
+
+def weight(cut: Cut, scale: Scale, prefix: bytes, suffix: bytes, *, told_lengths: bool = False) -> float:
+    """Return how many bits a cut saves. `told_lengths`: the frames themselves say how long they are."""
+    good = cut.good
+    if len(good) < 2:
+        return 0.0
+    columns = _columns(good, scale)
+    lengths = [len(frame.content) for frame in good]
+    said = 0.0 if told_lengths else _bits_of_lengths(lengths)
+    saved = sum(columns.values()) - said
+    if suffix:  # the alternative: the suffix ends the frame, its first byte is told each time
+        ended = sum([bits for place, bits in columns.items() if place != -len(suffix)])
+        saved = max(saved, ended)
+    begun = {frame.start for frame in good}
+    saved += _aligned(good, scale.pauses, cut.total)
+    saved += EXCEPTION * (len(scale.starts & begun) - (1 if cut.left else 0))
+    runs = len(cut.frames) - len(good)
+    if cut.noise_runs:
+        saved -= cut.noise_runs * max(EXCEPTION, log2(1 + cut.noise))
+    saved += _of_marks(good, scale, prefix, suffix) - EXCEPTION * (1 + runs)
+    return saved * (sum(lengths) / cut.total) ** 2  # what it does not explain speaks against it
+
+
+def is_amid_lines(good: Sequence[Placed], scale: Scale, suffix: bytes) -> bool:
+    """Return whether a suffix is but a word of a text whose lines end elsewhere, once in each frame."""
+    if not suffix or not scale.is_text or not set(suffix) <= TEXT:
+        return False
+    once = [any(frame.content.count(end) == 1 for end in LINE_ENDS) for frame in good]
+    return sum(once) >= 0.9 * len(good)
+
+
+def _columns(good: Sequence[Placed], scale: Scale) -> dict[int, float]:
+    """Return what each place saves: 0, 1, ... from the start, -1, -2, ... from the end."""
+    shortest = min(len(frame.content) for frame in good)
+    from_end = min(COLUMNS, shortest // 2)
+    places = [*range(min(COLUMNS, shortest - from_end)), *range(-from_end, 0)]
+    found = {}
+    for place in places:
+        bits = _bits_saved([frame.content[place] for frame in good], scale.costs)
+        if bits > 0:
+            found[place] = bits
+    return found
+
+
+def _bits_saved(column: Sequence[int], costs: Sequence[float]) -> float:
+    """Return how much cheaper a column is told by what it had before: a new byte costs its price besides."""
+    seen = Counter(column)
+    again = sum([costs[byte] * (number - 1) for byte, number in seen.items()])
+    return again - _bits_of_order(seen.values())
+
+
+def _bits_of_order(times: Collection[int]) -> float:
+    """Return what it costs to tell values one by one, each by how often it was seen before."""
+    return (lgamma(sum(times) + 1) - sum([lgamma(number) for number in times])) / log(2)
+
+
+def _bits_of_lengths(lengths: Sequence[int]) -> float:
+    """Return what it costs to tell them: nothing each when they are alike."""
+    each = log2(max(lengths) - min(lengths) + 1)
+    seen = Counter(lengths)
+    learned = each * len(seen) + _bits_of_order(seen.values())
+    return 2 * log2(max(lengths) + 1) + min(len(lengths) * each, learned)
+
+
+def _aligned(good: Sequence[Placed], pauses: frozenset[int], total: int) -> float:
+    """Return what is saved by telling the pauses by frames."""
+    inner = {place for place in pauses if 0 < place < total}
+    ends = {frame.end for frame in good} | {frame.start for frame in good}
+    ends -= {0, total}
+    if not inner or not ends:
+        return 0.0
+    both = len(inner & ends)
+    free = total - 1 - len(ends)
+    plain = _choices(total - 1, len(inner))
+    by_frames = _choices(len(ends), both) + _choices(free, len(inner) - both)
+    return max(0.0, plain - by_frames - log2(len(inner) + 1))
+
+
+def _choices(of: int, some: int) -> float:
+    """Return log2 of how many ways there are to take some of them."""
+    if not 0 < some < of:
+        return 0.0
+    return (lgamma(of + 1) - lgamma(some + 1) - lgamma(of - some + 1)) / log(2)
+
+
+def _of_marks(good: Sequence[Placed], scale: Scale, prefix: bytes, suffix: bytes) -> float:
+    """Return what the marks are worth by themselves: known ones, and such as are oddly frequent."""
+    number, bits = len(good), 0.0
+    if suffix in KNOWN_ENDS and (scale.is_text or len(suffix) > 1):
+        bits += min(2.0 * number, MOST_OF_A_MARK)
+    if prefix in KNOWN_STARTS and scale.is_text:
+        bits += min(1.0 * number, MOST_OF_A_MARK / 2)
+    empty = sum([len(frame.content) <= len(prefix) + len(suffix) for frame in good])
+    most = number * 3 if suffix in FLAGS else number  # a flag may begin frames too, or fill the pauses
+    if suffix and empty * 5 <= most and not (scale.is_text and suffix[-1] in TEXT):
+        bits += min(_frequency(suffix[-1], scale), MOST_OF_A_MARK)
+    return bits
+
+
+def _frequency(byte: int, scale: Scale) -> float:
+    """Return how odd it is, in bits, that a byte is so frequent."""
+    share, even = scale.counts[byte] / scale.total, 1 / max(2, len(scale.counts))
+    if share <= even or share == 1:
+        return 0.0
+    odd = share * log2(share / even) + (1 - share) * log2((1 - share) / (1 - even))
+    return max(0.0, scale.total * odd - EXCEPTION)

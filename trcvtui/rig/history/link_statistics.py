@@ -19,7 +19,7 @@ from trcvtui.net.layers.iso_on_tcp import NO_SUCH_TSAP
 from trcvtui.net.layers.shared_listener import DROPPED
 from trcvtui.net.layers.shared_listener import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Event, Line, PeerSent, StatusEdge
-from trcvtui.rig.history.facts import (
+from trcvtui.rig.history.records import (
     NOT_BUILT,
     PAUSE_SCANS,
     Attempt,
@@ -144,7 +144,7 @@ class _Datagrams:
         return Sizes(self.count, tuple(self.last))
 
 
-class FactBook:
+class LinkStatistics:
     """Reads the ledger as it is written; `facts` answers for one instance."""
 
     def __init__(self) -> None:
@@ -363,7 +363,7 @@ def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: st
     kept = list(lines)
     following = next((known for known in kept if known.seq > line.seq and _is_next(known, edge)), None)
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]
-    book = FactBook()
+    book = LinkStatistics()
     book.take((known.scan, known.t_ns, known.event) for known in shown)
     last = shown[-1] if shown and shown[-1].seq > line.seq else line
     return book.facts(edge.instance, connect), Moment(last.scan, last.t_ns)

@@ -1,9 +1,19 @@
-"""One pin over the scans: its changes in order, least and greatest value of any stretch of scans."""
+"""The pins of instances over the scans: one pin, what the engine tells of them, one instance, the newest few.
+
+Rule: what was left out is a gap; nothing about it is guessed.
+"""
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
+
+from trcvtui.blocks.parameters import BUFFER_PIN, SHOWS, outputs_of
+from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
+
+# -- one pin ----------------------------------------------------------------------------------------------
 
 KEPT: Final = 40_000  # changes of one pin on the screen's side; the oldest are forgotten by the half
 POLL_NS: Final = 100_000_000  # what an online watch table of an IDE asks by
@@ -46,7 +56,7 @@ class Column(NamedTuple):
         return self.low == self.high
 
 
-class Lane:
+class PinWaveform:
     """The changes of one pin; BOOLs are 0 and 1, None is a value that nobody knows."""
 
     def __init__(self) -> None:
@@ -122,10 +132,10 @@ class Lane:
         return sum(1 for value in self.values[begin:end] if value)
 
 
-class PolledLane(Lane):
+class PolledWaveform(PinWaveform):
     """What a watch table shows of a pin that asks every 100 ms and knows nothing of what was in between."""
 
-    def __init__(self, source: Lane) -> None:
+    def __init__(self, source: PinWaveform) -> None:
         super().__init__()
         self._source = source
         self._next = 0
@@ -145,3 +155,260 @@ class PolledLane(Lane):
                 break
             place += 1
         self._next = place + source.forgotten
+
+
+# -- what the engine tells --------------------------------------------------------------------------------
+
+LAMPS: Final = ("STATUS", "BUSY", "DONE", "ERROR")
+# The outputs of the blocks on a ComBuffer, each with what it shows of an edge.
+OUTPUTS: Final = {
+    block: tuple((pin.name, SHOWS[pin.name]) for pin in outputs_of(block)) for block in BUFFER_PIN
+}
+
+PinValues = tuple[tuple[str, int | None], ...]
+NO_PINS: Final[PinValues] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PinsAre:
+    """What these pins are from now on, without an edge of their own; None: nobody can say."""
+
+    values: PinValues
+
+
+class Change(NamedTuple):
+    """What changed in one scan; `seq` is the ledger's, of several in one scan the later one stands."""
+
+    seq: int
+    scan: int
+    t_ns: int
+    event: StatusEdge | InputEdge | PinsAre
+
+
+@dataclass(frozen=True, slots=True)
+class WaveformDelta:
+    """The changes of one instance from its change number `first` on (1: its very first), in order.
+
+    `before` is what every pin was up to then, since `before_scan`; nothing else changed up to `until_scan`.
+    """
+
+    instance: str
+    first: int
+    before_scan: int
+    before_ns: int
+    before: PinValues
+    changes: tuple[Change, ...]
+    until_scan: int
+    until_ns: int
+
+
+def up_to(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
+    """Return the news as they were behind a scan of the past; None: what is left begins later."""
+    if news.before and news.before_scan > scan:
+        return None
+    changes = tuple(change for change in news.changes if change.scan <= scan)
+    if len(changes) == len(news.changes) and news.until_scan <= scan:
+        return news
+    return replace(news, changes=changes, until_scan=scan, until_ns=t_ns)
+
+
+def pins_of(event: StatusEdge | InputEdge | PinsAre) -> PinValues:
+    """Return the pins that an event tells, BOOLs as 0 and 1."""
+    if isinstance(event, InputEdge):
+        return ((event.pin, int(event.value)),)
+    if isinstance(event, PinsAre):
+        return event.values
+    if event.block in OUTPUTS:
+        shown = ((pin, getattr(event, field)) for pin, field in OUTPUTS[event.block])
+        return tuple((pin, int(value)) for pin, value in shown if value is not None)
+    lamps = event.busy, event.done, event.error
+    told = (("STATUS", event.status), *zip(LAMPS[1:], map(int, lamps), strict=True))
+    return told if event.rcvd_len is None else (*told, ("RCVD_LEN", event.rcvd_len))
+
+
+# -- one instance -----------------------------------------------------------------------------------------
+
+LAMP_OF: Final = {pin: shows for pin, shows in SHOWS.items() if shows in ("done", "error", "busy")}
+WATCHED: Final = ("status", "done")  # what the ghost rows show, whatever the block calls it
+MOST_GAPS: Final = 200
+
+
+class Waveform:
+    """The pins of one instance. Scans count from 1; `until_scan` is the last one that is known."""
+
+    def __init__(self, instance: str) -> None:
+        self.instance = instance
+        self.number = 0  # of the last change that is known
+        self.until_scan = self.until_ns = 0
+        self.interval_ns = 1
+        self.lanes: dict[str, PinWaveform] = {}
+        self.edges: list[Line] = []
+        self.edge_scans: list[int] = []
+        self.gaps: list[tuple[int, int]] = []
+        self._anchors: list[tuple[int, int]] = []  # scans whose time is known
+        self._polled: dict[str, PolledWaveform] = {}
+
+    # -- what comes in ------------------------------------------------------------------------------
+
+    def take(self, news: WaveformDelta, interval_ns: int) -> None:
+        """Append what is new; what was left out becomes a gap."""
+        if news.first <= self.number:
+            return
+        self.interval_ns = interval_ns
+        if news.first > self.number + 1:
+            self._leave_a_gap(news)
+        if news.before:
+            self._set(news.before_scan, news.before_ns, news.before)
+        for change in news.changes:
+            self._set(change.scan, change.t_ns, pins_of(change.event))
+            if isinstance(change.event, StatusEdge):
+                self._note(change, change.event)
+        self.number = news.first + len(news.changes) - 1
+        self.until_scan, self.until_ns = news.until_scan, news.until_ns
+        for pin in self.watched:
+            self.polled(pin).follow(self.until_ns, interval_ns)
+
+    def _leave_a_gap(self, news: WaveformDelta) -> None:
+        first = min(self.until_scan + 1, news.before_scan)
+        self.gaps.append((max(1, first), news.before_scan))
+        del self.gaps[:-MOST_GAPS]
+        self._set(first, self.until_ns, tuple((pin, None) for pin in self.lanes))
+
+    def _set(self, scan: int, t_ns: int, pins: PinValues) -> None:
+        for pin, value in pins:
+            self.lane(pin).add(scan, t_ns, value)
+        if not self._anchors or self._anchors[-1][0] < scan:
+            self._anchors.append((scan, t_ns))
+            if len(self._anchors) > 2 * KEPT:
+                del self._anchors[:KEPT]
+
+    def _note(self, change: Change, edge: StatusEdge) -> None:
+        self.edges.append(Line(change.seq, change.scan, change.t_ns, edge))
+        self.edge_scans.append(change.scan)
+        if len(self.edges) > 2 * KEPT:
+            del self.edges[:KEPT], self.edge_scans[:KEPT]
+
+    # -- what is asked ------------------------------------------------------------------------------
+
+    def lane(self, pin: str) -> PinWaveform:
+        """Return the lane of a pin."""
+        if pin not in self.lanes:
+            self.lanes[pin] = PinWaveform()
+        return self.lanes[pin]
+
+    def polled(self, pin: str) -> PolledWaveform:
+        """Return what a watch table shows of a pin."""
+        if pin not in self._polled:
+            self._polled[pin] = PolledWaveform(self.lane(pin))
+        return self._polled[pin]
+
+    def pin_that_shows(self, what: str) -> str | None:
+        """Return the output that shows it, such as Error or STATUS for `status`; None: it has none."""
+        return next((pin for pin in self.lanes if SHOWS.get(pin) == what), None)
+
+    @property
+    def watched(self) -> list[str]:
+        """Return the pins of the ghost rows."""
+        return [pin for what in WATCHED if (pin := self.pin_that_shows(what)) is not None]
+
+    def columns(self, lane: PinWaveform, window: Window) -> list[Column | None]:
+        """Return the columns of a lane."""
+        return lane.columns(window, self.until_scan)
+
+    def is_gap(self, first: int, last: int) -> bool:
+        """Return whether something in these scans is not known."""
+        return any(begin <= last and first <= end for begin, end in reversed(self.gaps))
+
+    @property
+    def first_scan(self) -> int:
+        """Return the first scan that anything is known of."""
+        known = [lane.scans[0] for lane in self.lanes.values() if lane.scans]
+        return max(1, min(known, default=1))
+
+    def time_at(self, scan: int) -> tuple[int, bool]:
+        """Return the time of a scan in ns, and whether it is exact: some scans' time was never told."""
+        place = bisect_right(self._anchors, (scan, 1 << 62))
+        if place and self._anchors[place - 1][0] == scan:
+            return self._anchors[place - 1][1], True
+        before = self._anchors[place - 1] if place else (1, 0)
+        after = self._anchors[place] if place < len(self._anchors) else (self.until_scan, self.until_ns)
+        scans, ns = after[0] - before[0], after[1] - before[1]
+        if scans <= 0:
+            return after[1], after[0] == scan
+        t_ns = before[1] + ns * (scan - before[0]) // scans
+        return t_ns, scan == after[0] or ns == scans * self.interval_ns
+
+    def edge_at(self, scan: int) -> Line | None:
+        """Return the STATUS edge that is in force behind a scan."""
+        place = bisect_right(self.edge_scans, scan)
+        return self.edges[place - 1] if place else None
+
+    def edges_in(self, first: int, last: int) -> list[Line]:
+        """Return the STATUS edges of these scans."""
+        return self.edges[bisect_left(self.edge_scans, first) : bisect_right(self.edge_scans, last)]
+
+    def next_edge(self, scan: int, direction: int, pins: Iterable[str] = ()) -> int | None:
+        """Return the nearest scan behind (or before) this one in which one of the pins changes; () is all."""
+        lanes = [self.lanes[pin] for pin in (tuple(pins) or self.lanes) if pin in self.lanes]
+        found = [edge for lane in lanes if (edge := lane.next_edge(scan, direction)) is not None]
+        return (min if direction > 0 else max)(found, default=None)
+
+    def next_where(self, scan: int, holds: Callable[[StatusEdge], bool]) -> int | None:
+        """Return the scan of the next STATUS edge behind this scan for which it holds."""
+        for line in self.edges[bisect_right(self.edge_scans, scan) :]:
+            if isinstance(line.event, StatusEdge) and holds(line.event):
+                return line.scan
+        return None
+
+
+# -- what the screen keeps --------------------------------------------------------------------------------
+
+MOST_WAVES: Final = 16  # instances that the screen remembers
+
+
+class WaveformCache:
+    """The waves of the instances that were looked at, the newest few."""
+
+    def __init__(self) -> None:
+        self._waves: dict[str, Waveform] = {}
+        self._too_late: set[str] = set()  # of what was asked for up to a scan: nothing is left of that time
+
+    def of(self, instance: str) -> Waveform:
+        """Return the wave of an instance."""
+        wave = self._waves.pop(instance, None) or Waveform(instance)
+        self._waves[instance] = wave
+        if len(self._waves) > MOST_WAVES:
+            del self._waves[next(iter(self._waves))]
+        return wave
+
+    def asked(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
+        """Return what to ask the engine for: each instance with the last change that is known.
+
+        With `scan` nothing behind it is wanted.
+        """
+        known = self._waves
+        wanted = instances if scan is None else [name for name in instances if self._lacks(name, scan)]
+        return tuple((name, known[name].number if name in known else 0) for name in wanted)
+
+    def _lacks(self, name: str, scan: int) -> bool:
+        wave = self._waves.get(name)
+        return name not in self._too_late and (wave is None or wave.until_scan < scan)
+
+    def take(self, news: Iterable[WaveformDelta], interval_ns: int) -> None:
+        """Append what is new."""
+        self._too_late.clear()
+        for fresh in news:
+            self.of(fresh.instance).take(fresh, interval_ns)
+
+    def take_up_to(self, news: Iterable[WaveformDelta], interval_ns: int, scan: int, t_ns: int) -> None:
+        """Append what is new and not behind a scan."""
+        for fresh in news:
+            then = up_to(fresh, scan, t_ns)
+            if then is None:
+                self._too_late.add(fresh.instance)
+            else:
+                self.of(fresh.instance).take(then, interval_ns)
+
+    def is_too_late(self, instance: str) -> bool:
+        """Return whether an instance's wave was asked for when that time was no longer kept."""
+        return instance in self._too_late

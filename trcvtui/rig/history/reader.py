@@ -6,9 +6,8 @@ from bisect import bisect_right
 from operator import attrgetter
 from typing import Final
 
-from trcvtui.rig.history.job_history import JobHistory
-from trcvtui.rig.history.job_stream import Chunk, JobStream
-from trcvtui.rig.history.window import (
+from trcvtui.rig.history.received import Chunk, JobHistory, JobStream
+from trcvtui.rig.history.records import (
     END,
     MOST_SPANS,
     MOST_WINDOW,

@@ -24,7 +24,7 @@ from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.lines import to_line
 from trcvtui.rig.commands.trace_pattern import ANY, Atom, Scan
-from trcvtui.rig.history.waveform_delta import OUTPUTS
+from trcvtui.rig.history.pin_waveform import OUTPUTS
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000

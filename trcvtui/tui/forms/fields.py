@@ -20,7 +20,7 @@ from trcvtui.project.keys import KeyValue
 from trcvtui.project.project import SERIAL, SIMULATED, InstanceDecl, Project
 from trcvtui.rig.commands.edit import words_of
 from trcvtui.rig.commands.member_values import quoted
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.udt.layout.layout import LAYOUTS
 from trcvtui.udt.layout.rules import BYTE_ORDERS
 
@@ -330,7 +330,7 @@ class Part(NamedTuple):
         return f"{words_of(self.kind)} {self.name}"
 
 
-def parts_at_hand(scene: Scene, peer_first: bool) -> list[Part]:
+def parts_at_hand(scene: ViewModel, peer_first: bool) -> list[Part]:
     """Return the parts of the selected instance and the selected peer, what is mended most often first."""
     instance = scene.project.instance(scene.selected)
     own = list(_parts_of(instance)) if instance is not None else []

@@ -17,7 +17,7 @@ from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.view_model.validity import fault_of
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 from trcvtui.tui.widgets.typed_lines import TypedField
@@ -251,7 +251,7 @@ class UdtForm(ModalScreen[str]):
         self.dismiss("")
 
 
-def form_of(text: str, mode: str, scene: Scene) -> UdtForm | None:
+def form_of(text: str, mode: str, scene: ViewModel) -> UdtForm | None:
     """Return the form of the UDT that a payload names, else of DATA, else of the first; None without UDTs."""
     types, declared = scene.project.types, scene.declaration
     first = text.split("{")[0].strip() if mode == UDT else ""
@@ -264,7 +264,7 @@ def form_of(text: str, mode: str, scene: Scene) -> UdtForm | None:
     return UdtForm(scene.project, scene.peer, name, layout, values)
 
 
-def _values(text: str, scene: Scene) -> dict[str, str]:
+def _values(text: str, scene: ViewModel) -> dict[str, str]:
     """Return the members that a payload sets, as it writes them; none where it cannot be read."""
     from trcvtui.rig.commands.member_values import members_of  # read when first asked for
 

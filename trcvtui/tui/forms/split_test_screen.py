@@ -11,7 +11,7 @@ from textual.widget import Widget
 
 from trcvtui.rig.snapshots import Answer, SplitRow, TrialSnapshot
 from trcvtui.tui.formatting import bar, clip, count, plain, wrapped
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
@@ -27,7 +27,7 @@ class TrialTable(LineView):
 
     BINDINGS: ClassVar = [Binding("enter", "choose", show=False)]
 
-    def __init__(self, scene: Scene, choose: Callable[[SplitRow], None]) -> None:
+    def __init__(self, scene: ViewModel, choose: Callable[[SplitRow], None]) -> None:
         super().__init__(id="trial")
         self._scene = scene
         self._choose = choose
@@ -138,7 +138,7 @@ class TrialScreen(ModalScreen[int]):
     }
     """
 
-    def __init__(self, scene: Scene, submit: Callable[[str], None], line: str = "") -> None:
+    def __init__(self, scene: ViewModel, submit: Callable[[str], None], line: str = "") -> None:
         super().__init__()
         self._submit = submit
         self._scene = scene

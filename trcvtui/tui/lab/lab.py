@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.rig.history.window import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
+from trcvtui.rig.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree, twin_of
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.udt.compare.compare import Comparison, Summary, compare
 from trcvtui.udt.compare.fit import Fit, fit, verdict
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Profile, lay_out
@@ -128,7 +128,7 @@ class Piece(NamedTuple):
 class LabBytes:
     """Which bytes are looked at; `back` counts the messages from the newest one."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         self._scene = scene
         self.source = DATA
         self.is_chosen = False  # by the user
@@ -271,7 +271,7 @@ PROFILE_WORDS: Final = (*LAYOUTS, *LAYOUT_ALIASES, *BYTE_ORDERS, *TEXT_FORMS)
 class Lab:
     """One type, two profiles, some bytes; what follows from them is made when it is asked for."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         self._scene = scene
         self.bytes = LabBytes(scene)
         self.opened: TypeFiles | None = None  # a file of the user's instead of the project's

@@ -25,7 +25,7 @@ from trcvtui.tui.lab.lab import ABOUT, HEX, OURS, SOURCES, THEIRS, Lab
 from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
 from trcvtui.tui.lab.panes import CureText, FitList, LabHex
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, pane_title
 from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine, TabLine
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
@@ -178,7 +178,7 @@ class LabScreen(Screen[None]):
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "lab.tcss"
 
-    def __init__(self, scene: Scene, lab: Lab, say: Callable[[str], int | None]) -> None:
+    def __init__(self, scene: ViewModel, lab: Lab, say: Callable[[str], int | None]) -> None:
         super().__init__()
         self._scene, self.lab, self._say = scene, lab, say
         self._asked: set[int] = set()

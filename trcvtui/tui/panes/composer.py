@@ -17,7 +17,7 @@ from trcvtui.tui.formatting import MS, count
 from trcvtui.tui.messages import Voice
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.view_model.validity import fault_of
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.tui.widgets.lines import ButtonLine
 from trcvtui.tui.widgets.typed_lines import TypedField
@@ -257,7 +257,7 @@ class Composer(Vertical):
     Composer:ansi Field { text-style: underline; }
     """
 
-    def __init__(self, scene: Scene, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, voice: Voice) -> None:
         super().__init__(id="composer")
         self._scene = scene
         self._voice = voice

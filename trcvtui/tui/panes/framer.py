@@ -8,7 +8,7 @@ from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnap
 from trcvtui.plc.wired_pins import buffer_pin
 from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.tui.formatting import MS, bar, clip, count, plain
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import Part, Row, row
 
 GAP_BAR: Final = 12
@@ -23,7 +23,7 @@ class Gap(NamedTuple):
     reason: str
 
 
-def gap_of(scene: Scene, instance: InstanceSnapshot) -> Gap | None:
+def gap_of(scene: ViewModel, instance: InstanceSnapshot) -> Gap | None:
     """Return the gap timer of the selected instance, None where its block has none."""
     framer, snapshot = instance.framer, scene.snapshot
     if framer is None or snapshot is None:
@@ -36,7 +36,7 @@ def gap_of(scene: Scene, instance: InstanceSnapshot) -> Gap | None:
     return Gap(max(0, scene.t_ns - instance.last_receive_ns), limit, _frozen(scene, snapshot.running))
 
 
-def _frozen(scene: Scene, running: bool) -> str:
+def _frozen(scene: ViewModel, running: bool) -> str:
     if not running:
         return "frozen: the PLC is in STOP"
     if scene.is_frozen:
@@ -67,7 +67,7 @@ NEAR: Final = 4  # a ComBuffer with less than a quarter of its room left
 ROOMY: Final = 72
 
 
-def framer_lines(scene: Scene, instance: InstanceSnapshot, width: int) -> list[Row]:
+def framer_lines(scene: ViewModel, instance: InstanceSnapshot, width: int) -> list[Row]:
     """Return the lines, none for a block that has no ComBuffer."""
     if not buffer_pin(instance.block):
         return []
@@ -94,7 +94,7 @@ def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
     return [row(*whole[:-1]), row(_label(""), (clip(text.strip(" ·"), width - LABEL), style))]
 
 
-def _buffer(scene: Scene, instance: InstanceSnapshot, width: int) -> Row:
+def _buffer(scene: ViewModel, instance: InstanceSnapshot, width: int) -> Row:
     """Return the fill of the ComBuffer, and what had no room in it."""
     buffer = scene.snapshot.combuffer(instance.connect) if scene.snapshot is not None else None
     if buffer is None:
@@ -120,7 +120,7 @@ def source_words(buffer: ComBufferSnapshot) -> str:
     return known.get(buffer.source, f"from {plain(buffer.source)}")
 
 
-def _data(scene: Scene, instance: InstanceSnapshot) -> Row:
+def _data(scene: ViewModel, instance: InstanceSnapshot) -> Row:
     declared = scene.declaration
     if declared is None:
         return row(_label("data"), ("not wired", "warn") if instance.data_pin else ("none", "dim"))

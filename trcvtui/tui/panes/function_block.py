@@ -13,8 +13,7 @@ from trcvtui.project.project import Project
 from trcvtui.tui.formatting import cells, clip, count, lamp, plain, status_word
 from trcvtui.tui.messages import DescriptionWanted, Voice
 from trcvtui.tui.panes.framer import framer_lines
-from trcvtui.tui.view_model.afterglow import DONE, ERROR, Afterglow
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS, letters_of
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
@@ -189,7 +188,7 @@ def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
     return framer.prefix if pin.endswith("Prefix") else framer.suffix
 
 
-def line_for(pin: str, instance: InstanceSnapshot, scene: Scene) -> str:
+def line_for(pin: str, instance: InstanceSnapshot, scene: ViewModel) -> str:
     """Return the beginning of the command that changes what stands at such a pin, "" where nothing does."""
     if pin in BUFFER_PINS:
         decl = next((b for b in scene.project.combuffers if b.name == instance.connect), None)
@@ -228,7 +227,7 @@ class FunctionBlock(LineView):
         ("C", "description", "the connection description byte for byte"),
     ]
 
-    def __init__(self, scene: Scene, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, voice: Voice) -> None:
         super().__init__(id="block")
         self._scene = scene
         self._voice = voice

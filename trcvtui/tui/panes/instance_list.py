@@ -12,8 +12,7 @@ from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS, security_of
 from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
 from trcvtui.tui.messages import InstanceSelected
-from trcvtui.tui.view_model.afterglow import DONE, ERROR, Pulse
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import DONE, ERROR, Pulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 ROOMY: Final = 110
@@ -49,7 +48,7 @@ class InstanceList(LineView):
         Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),
     ]
 
-    def __init__(self, scene: Scene, digit: int = 1) -> None:
+    def __init__(self, scene: ViewModel, digit: int = 1) -> None:
         super().__init__(id="instances")
         self._digit = digit
         self._scene = scene

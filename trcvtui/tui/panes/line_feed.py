@@ -14,7 +14,7 @@ from trcvtui.rig.commands.words import FeedLine
 from trcvtui.tui.formatting import bar, clip, pad, plain
 from trcvtui.tui.messages import Voice
 from trcvtui.tui.panes.framer import source_words
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 FEED: Final = "feed"
@@ -38,7 +38,7 @@ class LineFeed(LineView):
     ]
     DEFAULT_CSS = "LineFeed { height: auto; max-height: 8; min-height: 1; }"
 
-    def __init__(self, scene: Scene, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, voice: Voice) -> None:
         super().__init__(id="lines")
         self._scene = scene
         self._voice = voice

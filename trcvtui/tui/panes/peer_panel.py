@@ -18,7 +18,7 @@ from trcvtui.tui.messages import PeerSelected, Voice
 from trcvtui.tui.panes.composer import Composer
 from trcvtui.tui.panes.line_feed import LineFeed
 from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row
 from trcvtui.tui.widgets.lines import ButtonLine
 
@@ -36,7 +36,7 @@ class PeerList(LineView):
     BINDINGS: ClassVar = [Binding("tab", "edit", "edit the payload", show=False)]
     DEFAULT_CSS = "PeerList { height: auto; max-height: 3; min-height: 1; }"
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="peers")
         self._scene = scene
 
@@ -148,7 +148,7 @@ class PeerNotes(LineView, can_focus=False):
 
     DEFAULT_CSS = "PeerNotes { height: 1fr; }"
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="peer-notes")
         self._scene = scene
 
@@ -211,7 +211,7 @@ class PeerPanel(Vertical):
         ("i", "payload", "edit the payload"),
     ]
 
-    def __init__(self, scene: Scene, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, voice: Voice) -> None:
         super().__init__(id="peer")
         self._scene = scene
         self._voice = voice

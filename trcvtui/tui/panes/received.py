@@ -15,12 +15,12 @@ from textual.widget import Widget
 
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
 from trcvtui.project.project import Project
-from trcvtui.rig.history.window import HistoryRequest, JobSpan, MessageSpan, RecvSpan
+from trcvtui.rig.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSpan
 from trcvtui.tui.formatting import bar, clip, moment, plain, wrapped
 from trcvtui.tui.messages import PastSelected
 from trcvtui.tui.panes.framer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import CLOSES, OPENS, HexView, marks_of_data, marks_of_part
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row, ruled
 from trcvtui.tui.widgets.typed_lines import FindLine
@@ -36,7 +36,7 @@ class JobLine(LineView, can_focus=False):
 
     DEFAULT_CSS = "JobLine { height: 1; }"
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="job-line")
         self._scene = scene
 
@@ -217,7 +217,7 @@ class Received(Vertical):
         Binding("escape", "end_find", "look for nothing any more", show=False),
     ]
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="received")
         self._scene = scene
         self.data = HexView("data", of_job=False)

@@ -9,9 +9,8 @@ from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.connect_view import WARNING, security_of
 from trcvtui.tui.formatting import GLOW, cells, lamp, moment, plain, status_word, wrapped
-from trcvtui.tui.view_model.afterglow import DONE, ERROR
 from trcvtui.tui.view_model.explain import Explainer
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ class StatusCard(LineView):
         """Return the way back to now, while an edge of the past is explained."""
         return (("esc", "now"),) if self._past is not None else ()
 
-    def __init__(self, scene: Scene, digit: int = 3) -> None:
+    def __init__(self, scene: ViewModel, digit: int = 3) -> None:
         super().__init__(id="status")
         self._digit = digit
         self._scene = scene

@@ -10,7 +10,7 @@ from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.tui.formatting import ON, clip, moment, plain, status_word
 from trcvtui.tui.messages import EdgeSelected, Voice
 from trcvtui.tui.view_model.explain import why
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 WORD: Final = 14  # at least; wider where a condition or a lamp is
@@ -30,7 +30,7 @@ class StatusHistory(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: Scene, voice: Voice, digit: int = 4) -> None:
+    def __init__(self, scene: ViewModel, voice: Voice, digit: int = 4) -> None:
         super().__init__(id="history")
         self._digit = digit
         self._scene = scene

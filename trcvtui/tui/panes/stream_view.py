@@ -13,7 +13,7 @@ from typing import ClassVar, Final, NamedTuple, Protocol, TypeVar
 
 from textual import events
 
-from trcvtui.rig.history.window import (
+from trcvtui.rig.history.records import (
     END,
     MOST_WINDOW,
     HistoryRequest,

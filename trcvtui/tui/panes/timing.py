@@ -9,9 +9,8 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.rig.history.pin_waveform import Lane, Window
-from trcvtui.rig.history.wave import LAMPS, Wave
-from trcvtui.rig.history.wave_text import (
+from trcvtui.rig.history.pin_waveform import LAMP_OF, PinWaveform, Waveform, Window
+from trcvtui.rig.history.waveform_text import (
     CODES,
     WATCH,
     Mark,
@@ -25,7 +24,7 @@ from trcvtui.rig.history.wave_text import (
 )
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
 from trcvtui.tui.messages import EdgeSelected, Voice
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 ZOOMS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
@@ -112,11 +111,11 @@ STYLES: Final = {"": "faint", "pulse": "glow", "gap": "warn", "mark": "key", "hi
 class Drawn(NamedTuple):
     """One row of one instance; without a name it is the head of that instance."""
 
-    wave: Wave
+    wave: Waveform
     name: str
 
 
-def rows_of(waves: Sequence[Wave], is_strip: bool = False) -> list[Drawn]:
+def rows_of(waves: Sequence[Waveform], is_strip: bool = False) -> list[Drawn]:
     """Return the rows of these instances, each with a head where there are several; a strip has no codes."""
     heads = [""] if len(waves) > 1 else []
     rows = [Drawn(wave, name) for wave in waves for name in heads + row_names(wave)]
@@ -148,19 +147,19 @@ def wave_row(
     return row(*_label(wave, name, at, label_style, label), *_parts(wave, name, window, cursor))
 
 
-def _label(wave: Wave, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
+def _label(wave: Waveform, name: str, at: int, label_style: str | None, label: int) -> list[Part]:
     value = "" if name == CODES else value_text(pin_of(name), lane_of(wave, name).at(at))
     kind = "ghost" if name.startswith(WATCH) else "label"
     sign, style = (" ", "") if label_style is None else ("▸", label_style)
     return [(f"{sign}{name:<{NAME + label - LABEL}}", f"{kind} {style}"), (f"{value:>6} ", style)]
 
 
-def _parts(wave: Wave, name: str, window: Window, cursor: int | None) -> list[Part]:
+def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> list[Part]:
     pieces = drawn(wave, name, window)
     if name.startswith(WATCH):
         parts = [(text, "ghost") for text, _ in pieces]
     else:
-        high = LAMPS.get(name, "strong")
+        high = LAMP_OF.get(name, "strong")
         parts = [(text, high if kind == "high" else STYLES.get(kind, kind)) for text, kind in pieces]
     if cursor is None:
         return parts
@@ -199,7 +198,7 @@ class Timing(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: Scene, voice: Voice, digit: int = 8) -> None:
+    def __init__(self, scene: ViewModel, voice: Voice, digit: int = 8) -> None:
         super().__init__(id="timing")
         self._digit = digit
         self._scene = scene
@@ -216,12 +215,12 @@ class Timing(LineView):
     # -- what is drawn ------------------------------------------------------------------------------
 
     @property
-    def wave(self) -> Wave:
+    def wave(self) -> Waveform:
         """Return the wave of the selected instance."""
         return self._scene.waves.of(self._scene.selected)
 
     @property
-    def waves(self) -> list[Wave]:
+    def waves(self) -> list[Waveform]:
         """Return the waves that are drawn."""
         return [self._scene.waves.of(name) for name in self._scene.drawn_instances]
 
@@ -309,7 +308,7 @@ class Timing(LineView):
         style = ("cursor" if self.has_focus else "cursor-blurred") if y - 1 == self._chosen else None
         return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style, self._label)
 
-    def _lane(self) -> Lane | None:
+    def _lane(self) -> PinWaveform | None:
         """Return the lane of the chosen row."""
         shown = self._rows[self._chosen] if self._rows else None
         return lane_of(*shown) if shown is not None and shown.name else None
@@ -470,16 +469,16 @@ class Timing(LineView):
 
     def write(self, format: str, path: Path | None) -> tuple[Path, int]:
         """Write the waves that are drawn; return where, and how many bytes; raise UserError."""
-        from trcvtui.rig.history.wave_files import (  # read when asked for
-            Span,
+        from trcvtui.rig.history.waveform_text import (  # read when asked for
+            ScanRange,
             free_path,
             target_folder,
             write_waves,
         )
 
         markers = sorted(self.view.markers)
-        known = Span(self.wave.first_scan, max(1, self._until))
-        span = Span(*markers) if len(markers) == 2 else known
+        known = ScanRange(self.wave.first_scan, max(1, self._until))
+        span = ScanRange(*markers) if len(markers) == 2 else known
         folder = target_folder(self._scene.project.path)
         path = path or free_path(folder, f"timing-{self.wave.instance}", format)
         return path, write_waves(path, format, self.waves, span, self.view.zoom)

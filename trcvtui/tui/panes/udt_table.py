@@ -13,7 +13,7 @@ from textual import events
 from trcvtui.project.project import DataDecl
 from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.messages import FieldSelected, KeyClicked
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout_tree import Leaf
@@ -31,7 +31,7 @@ class UdtTable(LineView):
 
     KEYS: ClassVar = (("↑↓", "member"), ("v", "DATA | job"))
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="udt")
         self._scene = scene
         self.of_job = False

@@ -30,7 +30,7 @@ from trcvtui.tui.race.table import (
     instance_title,
     race_parts,
 )
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import pane_title
 from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
@@ -64,7 +64,7 @@ class RaceScreen(Screen[None]):
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "race.tcss"
 
-    def __init__(self, scene: Scene, say: Callable[[str], int | None], path: Path | None) -> None:
+    def __init__(self, scene: ViewModel, say: Callable[[str], int | None], path: Path | None) -> None:
         super().__init__()
         self._scene = scene
         self._say = say

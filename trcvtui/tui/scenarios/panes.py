@@ -11,7 +11,7 @@ from trcvtui.rig.scenario.files import ScenarioFile, ScriptLine
 from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.tui.formatting import clip, lamp, plain, wrapped
 from trcvtui.tui.scenarios.scenario_list import Library
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 INDENT: Final = 2
@@ -22,7 +22,7 @@ class TraceList(LineView):
 
     DEFAULT_CSS = "TraceList { height: auto; min-height: 3; }"
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="traces")
         self._scene = scene
         self._rows: list[Row] = []

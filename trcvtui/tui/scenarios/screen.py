@@ -26,7 +26,7 @@ from trcvtui.tui.panes.status_history import StatusHistory
 from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.scenarios.panes import ScenarioText, TraceList
 from trcvtui.tui.scenarios.scenario_list import Library, ScenarioList
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine, TabLine
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
@@ -75,7 +75,7 @@ class ScenariosScreen(Screen[Path | None]):
     CSS_PATH = "scenarios.tcss"
 
     def __init__(
-        self, scene: Scene, say: Callable[[str], int | None], library: Library, loaded: Path | None = None
+        self, scene: ViewModel, say: Callable[[str], int | None], library: Library, loaded: Path | None = None
     ) -> None:
         super().__init__()
         self._scene = scene

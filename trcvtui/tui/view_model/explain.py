@@ -11,7 +11,7 @@ from trcvtui.rig.diagnosis.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.rig.diagnosis.receive import is_stuck
 from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.view_model.byte_origin import Provenance, Span
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 
 
 def notes_of(instance: InstanceSnapshot, provenance: Provenance) -> list[str]:
@@ -64,7 +64,7 @@ def why(shown: StatusEdge | InstanceSnapshot) -> str:
 class Explainer:
     """Explains the selected instance now, or an edge of its past; the last answers are kept."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         self._scene = scene
         self._edge: tuple[int, int, Advice] | None = None  # bench, line
         self._bytes: tuple[object, bytes, str] | None = None  # layout, content, suspicion
@@ -135,7 +135,7 @@ class Explainer:
         if decl is None or e.done_scan is None or e.facts.drop is not None or self._wanders(e):
             return ""
         if self._bytes is None or self._bytes[0] is not decl.layout or self._bytes[1] != content:
-            from trcvtui.rig.diagnosis.byte_order import (
+            from trcvtui.rig.diagnosis.data_view import (
                 byte_order_suspicion,  # read when the first frame is here
             )
 

@@ -11,7 +11,7 @@ from textual.widget import Widget
 
 from trcvtui.plc.wired_pins import BUFFER_PINS
 from trcvtui.tui.formatting import plain, wrapped
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
@@ -182,7 +182,7 @@ SIGNS: Final = (
 class HelpText(LineView):
     """All of it as one scrolling text."""
 
-    def __init__(self, scene: Scene, focused: Widget | None) -> None:
+    def __init__(self, scene: ViewModel, focused: Widget | None) -> None:
         super().__init__(id="help")
         self._scene = scene
         self._focused = focused
@@ -277,7 +277,7 @@ class HelpScreen(ModalScreen[None]):
     }
     """
 
-    def __init__(self, scene: Scene, focused: Widget | None = None) -> None:
+    def __init__(self, scene: ViewModel, focused: Widget | None = None) -> None:
         super().__init__()
         self._scene = scene
         self._focused = focused

@@ -9,7 +9,7 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.rig.history.window import Before, JobSpan
+from trcvtui.rig.history.records import Before, JobSpan
 from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in, first_in, last_in

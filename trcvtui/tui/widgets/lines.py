@@ -11,7 +11,7 @@ from textual.widgets import Input
 
 from trcvtui.tui.formatting import clip, count, plain, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
-from trcvtui.tui.view_model.view_model import Scene
+from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
 
@@ -328,7 +328,7 @@ class HeaderLine(LineView, can_focus=False):
 
     DEFAULT_CSS = "HeaderLine { height: 1; background: $panel; padding: 0 1; }"
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="header")
         self._scene = scene
         self.ended = False

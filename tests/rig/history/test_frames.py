@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.history.window import HistoryRequest, HistoryWindow, Seek
+from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, Seek
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 

@@ -12,7 +12,7 @@ from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.diagnosis.advice import NEXT, Advice, advice_on
 from trcvtui.rig.diagnosis.evidence import NOTHING_KNOWN, evidence_then
-from trcvtui.rig.history.facts import Moment
+from trcvtui.rig.history.records import Moment
 from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.scenario.step_runner import Stage
 

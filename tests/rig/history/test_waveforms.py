@@ -9,11 +9,11 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.rig.wave_runs import RECEIVER, SENDER, Run, connected, random_run
+from tests.rig.history.waveform_runs import RECEIVER, SENDER, Run, connected, random_run
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.rig.history import waves
-from trcvtui.rig.history.pin_waveform import POLL_NS, Lane, Window
-from trcvtui.rig.history.wave_text import drawn, ruler
+from trcvtui.rig.history import waveform_recorder as waves
+from trcvtui.rig.history.pin_waveform import POLL_NS, PinWaveform, Window
+from trcvtui.rig.history.waveform_text import drawn, ruler
 from trcvtui.tui.panes.timing import ZOOMS
 
 LEVELS = "▁▔█╱╲┃"
@@ -78,13 +78,13 @@ def test_a_column_is_the_least_and_the_greatest_of_its_scans(zoom: int) -> None:
 @settings(max_examples=200, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 1)), max_size=60), st.sampled_from(ZOOMS[:6]))
 def test_a_lane_drawn_while_it_grows_is_drawn_as_at_the_end(steps: list[tuple[int, int]], zoom: int) -> None:
-    growing, scan = Lane(), 1
+    growing, scan = PinWaveform(), 1
     for scans, value in steps:
         scan += scans
         growing.add(scan, scan * 10, value)
         growing.columns(Window(0, scan // zoom + 1, zoom), scan)
     window = Window(0, scan // zoom + 1, zoom)
-    fresh = Lane()
+    fresh = PinWaveform()
     for at, t_ns, kept in zip(growing.scans, growing.times, growing.values, strict=True):
         fresh.add(at, t_ns, kept)
     assert growing.columns(window, scan) == fresh.columns(window, scan)
@@ -268,7 +268,7 @@ def test_the_ghost_row_is_what_polling_every_100_ms_shows() -> None:
 
 
 def test_the_ruler_names_scans_and_shows_marks() -> None:
-    from trcvtui.rig.history.wave_text import Mark
+    from trcvtui.rig.history.waveform_text import Mark
 
     drawn_ruler = "".join(part for part, _ in ruler(Window(0, 50, 1), 100, [Mark(5, "▼")]))
     assert drawn_ruler.startswith("╷1  ▼") and "╷21" in drawn_ruler

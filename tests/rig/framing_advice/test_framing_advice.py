@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.rig.framing_recordings import cut_up, every, recorded
+from tests.rig.framing_advice.framing_recordings import cut_up, every, recorded
 from trcvtui.blocks.framing.frame import Framing
 from trcvtui.blocks.serial.recording import MOST_BYTES, Recorder
 from trcvtui.rig.framing_advice.advice import MOST_PROPOSALS, advise
-from trcvtui.rig.framing_advice.proposal import MOST_BYTES_SHOWN, MOST_SHOWN, Kind
+from trcvtui.rig.framing_advice.proposal import MOST_BYTES_SHOWN, MOST_SHOWN, CutKind
 from trcvtui.rig.framing_advice.trial import LengthField, cut
 
 CODES = [b"\x02400638%d\r\n" % number for number in (1333931, 77, 1333955, 90210, 1333962, 4711)]
@@ -105,7 +105,7 @@ def test_a_part_of_the_suffix_is_not_proposed_with_the_rest_of_it_as_noise(numbe
     words = [b"\x02%s %d\r\n" % (names[n % 3], n * n) for n in range(number)]
     proposals = advise(every(80, words)).proposals
     assert proposals[0].title == "prefix 02 (STX), suffix 0D 0A (CR LF)"
-    assert all(each.noise == 0 for each in proposals if each.kind is Kind.PREFIX_SUFFIX)
+    assert all(each.noise == 0 for each in proposals if each.kind is CutKind.PREFIX_SUFFIX)
 
 
 FLAGS = [(b"\x7e", "7E ('~')"), (b"\xc0", "C0"), (b"\xf0\x0f", "F0 0F")]
@@ -216,7 +216,7 @@ def test_a_counter_gives_a_fixed_size_away_though_no_pause_does() -> None:
 def test_where_only_pauses_part_the_bytes_it_is_a_gap(source: str, doubt: tuple[str, ...]) -> None:
     frames = [numbers(n, 3 + n * 5 % 13) for n in range(20)]
     (gap,) = advise(every(200, frames, source)).proposals
-    assert (gap.kind, gap.title, gap.doubt) == (Kind.GAP, "a gap of T#100ms", doubt)
+    assert (gap.kind, gap.title, gap.doubt) == (CutKind.GAP, "a gap of T#100ms", doubt)
     assert gap.evidence[0] == "20 pauses of T#100ms or longer, no other near it"
     assert [frame.content for frame in gap.preview] == frames[:MOST_SHOWN]
 

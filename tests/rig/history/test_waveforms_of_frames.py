@@ -9,11 +9,8 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.history.pin_waveform import Window
-from trcvtui.rig.history.wave import Wave
-from trcvtui.rig.history.wave_files import Span, plain_text, svg_text, vcd_text
-from trcvtui.rig.history.wave_text import drawn, row_names
-from trcvtui.rig.history.waveform_cache import WaveShelf
+from trcvtui.rig.history.pin_waveform import Waveform, WaveformCache, Window
+from trcvtui.rig.history.waveform_text import ScanRange, drawn, plain_text, row_names, svg_text, vcd_text
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
@@ -22,7 +19,7 @@ OUTPUTS = {"DataReceived": 1, "busy": 1, "Error": 16, "RxTimeout": 1, "LenReceiv
 
 
 @pytest.fixture
-def wave() -> Wave:
+def wave() -> Waveform:
     """Return the wave of an RD: a frame of 4 bytes, one that ends by a gap, one with no end in 16 bytes."""
     console = Console(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
     said = {
@@ -38,24 +35,24 @@ def wave() -> Wave:
         for line in said.get(scan, []):
             console.take(scan, line)
         console.scan()
-    shelf = WaveShelf()
+    shelf = WaveformCache()
     picture = console.picture(PictureRequest(waves=(("RD", 0),)), EngineTiming(), 0)
     shelf.take(picture.waves, picture.snapshot.interval_ns)
     return shelf.of("RD")
 
 
-def row(wave: Wave, name: str) -> str:
+def row(wave: Waveform, name: str) -> str:
     """Return one row of 23 scans."""
     return "".join(text for text, _ in drawn(wave, name, Window(0, 23, 1)))
 
 
-def test_the_rows_of_receivedata_are_its_own_pins_what_it_delivers_first(wave: Wave) -> None:
+def test_the_rows_of_receivedata_are_its_own_pins_what_it_delivers_first(wave: Waveform) -> None:
     ghosts = {"watch DataReceived", "watch Error"}
     assert set(row_names(wave)) == INPUTS.keys() | OUTPUTS.keys() | ghosts
     assert row_names(wave)[:3] == ["DataReceived", "Error", "busy"]
 
 
-def test_a_frame_is_one_pulse_of_datareceived_and_a_length_that_stays(wave: Wave) -> None:
+def test_a_frame_is_one_pulse_of_datareceived_and_a_length_that_stays(wave: Waveform) -> None:
     assert row(wave, "DataReceived") == "▁▁▁▁█▁▁▁▁▁▁▁▁█▁▁▁▁█▁▁▁▁"
     assert row(wave, "busy") == "▁▁▔▔▁▁▁▁▔▔▔▔▔▁▁▁▁▁▁▁▁▁▁"
     assert row(wave, "RxTimeout") == "▁▁▁▁▁▁▁▁▁▁▁▁▁▔▔▔▔▔▁▁▁▁▁"
@@ -64,8 +61,8 @@ def test_a_frame_is_one_pulse_of_datareceived_and_a_length_that_stays(wave: Wave
     assert [wave.lane("Error").at(scan) for scan in (18, 19, 23)] == [0, 23, 23]
 
 
-def test_the_vcd_declares_each_pin_as_wide_as_its_type(wave: Wave) -> None:
-    text = vcd_text([wave], Span(1, 23))
+def test_the_vcd_declares_each_pin_as_wide_as_its_type(wave: Waveform) -> None:
+    text = vcd_text([wave], ScanRange(1, 23))
     declared = {pin: (kind, int(bits)) for kind, bits, pin in re.findall(r"\$var (\w+) (\d+) . (\w+) ", text)}
     assert declared == {
         pin: ("reg" if bits > 1 else "wire", bits) for pin, bits in (INPUTS | OUTPUTS).items()
@@ -73,15 +70,15 @@ def test_the_vcd_declares_each_pin_as_wide_as_its_type(wave: Wave) -> None:
     assert "b10111 " in text  # Error 23
 
 
-def test_the_drawing_labels_its_numbers_and_no_pin_that_the_block_does_not_have(wave: Wave) -> None:
-    drawing = svg_text([wave], Span(1, 23))
+def test_the_drawing_labels_its_numbers_and_no_pin_that_the_block_does_not_have(wave: Waveform) -> None:
+    drawing = svg_text([wave], ScanRange(1, 23))
     for label in ("DataReceived", "LenReceiveData", "SizeReceiveData", ">23<", ">16<"):
         assert label in drawing
     assert "STATUS" not in drawing and "RCVD_LEN" not in drawing
 
 
-def test_the_text_lists_each_frame_with_its_error_as_a_decimal(wave: Wave) -> None:
-    text = plain_text([wave], Span(1, 23), 1)
+def test_the_text_lists_each_frame_with_its_error_as_a_decimal(wave: Waveform) -> None:
+    text = plain_text([wave], ScanRange(1, 23), 1)
     assert "LenReceiveData     │0" in text
     frames = [line for line in text.splitlines() if "DataReceived " in line and "  scan " in line]
     assert [line.split()[4] for line in frames] == ["0", "0", "23"]

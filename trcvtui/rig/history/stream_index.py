@@ -11,7 +11,7 @@ from typing import Final
 
 from trcvtui.net.events import ConnectionNote, What
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.rig.history.window import MessageSpan
+from trcvtui.rig.history.records import MessageSpan
 
 MOST_KEPT: Final = 20_000  # messages of one connection; beyond them the older half is forgotten
 MOST_CONNECTIONS: Final = 128

@@ -8,9 +8,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import Console
-from trcvtui.rig.history.pin_waveform import Lane
-from trcvtui.rig.history.wave import Wave
-from trcvtui.rig.history.waveform_cache import WaveShelf
+from trcvtui.rig.history.pin_waveform import PinWaveform, Waveform, WaveformCache
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
@@ -46,7 +44,7 @@ class Run:
     def __init__(self) -> None:
         self.console = Console(Bench(load_project(CONFIGS / "duplex.toml"), "sim"))
         self.seen: dict[str, PinsSeen] = {RECEIVER: {}, SENDER: {}}
-        self.shelf = WaveShelf()
+        self.shelf = WaveformCache()
         self._number = 0
 
     def say(self, line: str) -> None:
@@ -83,11 +81,11 @@ class Run:
             if [self.wave(name).number for name in self.seen] == before:
                 return
 
-    def wave(self, instance: str = RECEIVER) -> Wave:
+    def wave(self, instance: str = RECEIVER) -> Waveform:
         """Return what the screen knows of an instance."""
         return self.shelf.of(instance)
 
-    def lane(self, pin: str, instance: str = RECEIVER) -> Lane:
+    def lane(self, pin: str, instance: str = RECEIVER) -> PinWaveform:
         """Return one lane of it."""
         return self.wave(instance).lane(pin)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.rig.bench_project import bench_project
-from trcvtui.rig.diagnosis.byte_order import byte_order_suspicion
+from trcvtui.rig.diagnosis.data_view import byte_order_suspicion
 from trcvtui.udt.layout.layout import Layout
 
 HEAD = "if?xhi"  # id, speed, flag, mode, t of the Telegram

@@ -10,11 +10,12 @@ from typing import cast
 import pytest
 from vcdvcd import VCDVCD  # type: ignore[import-untyped]
 
-from tests.rig.wave_runs import RECEIVER, SENDER, Run, connected, random_run
+from tests.rig.history.waveform_runs import RECEIVER, SENDER, Run, connected, random_run
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import InputEdge, StatusEdge
-from trcvtui.rig.history.wave_files import (
-    Span,
+from trcvtui.rig.history.pin_waveform import pins_of
+from trcvtui.rig.history.waveform_text import (
+    ScanRange,
     free_path,
     plain_text,
     svg_text,
@@ -22,7 +23,6 @@ from trcvtui.rig.history.wave_files import (
     vcd_text,
     write_waves,
 )
-from trcvtui.rig.history.waveform_delta import pins_of
 
 if hasattr(signal, "SIGPIPE"):
     # vcdvcd lets the whole process die of a closed pipe; every other test wants EPIPE, as Python has it.
@@ -41,8 +41,8 @@ def read_back(text: str) -> dict[str, list[tuple[int, int | None]]]:
     }
 
 
-def whole(run: Run) -> Span:
-    return Span(1, run.wave().until_scan)
+def whole(run: Run) -> ScanRange:
+    return ScanRange(1, run.wave().until_scan)
 
 
 def test_the_vcd_read_back_is_what_every_pin_was_behind_every_scan() -> None:
@@ -103,7 +103,7 @@ def test_a_vcd_between_two_markers_begins_with_what_the_pins_were() -> None:
     run.say("peer P1 send random 8 seed=1")
     run.scan(20)
     run.catch_up()
-    told = read_back(vcd_text([run.wave()], Span(12, 25)))
+    told = read_back(vcd_text([run.wave()], ScanRange(12, 25)))
     assert told[f"{RECEIVER}.CONT"] == [(0, None), (10 * INTERVAL, 1)]
     assert told[f"{RECEIVER}.DONE"][-2:] != told[f"{RECEIVER}.DONE"][-1:], "the pulse is inside"
 
@@ -113,7 +113,7 @@ def test_the_svg_is_well_formed_and_labels_the_codes() -> None:
     run.say("peer P1 send random 8 seed=1")
     run.scan(20)
     run.catch_up()
-    root = ET.fromstring(svg_text([run.wave(), run.wave(SENDER)], Span(10, 30)))
+    root = ET.fromstring(svg_text([run.wave(), run.wave(SENDER)], ScanRange(10, 30)))
     words = [element.text for element in root.iter(f"{SVG}text")]
     for word in (
         "7006",

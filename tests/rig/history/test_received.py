@@ -9,12 +9,12 @@ import pytest
 from tests.properties.test_history import Generator, all_of, history_bench, labels
 from trcvtui.net.events import ConnectionNote, What
 from trcvtui.plc.ledger import PeerSent
-from trcvtui.rig.history import job_history
 from trcvtui.rig.history import reader as history_reader
-from trcvtui.rig.history.job_history import JobHistory
+from trcvtui.rig.history import received as job_history
 from trcvtui.rig.history.reader import HistoryReader
-from trcvtui.rig.history.sent_messages import SentMessages
-from trcvtui.rig.history.window import HistoryRequest, HistoryWindow, Seek
+from trcvtui.rig.history.received import JobHistory
+from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, Seek
+from trcvtui.rig.history.stream_index import SentMessages
 
 
 def talking() -> tuple[Generator, HistoryReader]:

@@ -10,6 +10,7 @@ from trcvtui.net.results import Fault
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.port_trouble import port_away, port_hint
 from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.commands.words import Step
 from trcvtui.rig.diagnosis.advice import Advice, advice_on
@@ -17,7 +18,6 @@ from trcvtui.rig.diagnosis.evidence import evidence_now
 from trcvtui.rig.diagnosis.framer_warnings import warnings_of
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
-from trcvtui.rig.port_trouble import port_away, port_hint
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.snapshots import EngineTiming
 

@@ -12,7 +12,7 @@ from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import Answer, EngineTiming
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 PLAIN = """
 dialect = "twincat"
 [[data]]

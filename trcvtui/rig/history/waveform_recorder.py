@@ -15,7 +15,7 @@ from typing import Final
 from trcvtui.blocks.parameters import SHOWS, Direction
 from trcvtui.plc.ledger import BenchNote, InputEdge, Ledger, StatusEdge
 from trcvtui.project.project import InstanceDecl, Project
-from trcvtui.rig.history.waveform_delta import NO_PINS, Change, PinsAre, PinValues, WaveNews, pins_of
+from trcvtui.rig.history.pin_waveform import NO_PINS, Change, PinsAre, PinValues, WaveformDelta, pins_of
 
 KEPT_CHANGES: Final = 32_768  # of one instance, where there are few: 7 MB
 KEPT_IN_ALL: Final = 500_000
@@ -58,7 +58,7 @@ class _Record:
         return dropped + skip + 1, tuple(found)
 
 
-class Waves:
+class WaveformRecorder:
     """The record of each instance of one bench. `read` belongs behind every scan."""
 
     def __init__(self, ledger: Ledger, project: Project) -> None:
@@ -123,7 +123,7 @@ class Waves:
 
     def news(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
-    ) -> WaveNews | None:
+    ) -> WaveformDelta | None:
         """Return what is new of an instance behind its change `number`; None: no such instance.
 
         `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
@@ -140,7 +140,7 @@ class Waves:
         until = now
         if not is_all and last is not None:
             until = last.scan, last.t_ns
-        return WaveNews(instance, first, scan, t_ns, before, changes, *until)
+        return WaveformDelta(instance, first, scan, t_ns, before, changes, *until)
 
 
 def _kept(instances: int) -> int:

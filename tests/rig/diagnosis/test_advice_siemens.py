@@ -15,7 +15,7 @@ from trcvtui.net.results import Fault
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.local_driver import LocalDriver
-from trcvtui.rig.history.link_statistics import FactBook
+from trcvtui.rig.history.link_statistics import LinkStatistics
 
 TSAPS = 'ActiveEstablished = false\nLocalTSelector = "16#E002"\nRemoteTSelector = "16#E001"\nIsoPort = 0'
 ARMED = ("set TRCV_C_1 CONT=1 EN_R=1", "run 20")
@@ -111,7 +111,7 @@ def test_a_certificate_that_was_not_shown_stays_told_while_the_next_client_is_wa
 
 
 def test_what_kept_a_connection_from_being_built_is_forgotten_when_it_is_built() -> None:
-    book = FactBook()
+    book = LinkStatistics()
     failed = ConnectionNote(
         "C1", 0, What.ATTEMPT_FAILED, fault=Fault("description", "wrong TSAP"), detail="x"
     )

@@ -1,0 +1,301 @@
+"""What the past is told in: windows on a stream of received bytes, and the facts of one CONNECT.
+
+Rule: of facts, only what was seen stands in here; a field that is empty or None is not known, and nobody may
+guess it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from trcvtui.blocks.cause import Cause
+
+# -- windows ----------------------------------------------------------------------------------------------
+
+# A stream is one CONNECT's: the bytes of its receive jobs, one after the other, and what was dropped between
+# them. A position counts the bytes of that stream from the start of the bench, whatever is still kept of it.
+
+MOST_WINDOW: Final = 8192  # bytes in a picture
+MOST_SPANS: Final = 512  # jobs, recv calls or messages in a picture: with smaller ones it covers fewer bytes
+END: Final = -1  # a window that ends with the newest byte
+
+
+class JobSpan(NamedTuple):
+    """Bytes of one receive job, all of them, at `position` of the stream; or bytes that were dropped.
+
+    `reason` says why bytes never reached DATA (`done` is False), or why their values are not kept.
+    `whole` counts the bytes: of many dropped ones only the first stand in the stream, of noise the last.
+    `prefix` and `suffix`: how many bytes of a frame are its marks.
+    """
+
+    position: int
+    size: int
+    instance: str
+    number: int
+    scan: int
+    t_ns: int
+    done: bool
+    reason: str = ""
+    is_kept: bool = True
+    whole: int = 0
+    prefix: int = 0
+    suffix: int = 0
+    is_frame: bool = False  # of a block on a ComBuffer
+
+    @property
+    def stop(self) -> int:
+        """Return the position behind the last byte."""
+        return self.position + self.size
+
+
+class RecvSpan(NamedTuple):
+    """Bytes that one recv call brought, from byte `offset` of the connection on."""
+
+    position: int
+    size: int
+    number: int
+    scan: int
+    t_ns: int
+    offset: int
+
+    @property
+    def stop(self) -> int:
+        """Return the position behind the last byte."""
+        return self.position + self.size
+
+
+class MessageSpan(NamedTuple):
+    """Bytes of a peer's message of `whole` bytes, from its byte `first` on."""
+
+    position: int
+    size: int
+    peer: str
+    number: int
+    first: int
+    whole: int
+
+    @property
+    def stop(self) -> int:
+        """Return the position behind the last byte."""
+        return self.position + self.size
+
+    @property
+    def begins(self) -> bool:
+        """Return whether the message begins here."""
+        return self.first == 0
+
+    @property
+    def ends(self) -> bool:
+        """Return whether the message ends here."""
+        return self.first + self.size >= self.whole
+
+
+@dataclass(frozen=True, slots=True)
+class Seek:
+    """Look for another place, from position `start` on: a DONE, one of the `patterns`, or `dropped` bytes."""
+
+    number: int
+    start: int
+    is_forward: bool
+    patterns: tuple[bytes, ...] = ()
+    dropped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sought:
+    """What became of a Seek: where it was found; None: nowhere, or not yet with `share` of the work done."""
+
+    number: int
+    position: int | None
+    share: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryRequest:
+    """What the screen wants of a CONNECT's stream. `before`: the bytes of the job before each one, too.
+
+    `job_at` asks for all bytes of the job at a position; `data` for those of the job before the present DATA
+    of an instance: (instance, first byte, size).
+    """
+
+    connect: str
+    start: int = END
+    size: int = 0
+    before: bool = False
+    seek: Seek | None = None
+    job_at: int | None = None
+    data: tuple[str, int, int] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """Bytes of the job before, as they stood `position` bytes into the stream or into DATA."""
+
+    position: int
+    content: bytes
+    job: int
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryWindow:
+    """Bytes `start` .. of a stream that is kept from `begin` up to `end`; what is not kept is 0 in `content`.
+
+    Spans that reach over an edge of the window are whole.
+    """
+
+    connect: str
+    begin: int
+    end: int
+    start: int = 0
+    content: bytes = b""
+    jobs: tuple[JobSpan, ...] = ()
+    recvs: tuple[RecvSpan, ...] = ()
+    messages: tuple[MessageSpan, ...] = ()
+    before: tuple[Before, ...] = ()
+    sought: Sought | None = None
+    job: tuple[int, bytes] | None = None
+    data: Before | None = None
+
+    @property
+    def stop(self) -> int:
+        """Return the position behind the last byte of the window."""
+        return self.start + len(self.content)
+
+
+# -- facts ------------------------------------------------------------------------------------------------
+
+NOT_BUILT: Final = frozenset({"description", "identity"})  # these attempts end before there is a socket
+PAUSE_SCANS: Final = 5  # as long without a byte, and the next one begins a new burst
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A scan and its time in ns of the run."""
+
+    scan: int = 0
+    t_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message of a peer: where it lies in the stream that this CONNECT receives, in bytes."""
+
+    number: int
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """How large things were: `last` are the newest sizes in bytes, oldest first; `count` counts all."""
+
+    count: int = 0
+    last: tuple[int, ...] = ()
+
+    @property
+    def only(self) -> int | None:
+        """Return the one size that all of the last had, None where they differ or there are none."""
+        return self.last[0] if self.last and min(self.last) == max(self.last) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Drop:
+    """A job that ended in mid frame: `have` of `need` bytes, up to byte `end` of the stream, went nowhere."""
+
+    at: Moment
+    instance: str
+    reason: str
+    have: int
+    need: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Failures:
+    """Attempts that failed in one way since the connection was last up. `error` is `connect ECONNREFUSED`."""
+
+    error: str
+    count: int
+    last: Moment
+    injected: bool = False
+    peer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """The last attempt that failed since the connection was last up, or since it began to listen.
+
+    `status` and `condition`: what the instance showed of it, 0 and "" where it showed none of its own.
+    `said`: what the partner or the session said, in words.
+    """
+
+    at: Moment
+    cause: Cause
+    status: int = 0
+    condition: str = ""
+    said: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A client that was let go before it was a partner: its handshake was wrong, or named another TSAP."""
+
+    at: Moment
+    peer: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class TurnedAway:
+    """Clients that were reset at once: wrong partners, or second ones. `peer` is the last of them."""
+
+    count: int
+    peer: str
+    last: Moment
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """The last time that a connection ended: in which word of the ledger, with which partner and error."""
+
+    at: Moment
+    what: str
+    peer: str = ""
+    error: str = ""
+    injected: bool = False
+    up_ns: int | None = None  # how long it had stood
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What the ledger has told of one CONNECT and one instance on it, however many lines have passed since.
+
+    `sender` and `messages` are known of a peer of this bench only; `bursts` are bytes between two pauses, of
+    any partner. Offsets count in the stream of the present connection.
+    """
+
+    sender: str = ""
+    messages: Sizes = Sizes()
+    begins_in: Message | None = None  # the message that holds the first byte of the running job
+    bursts: Sizes = Sizes()
+    longest_gap_ns: int = 0  # between the last bursts
+    received: int = 0  # bytes of the stream so far
+    job_offset: int | None = None
+    job_began: Moment | None = None
+    job_adhoc: bool = False
+    drop: Drop | None = None
+    drops: int = 0
+    drop_cuts: bool | None = None  # whether a message goes on behind the last drop
+    behind_drop: Message | None = None  # the message that holds the first byte behind it
+    up_since: Moment | None = None
+    down_since: Moment | None = None
+    failures: tuple[Failures, ...] = ()
+    attempt: Attempt | None = None
+    dropped: Dropped | None = None
+    wrong_partner: TurnedAway | None = None
+    second_client: TurnedAway | None = None
+    loss: Loss | None = None
+    losses: int = 0
+    datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
+    open_since: Moment | None = None  # that socket

@@ -295,12 +295,6 @@ def _udt_cure(args: argparse.Namespace) -> int:
     return _print(cure_source(ours, theirs, args.form).rstrip("\n"))
 
 
-def _layout_names() -> str:
-    from trcvtui.udt.layout.layout import LAYOUT_ALIASES, LAYOUTS
-
-    return "layouts: " + ", ".join([*LAYOUTS, *LAYOUT_ALIASES])
-
-
 def _with_examples(args: argparse.Namespace) -> argparse.Namespace:
     """Return the arguments with each file that is not there, but came with the program, by its path."""
     args.file = _given(args.file)
@@ -443,7 +437,7 @@ def _add_st(parser: _Parser) -> None:
 
 
 def _add_udt(parser: _Parser) -> None:
-    from trcvtui.udt.cli_input import add_udt
+    from trcvtui.udt.cli_input import add_udt, last_words
 
     parser.set_defaults(command=None)
     commands = {
@@ -457,7 +451,7 @@ def _add_udt(parser: _Parser) -> None:
     }
     for name, made in add_udt(parser, parser.given).items():
         made.set_defaults(command=commands[name])
-        made.last_words = _layout_names
+        made.last_words = last_words
 
 
 COMMANDS: Final[dict[str, tuple[str, Callable[[_Parser], None]]]] = {

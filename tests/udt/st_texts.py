@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.sources import READERS
+from trcvtui.udt.sources import read_text
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import (
     ELEMENTARY,
@@ -18,7 +18,7 @@ INT, BOOL, BYTE = ELEMENTARY["INT"], ELEMENTARY["BOOL"], ELEMENTARY["BYTE"]
 
 def read(suffix: str, text: str) -> TypeSet:
     """Return the types of a text as of a file of that suffix."""
-    types = join([READERS[suffix](text, f"f{suffix}")], f"f{suffix}")
+    types = join([read_text(text, f"f{suffix}", suffix)], f"f{suffix}")
     assert [str(problem) for problem in types.problems] == []
     return types
 

@@ -12,7 +12,7 @@ import pytest
 from tests.udt.corpus import FULL, OWN, cuts, files, of_others
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import READERS, decode_text, read_file, read_files
+from trcvtui.udt.sources import decode_text, read_file, read_files, read_text
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import Array, Struct, Type, Union, Unplaced, type_text
 
@@ -106,9 +106,8 @@ def test_own_samples_of_every_format_hold_what_they_say() -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_a_file_cut_anywhere_gives_types_or_lines(path: Path) -> None:
     data = path.read_bytes()
-    reader = READERS[path.suffix.lower()]
     for end in cuts(len(data), sample=2_000_000 // (len(data) + 10_000)):
-        types = join([reader(decode_text(data[:end]), "cut")], "cut")
+        types = join([read_text(decode_text(data[:end]), "cut", path.suffix)], "cut")
         for problem in types.problems:
             assert problem.where.startswith("cut:")
             assert "\n" not in str(problem)

@@ -14,7 +14,7 @@ from tests.udt.xml_writer import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.sources import READERS, decode_text, read_file, read_files
+from trcvtui.udt.sources import decode_text, read_file, read_files, read_text
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import ELEMENTARY, Array, Struct, Text
 
@@ -24,7 +24,7 @@ SOURCES = (".scl", ".s7dcl", ".udt")
 
 
 def declared(path: Path) -> Declarations:
-    return READERS[path.suffix.lower()](decode_text(path.read_bytes()), str(path))
+    return read_text(decode_text(path.read_bytes()), str(path), path.suffix)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
@@ -66,11 +66,10 @@ def test_a_type_in_two_formats_is_one_declaration_and_one_layout(xml: Path, sour
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_a_file_cut_anywhere_ends_in_types_or_lines(path: Path) -> None:
     data = path.read_bytes()
-    reader = READERS[path.suffix.lower()]
     whole = len(data.rstrip())
     for length in cuts(len(data), 30):
         try:
-            types = join([reader(decode_text(data[:length]), path.name)], path.name)
+            types = join([read_text(decode_text(data[:length]), path.name, path.suffix)], path.name)
         except UserError as refused:
             (line,) = refused.lines()
             assert line.startswith(path.name)

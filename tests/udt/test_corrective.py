@@ -13,7 +13,7 @@ from trcvtui.udt.cure.padded_type import corrective, prove, told
 from trcvtui.udt.layout.layout import LAYOUTS, Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.layout_tree import Leaf
 from trcvtui.udt.layout.placing import Unreachable
-from trcvtui.udt.sources.siemens import read_tia
+from trcvtui.udt.sources import read_text
 from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import ELEMENTARY, Member, Struct, Text
@@ -208,7 +208,7 @@ def test_the_declaration_is_read_again_and_lies_where_it_shall(name: str, ours: 
 @pytest.mark.parametrize("name", TELEGRAMS)
 def test_the_scl_of_an_s7_sender_is_read_again(name: str) -> None:
     found = corrective(wanted(name, "baosky"), rules_for("s7-standard"))
-    types_again = join([read_tia(scl_text(found.type, found.layout.name), "x.udt")], "x.udt")
+    types_again = join([read_text(scl_text(found.type, found.layout.name), "x.udt", ".udt")], "x.udt")
     assert types_again.problems == ()
     again = lay_out(types_again.named(types_again.names()[-1]), rules_for("s7-standard"))
     assert again.size == found.layout.size

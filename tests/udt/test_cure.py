@@ -19,7 +19,7 @@ from trcvtui.udt.cure.padded_type import corrective
 from trcvtui.udt.cure.swap import swap_code
 from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.values import decode
-from trcvtui.udt.sources.siemens import read_tia
+from trcvtui.udt.sources import read_text
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.st_write import ST_WORDS, scl_text, st_text
 from trcvtui.udt.type_set import join
@@ -54,13 +54,13 @@ def test_a_sender_that_pads_and_swaps_is_read_right(name: str) -> None:
 
 
 def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
-    types = join([read_tia(ODD_NAMES, "x.udt")], "x.udt")
+    types = join([read_text(ODD_NAMES, "x.udt", ".udt")], "x.udt")
     type_ = types.named("T")
     for ours, theirs in (("baosky", "natural8"), ("natural8", "codesys-1"), ("s7-standard", "natural8")):
         for wanted, own in ((theirs, ours), (ours, theirs)):
             side = corrective(lay_out(type_, rules_for(wanted)), rules_for(own))
             plain = join([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
-            scl = join([read_tia(scl_text(side.type, side.layout.name), "x.udt")], "x.udt")
+            scl = join([read_text(scl_text(side.type, side.layout.name), "x.udt", ".udt")], "x.udt")
             assert plain.problems == scl.problems == ()
             again = lay_out(plain.named(plain.names()[-1]), side.layout.rules)
             assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in side.layout.leaves()]

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.udt.sources import LARGEST_FILE, READERS, decode_text, read_file, read_files
-from trcvtui.udt.sources.st import read_st
+from trcvtui.udt.sources import FORMATS, LARGEST_FILE, decode_text, extensions, read_file, read_files
 from trcvtui.udt.types import ELEMENTARY, Struct
 
 DATA = Path(__file__).parent / "data"
@@ -41,7 +40,7 @@ def test_a_byte_order_mark_is_no_text() -> None:
     assert read_file(DATA / "with_mark.st").names() == ["Motor"]
 
 
-@pytest.mark.parametrize("suffix", [*(s for s, reader in READERS.items() if reader is read_st), ".ST"])
+@pytest.mark.parametrize("suffix", [*FORMATS["IEC text"].extensions, ".ST"])
 def test_the_suffix_chooses_the_reader(tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"a{suffix}"
     file.write_text("TYPE A : INT; END_TYPE")
@@ -54,7 +53,7 @@ def test_what_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     with open(tmp_path / "big.st", "wb") as big:
         big.truncate(LARGEST_FILE + 1)
     assert line_of(tmp_path / "a.docx") == "FILE: found suffix '.docx', expected a file of type " + ", ".join(
-        READERS
+        extensions()
     )
     assert (
         line_of(tmp_path / "no.st")

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import values_of
-from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.layout.values import decode, encode
+from trcvtui.udt.sources import parse_type
 
 getters = pytest.importorskip("snap7.util.getters", reason="python-snap7 is not installed: no other opinion")
 

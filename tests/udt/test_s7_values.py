@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode, encode
+from trcvtui.udt.sources import parse_type
 from trcvtui.udt.types import ELEMENTARY, Pointer, Subrange, Type
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.udt.udt_strategies import types_of
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.resolve import MOST_NESTED
-from trcvtui.udt.sources import READERS, decode_text, read_file
+from trcvtui.udt.sources import decode_text, read_file, read_text
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, Struct, Subrange, Text, Type, type_text
 
@@ -324,7 +324,7 @@ PIECES = st.sampled_from([*WORDS.split(), *SIGNS.split(), "\n"])
 @example("TYPE a : INT (a")
 def test_no_text_breaks_the_reader(text: str) -> None:
     for suffix in (".st", ".udt", ".exp", ".typ"):
-        types = join([READERS[suffix](text, "test")], "test")
+        types = join([read_text(text, "test", suffix)], "test")
         for problem in types.problems:
             assert problem.where.startswith("test:")
             assert problem.expected

@@ -6,7 +6,7 @@ import pytest
 
 from tests.udt.st_texts import good, member, members, read
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.sources import READERS
+from trcvtui.udt.sources import read_text
 from trcvtui.udt.sources.st import read_spec, read_st
 from trcvtui.udt.type_set import join
 from trcvtui.udt.types import (
@@ -115,8 +115,8 @@ def test_a_tia_source_has_header_lines_and_no_colon(suffix: str) -> None:
 
 
 def test_a_tia_header_that_does_not_end_is_told() -> None:
-    declared = READERS[".udt"](
-        'TYPE "A" VERSION : 0.1\nEND_TYPE TYPE "B" STRUCT a : Int; END_STRUCT; END_TYPE', "f.udt"
+    declared = read_text(
+        'TYPE "A" VERSION : 0.1\nEND_TYPE TYPE "B" STRUCT a : Int; END_STRUCT; END_TYPE', "f.udt", ".udt"
     )
     types = join([declared], "f.udt")
     assert [str(p) for p in types.problems] == ["f.udt:2:1: found 'END_TYPE', expected 'STRUCT'"]
@@ -147,8 +147,8 @@ def test_b_and_r_has_many_types_in_a_block_and_enumerations_of_four_bytes() -> N
     assert isinstance(mode, Enumeration) and isinstance(other, Enumeration)
     assert (mode.base.name, mode.values, other.base.name) == ("DINT", (("STOP", 10), ("RUN", 11)), "USINT")
     assert members(types, "A") == {"x": "ARRAY[0..1] OF BOOL", "m": "Mode"}
-    constants = READERS[".var"](
-        "VAR CONSTANT\n\tMAX : USINT := 5;\nEND_VAR\nVAR x : INT := 3; END_VAR", "f.var"
+    constants = read_text(
+        "VAR CONSTANT\n\tMAX : USINT := 5;\nEND_VAR\nVAR x : INT := 3; END_VAR", "f.var", ".var"
     )
     assert [one[:2] for one in constants.constants] == [("MAX", 5)]
 
@@ -166,7 +166,7 @@ def test_codesys_2_3_headers_are_comments_and_other_objects_are_passed_over() ->
     )
     assert types.names() == ["T", "U"]
     text = "(* @NESTEDCOMMENTS := 'No' *) (* a (* b *) TYPE T : INT; END_TYPE (* c *) (* d *) *) "
-    assert join([READERS[".exp"](text, "f.exp")], "f.exp").names() == ["T"]
+    assert join([read_text(text, "f.exp", ".exp")], "f.exp").names() == ["T"]
 
 
 # -- inside another file ---------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from tests.udt.udt_strategies import layout_of, types_of
 from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.layout.values import decode, encode
-from trcvtui.udt.sources.siemens import read_tia
+from trcvtui.udt.sources import read_text
 from trcvtui.udt.st_write import st_renamed
 from trcvtui.udt.type_set import join
 
@@ -98,7 +98,7 @@ def test_the_code_reads_as_an_engineer_would_write_it() -> None:
 def test_the_swapped_telegram_is_a_declaration_that_is_read_again() -> None:
     sent = lay_out(TYPES.named("Line"), rules_for("s7-standard"))
     st, scl = swap_code(sent), swap_code(sent, "scl")
-    for types in (types_of(st.types), join([read_tia(scl.types, "x.udt")], "x.udt")):
+    for types in (types_of(st.types), join([read_text(scl.types, "x.udt", ".udt")], "x.udt")):
         assert types.problems == ()
         again = lay_out(types.named("Line_swapped"), sent.rules)
         assert [leaf[2:4] for leaf in again.leaves()] == [leaf[2:4] for leaf in sent.leaves()]
@@ -108,7 +108,7 @@ def test_the_swapped_telegram_is_a_declaration_that_is_read_again() -> None:
 def test_names_that_are_keywords_or_hold_blanks_are_written_as_the_language_takes_them(
     language: Language,
 ) -> None:
-    type_ = join([read_tia(ODD_NAMES, "x.udt")], "x.udt").named("T")
+    type_ = join([read_text(ODD_NAMES, "x.udt", ".udt")], "x.udt").named("T")
     sent = lay_out(type_, rules_for("natural8"))
     swap = swap_code(sent, language)
     wanted = {

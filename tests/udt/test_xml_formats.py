@@ -7,9 +7,8 @@ import pytest
 from tests.udt.xml_writer import bare
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Declarations, Reference, StructSpec
-from trcvtui.udt.sources import decode_text, xml_source
+from trcvtui.udt.sources import decode_text, read_text, read_xml_file, xml_source
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.sources.xml_file import read_xml_file, refuse_export
 from trcvtui.udt.sources.xml_source import MOST_DEPTH, read_xml
 
 OPENNESS = """<?xml version="1.0" encoding="utf-8"?>
@@ -116,7 +115,7 @@ def test_an_unknown_root_is_one_line() -> None:
         " <TcPlcObject> (TwinCAT)"
     )
     with pytest.raises(UserError, match="expected PLCopen XML"):
-        refuse_export("", "F.export")
+        read_text("", "F.export", ".export")
 
 
 # -- TwinCAT ---------------------------------------------------------------------------------------------

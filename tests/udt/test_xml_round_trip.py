@@ -21,8 +21,8 @@ from trcvtui.udt.ast import (
     StructSpec,
     TextSpec,
 )
+from trcvtui.udt.sources import read_xml_file
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.sources.xml_file import read_xml_file
 from trcvtui.udt.types import ROWS, Kind, Text
 
 WHOLE = [row.name for row in ROWS if row.kind in (Kind.INTEGER, Kind.BITS) and row.name != "BIT"]

@@ -51,7 +51,7 @@ from trcvtui.project.project import (
     Task,
 )
 from trcvtui.project.tables import FILE, NAME, TEXT, TRUTH, Given, Table, read_toml, shown
-from trcvtui.udt.iec_type import parse_type
+from trcvtui.udt.sources import parse_type
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
 from trcvtui.udt.sources import read_files

@@ -214,14 +214,14 @@ def _after_resize(words: list[str], project: Project) -> Iterable[str]:
 
 
 def _after_udt(words: list[str], project: Project) -> Iterable[str]:
-    from trcvtui.tui.lab.lab import (
-        PROFILE_WORDS,  # read when first asked for
-        SOURCES,
-    )
+    from trcvtui.tui.lab.lab import PROFILE_WORDS, SOURCES  # read when first asked for
     from trcvtui.tui.lab.lab_lines import WORDS
+    from trcvtui.udt.sources import type_files_in
 
     if len(words) == 1:
         return WORDS
+    if words[1] == "open":
+        return type_files_in(project.base) if len(words) == 2 else ()
     known = {"type": project.types.names(), "bytes": SOURCES, "ours": PROFILE_WORDS, "theirs": PROFILE_WORDS}
     return known.get(words[1], ())
 

@@ -43,13 +43,18 @@ def _decode(decode: argparse.ArgumentParser) -> None:
 
 
 def _encode(encode: argparse.ArgumentParser) -> None:
-    _add_type(encode, ("hex", "iec", "st", "c", "python", "base64"))
+    from trcvtui.udt.byte_text import BYTE_FORMS
+
+    _add_type(encode, tuple(BYTE_FORMS))
     encode.add_argument("values", metavar="VALUES.json|-", help="an object of path: value")
 
 
 def _export(export: argparse.ArgumentParser) -> None:
     _add_type(export)
-    export.add_argument("--to", metavar="lua|ksy|imhex", required=True)
+    from trcvtui.udt.exports import EXPORTS
+
+    help_ = ", ".join(f"{row.name}: {row.title} ({row.extension})" for row in EXPORTS.values())
+    export.add_argument("--to", metavar="|".join(EXPORTS), required=True, help=help_)
     export.add_argument("--port", type=int, help="lua: the TCP port; default: by Decode As")
     export.add_argument("--out", metavar="FILE", help="write here instead of stdout")
 
@@ -129,6 +134,14 @@ def _add_type(parser: argparse.ArgumentParser, formats: Sequence[str] = (), twic
     )
     if formats:
         parser.add_argument("--format", choices=formats, default=formats[0], help=f"default: {formats[0]}")
+
+
+def last_words() -> str:
+    """Return what stands below the help of each command: the formats of files, and the layouts."""
+    from trcvtui.udt.layout.rules import layout_names
+    from trcvtui.udt.sources import formats_text
+
+    return f"layouts: {', '.join(layout_names())}; files: {formats_text()}"
 
 
 # -- hex and JSON ------------------------------------------------------------------------------------------

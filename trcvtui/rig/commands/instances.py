@@ -40,9 +40,9 @@ from trcvtui.rig.commands.words import (
     Resize,
     Undo,
 )
-from trcvtui.udt.iec_type import parse_type
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import NO_CHOICE
+from trcvtui.udt.sources import parse_type
 
 
 def read_create(words: Words, project: Project) -> Create:

@@ -32,7 +32,9 @@ from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 from trcvtui.tui.widgets.typed_lines import AskLine
 from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit import reason_lines
+from trcvtui.udt.exports import EXPORTS, Export
 from trcvtui.udt.layout.rules import LAYOUTS
+from trcvtui.udt.sources import formats_text
 
 KEYS: Final = (
     ("e", "byte order"), ("f", "fit"), ("c", "cure"), ("o p", "profile"), ("s", "STRING"), ("x", "swap"),
@@ -43,6 +45,7 @@ ACTIONS: Final = {
     "x": "exchange", "b": "bytes", "z": "fold_all", "y": "yank", "d": "language", ":": "ask('')",
     "?": "help", "esc": "leave",
 }  # fmt: skip
+OPEN: Final = "ask('udt open ')"
 # Title, what stands behind "key", action: the palette and the tests draw from it.
 COMMANDS: Final = (
     ("Choose the type", "t", "type"),
@@ -59,7 +62,7 @@ COMMANDS: Final = (
     ("Cure in ST or SCL", "d", "language"),
     ("Next difference", "n", "difference(1)"),
     ("Fold everything, open everything", "z", "fold_all"),
-    ("Open a type file", "O", "ask('udt open ')"),
+    ("Open a type file", "O", OPEN),
     ("Hex to look at", "X", "ask('udt hex ')"),
     ("Constants that are unknown", "C", "constants"),
     ("Problems in the type files", "w", "problems"),
@@ -99,10 +102,7 @@ def text_of(pane: str, lab: Lab, cure: CureText) -> tuple[Format, str] | None:
 
 
 def _compared(lab: Lab) -> str:
-    from trcvtui.udt.compare.compare import (
-        Count,
-        compare_text,  # read when first asked for
-    )
+    from trcvtui.udt.compare.compare import Count, compare_text  # read when first asked for
 
     comparison = lab.comparison()
     if comparison is None or comparison.row_count > MOST_ROWS:
@@ -502,6 +502,22 @@ class LabScreen(Screen[None]):
             return
         self.run_worker(take(self.app, *found, self._tell, partial(self._tell, is_wrong=True)))
 
+    def _export(self, row: Export) -> None:
+        """Take our layout in the language of another tool."""
+        from trcvtui.tui.copying.taking import take
+
+        layout, text = self.lab.layout(OURS), ""
+        self._trouble, self._told = "nothing is there to export", ""
+        try:
+            text = row.write(layout, None) if layout is not None else ""
+        except UserError as refused:
+            self._trouble = refused.lines()[0]
+        if not text:
+            self.show()
+            return
+        form = Format(row.name, row.title, _nothing, row.extension)
+        self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, is_wrong=True)))
+
     def _tell(self, text: str, is_wrong: bool = False) -> None:
         self._told, self._trouble = ("", plain(text)) if is_wrong else (plain(text), "")
         self.show()
@@ -517,9 +533,12 @@ class LabScreen(Screen[None]):
         self.dismiss()
 
     def commands(self) -> Iterator[SystemCommand]:
-        """Yield what can be done here, for the palette."""
+        """Yield what can be done here, for the palette: the keys, and each language of an export."""
         for title, key, action in COMMANDS:
-            yield SystemCommand(title, f"key {key}", partial(self._act, action))
+            about = f"key {key}" + (f"; {formats_text()}" if action == OPEN else "")
+            yield SystemCommand(title, about, partial(self._act, action))
+        for row in EXPORTS.values():
+            yield SystemCommand(f"Export ours: {row.title}", row.extension, partial(self._export, row))
 
     def _act(self, action: str) -> None:
         self.run_worker(self.run_action(action))

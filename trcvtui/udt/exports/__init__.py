@@ -1,12 +1,12 @@
-"""A laid-out type in the language of another tool: name -> writer, one line each.
+"""A laid-out type in the language of another tool, one row each: name -> title, extension, writer.
 
-Rule: a writer sees the layout, never the declaration alone, so that what it writes has its very offsets.
+Rules: a writer sees the layout, so that what it writes has its very offsets. Help, the lab and docs/udt.md
+ask the rows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import Final, NamedTuple
 
 from trcvtui.errors import mistake
@@ -16,17 +16,43 @@ PORTS: Final = range(1, 65_536)
 
 
 class Export(NamedTuple):
-    """One language: what it is for, the suffix of its files, the module that writes it."""
+    """One language: its name, the tool and what it reads, the extension of its files, what writes it."""
 
+    name: str
     title: str
-    suffix: str
-    module: str
+    extension: str
+    write: Callable[[Layout, int | None], str]
+    takes_port: bool = False
+
+
+# A writer is imported when it is first asked for.
+
+
+def _lua(layout: Layout, port: int | None) -> str:
+    from trcvtui.udt.exports.lua import write
+
+    return write(layout, port)
+
+
+def _ksy(layout: Layout, _: int | None) -> str:
+    from trcvtui.udt.exports.ksy import write
+
+    return write(layout)
+
+
+def _imhex(layout: Layout, _: int | None) -> str:
+    from trcvtui.udt.exports.imhex import write
+
+    return write(layout)
 
 
 EXPORTS: Final = {
-    "lua": Export("Wireshark dissector", ".lua", "lua"),
-    "ksy": Export("Kaitai Struct", ".ksy", "ksy"),
-    "imhex": Export("ImHex pattern", ".hexpat", "imhex"),
+    row.name: row
+    for row in (
+        Export("lua", "Wireshark dissector", ".lua", _lua, takes_port=True),
+        Export("ksy", "Kaitai Struct", ".ksy", _ksy),
+        Export("imhex", "ImHex pattern", ".hexpat", _imhex),
+    )
 }
 
 
@@ -34,8 +60,9 @@ def check(to: str, port: int | None = None) -> None:
     """Raise UserError for an unknown language, or a port that is none."""
     if to not in EXPORTS:
         raise mistake("--to", f"'{to}'", "one of " + ", ".join(EXPORTS))
-    if port is not None and to != "lua":
-        raise mistake("--port", f"one for {to}", "one for lua only")
+    if port is not None and not EXPORTS[to].takes_port:
+        takers = ", ".join(row.name for row in EXPORTS.values() if row.takes_port)
+        raise mistake("--port", f"one for {to}", f"one for {takers} only")
     if port is not None and port not in PORTS:
         raise mistake("--port", str(port), "a port from 1 to 65535")
 
@@ -43,5 +70,4 @@ def check(to: str, port: int | None = None) -> None:
 def export(layout: Layout, to: str, port: int | None = None) -> str:
     """Return the type in that language; raise UserError as `check` does, or for a type without a value."""
     check(to, port)
-    write: Callable[..., str] = import_module(f"{__name__}.{EXPORTS[to].module}").write
-    return write(layout) if port is None else write(layout, port)
+    return EXPORTS[to].write(layout, port)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from functools import cache
+from pathlib import Path
+from string import Template
+from typing import NamedTuple
+
 from trcvtui.errors import mistake, one_line
-from trcvtui.udt.exports.lua_library import HEAD, READERS, TAIL
 from trcvtui.udt.exports.outline import MOST_FIELDS, count_fields, fields_of, refuse_empty, structs_of
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
@@ -41,34 +46,40 @@ def write(layout: Layout, port: int | None = None) -> str:
     writer = _Writer(layout)
     root = writer.node(layout.type, layout.root, 0, None, "FILTER", 0)
     structs = writer.structs()  # finds out what else is needed
-    return "\n".join(
-        [
-            *_introduction(layout, port),
-            HEAD,
-            *(READERS[name][0] for name in READERS if name in writer.readers),
-            *writer.enumerations.values(),
-            *structs,
-            f"local root = {root}",
-            TAIL,
-            f'DissectorTable.get("tcp.port"):add({port}, proto)'
-            if port
-            else 'DissectorTable.get("tcp.port"):add_for_decode_as(proto)',
-            "",
-        ]
+    rules, name = layout.rules, one_line(layout.name)
+    form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
+    begin = Template(_parts()["begin"].text).substitute(
+        name=name,
+        form=form,
+        where=f"TCP port {port}" if port else '"Decode As" on a TCP port',
+        little=str(rules.byte_order == "little").lower(),
+        size=layout.size,
+        title=quoted(name),
+        filter=quoted(filter_name(layout.name)),
+        about=quoted(f"{name} ({form})"),
+    )
+    add = f"add({port}, proto)" if port else "add_for_decode_as(proto)"
+    end = Template(_parts()["end"].text).substitute(
+        root=root, register=f'DissectorTable.get("tcp.port"):{add}'
+    )
+    readers = [part.text for reader, part in _parts().items() if reader in writer.readers]
+    return "".join(
+        [begin, *readers, *(f"{text}\n" for text in (*writer.enumerations.values(), *structs)), end]
     )
 
 
-def _introduction(layout: Layout, port: int | None) -> list[str]:
-    rules = layout.rules
-    form = f"layout {rules.name}, {rules.byte_order}-endian, {layout.size} bytes"
-    where = f"TCP port {port}" if port else '"Decode As" on a TCP port'
-    name = one_line(layout.name)
-    return [
-        f"-- {name}: {form}. Wireshark: {where}; tshark: -X lua_script:FILE",
-        f"local LITTLE, SIZE = {str(rules.byte_order == 'little').lower()}, {layout.size}",
-        f"local TITLE, FILTER = {quoted(name)}, {quoted(filter_name(layout.name))}",
-        f"local proto = Proto(FILTER, {quoted(f'{name} ({form})')})",
-    ]
+class _Part(NamedTuple):
+    text: str
+    calls: list[str]
+
+
+@cache
+def _parts() -> dict[str, _Part]:
+    """Return the parts of `dissector.lua` by name, in the order in which they are written."""
+    text = Path(__file__).with_name("dissector.lua").read_text(encoding="utf-8")
+    _, *pieces = re.split(r"^--- (.+)\n", text, flags=re.MULTILINE)
+    heads = [head.split() for head in pieces[::2]]
+    return {name: _Part(text, calls) for (name, *calls), text in zip(heads, pieces[1::2], strict=True)}
 
 
 def filter_name(name: str) -> str:
@@ -185,7 +196,7 @@ class _Writer:
         """Return the name of a reader that from now on is part of the dissector."""
         if reader not in self.readers:
             self.readers.add(reader)
-            for needed in READERS[reader][1]:
+            for needed in _parts()[reader].calls:
                 self.uses(needed)
         return reader
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.layout.codec import Codec, Page, codec_of, page_of
@@ -168,14 +168,6 @@ def _spelled(type_: Type, name: str) -> str:
 
 # Rule: two profiles are one when every leaf lies at the same place and is stored in the same way.
 
-# Which STRING forms occur with a layout: a layout of Baosky's size may be that of a C program, too.
-FORMS: Final = {
-    "s7-standard": ("s7",),
-    **dict.fromkeys(("baosky", "baosky-slot4", "baosky-pack4"), ("s7", "cstr")),
-    **dict.fromkeys(("natural8", "packed"), ("s7", "cstr", "nul")),
-}
-OWN_FORM: Final = ("nul",)  # of any other
-
 
 class Profile(NamedTuple):
     """How a sender stores a type; `text` is the STRING form, "" where the type has no STRING."""
@@ -199,7 +191,7 @@ def profiles_for(type_: Type) -> tuple[Profile, ...]:
     with_text = has_text(type_)
     found = []
     for layout, rules in LAYOUTS.items():
-        forms = FORMS.get(layout, OWN_FORM) if with_text else ("",)
+        forms = rules.text_forms if with_text else ("",)
         orders = sorted(BYTE_ORDERS, key=lambda order, own=rules.byte_order: order != own)  # type: ignore[misc]
         found += [Profile(layout, order, form) for order in orders for form in forms]
     return tuple(found)

@@ -77,7 +77,8 @@ class LayoutRules:
     a STRING; with `string_even` a STRING of odd size takes one byte more. `takes_pack`: a type's own
     pack_mode replaces `cap`. `bits` names the types that are one bit.
     `rows` replaces elementary types that this layout stores in its own way; `unverified` names the types
-    whose bytes no page of the vendor describes.
+    whose bytes no page of the vendor describes. `text_forms` are the STRING forms that a sender with this
+    layout may have: a layout of Baosky's size may be that of a C program, too.
     """
 
     name: str
@@ -95,6 +96,7 @@ class LayoutRules:
     unverified: frozenset[str] = frozenset()
     pointer_size: int = 8
     enum_base: str = "INT"
+    text_forms: tuple[str, ...] = ("nul",)
 
     def row(self, type_: Elementary) -> Elementary:
         """Return the elementary type as this layout stores it."""
@@ -121,7 +123,8 @@ class LayoutRules:
 # baosky.md section 9 and udt.md 3.3: the manual prints one example, {DINT, DINT, CHAR} = 12 bytes, and each
 # of these readings but `packed` fits it; cap4 is the decision. STRING: 82 bytes for 80 characters [M].
 BAOSKY_UNVERIFIED = frozenset({"STRING", "WSTRING", "WCHAR", "DATE", "LDATE", "TOD", "LTOD", "DT", "LDT"})
-BAOSKY = LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED)
+BAOSKY = LayoutRules("baosky", cap=4, struct_floor=4, unverified=BAOSKY_UNVERIFIED, text_forms=("s7", "cstr"))
+ANY_FORM: Final = ("s7", "cstr", "nul")
 
 # udt.md 2.2: durations without a sign, DATE counts seconds.
 CODESYS = LayoutRules(
@@ -151,6 +154,7 @@ S7 = LayoutRules(
         Elementary("DATE", 2, 2, "H", Kind.DATE, DAY, epoch_ns=7305 * DAY),  # days since 1990-01-01
         Elementary("DT", 8, 2, "8s", Kind.DATE_AND_TIME),
     ),
+    text_forms=("s7",),
 )
 
 LAYOUTS = {
@@ -159,14 +163,19 @@ LAYOUTS = {
         BAOSKY,
         replace(BAOSKY, name="baosky-slot4", member_floor=4),
         replace(BAOSKY, name="baosky-pack4", struct_floor=1),
-        replace(BAOSKY, name="natural8", cap=8),
-        replace(BAOSKY, name="packed", cap=1, struct_floor=1),
+        replace(BAOSKY, name="natural8", cap=8, text_forms=ANY_FORM),
+        replace(BAOSKY, name="packed", cap=1, struct_floor=1, text_forms=ANY_FORM),
         *(replace(CODESYS, name=f"codesys-{pack}", cap=pack) for pack in (8, 4, 2, 1)),
         S7,
     )
 }
 # gcc on 64 bits and CODESYS 8 put every member at the same place, `#pragma pack` or not (`make oracle`).
 LAYOUT_ALIASES = {"cap4": "baosky", "c": "codesys-8"}
+
+
+def layout_names() -> list[str]:
+    """Return the name of every layout, with the other names that some have."""
+    return [*LAYOUTS, *LAYOUT_ALIASES]
 
 
 def rules_for(
@@ -195,7 +204,7 @@ def settled(
     """Return the rules of a layout, or these, with the settings that are given."""
     rules = layout
     if isinstance(rules, str):
-        rules = _known("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, [*LAYOUTS, *LAYOUT_ALIASES])
+        rules = _known("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, layout_names())
     if byte_order is not None:
         _known("byte order", byte_order, BYTE_ORDERS)
         rules = replace(rules, byte_order=byte_order)
@@ -241,16 +250,16 @@ def choice_text(value: str | int | bool) -> str:
 
 def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
     """Return the value of one field of a choice from its text; raise UserError with what it can be."""
-    return _known(where or name, text, _CHOICES[name])
+    choices: dict[str, dict[str, str | int | bool]] = {
+        "layout": {name: name for name in layout_names()},
+        "byte_order": {name: name for name in BYTE_ORDERS},
+        "text": {name: name for name in TEXT_FORMS},
+        "pointer_size": {str(size): size for size in POINTER_SIZES},
+        "string_even": dict(YES_OR_NO),
+    }
+    return _known(where or name, text, choices[name])
 
 
-_CHOICES: Final[dict[str, dict[str, str | int | bool]]] = {
-    "layout": {name: name for name in (*LAYOUTS, *LAYOUT_ALIASES)},
-    "byte_order": {name: name for name in BYTE_ORDERS},
-    "text": {name: name for name in TEXT_FORMS},
-    "pointer_size": {str(size): size for size in POINTER_SIZES},
-    "string_even": dict(YES_OR_NO),
-}
 INTEGERS: Final = {row.name: row for row in ELEMENTARY.values() if row.kind in (Kind.INTEGER, Kind.BITS)}
 
 

@@ -1,65 +1,154 @@
-"""Source formats of UDTs: file suffix -> reader, and the one way from a file to its types."""
+"""Source formats of UDTs, one row each, and the one way from a file to its types.
+
+Rule: help, completion, the lab and docs/udt.md ask the rows; nothing else lists formats.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
+from functools import partial
+from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.udt.ast import Declarations
-from trcvtui.udt.sources.b_and_r import read_b_and_r
-from trcvtui.udt.sources.codesys2 import read_exp
-from trcvtui.udt.sources.siemens import read_simatic_sd, read_tia, refuse_texts
-from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.type_set import TypeSet, join
+from trcvtui.udt.layout.rules import S7
+from trcvtui.udt.sources.st import read_spec, read_st
+from trcvtui.udt.sources.st_cursor import SourceDialect
+from trcvtui.udt.type_set import NO_TYPES, TypeSet, build, join
+from trcvtui.udt.types import Type
 
 Path = str | os.PathLike[str]
-Reader = Callable[[str, str], Declarations]
+
+TIA: Final = SourceDialect(has_header=True, layout=S7.name)
+SIMATIC_SD: Final = SourceDialect(layout=S7.name)
+B_AND_R: Final = SourceDialect(enum_base="DINT")
+CODESYS_2: Final = SourceDialect(has_objects=True)
+_NESTED: Final = r"\(\* @NESTEDCOMMENTS := '(Yes|No)' \*\)"
 
 
-def read_xml_file(text: str, name: str) -> Declarations:
-    """Return what an XML file declares; its reader is imported by the first such file."""
-    from trcvtui.udt.sources import xml_file
+class TypeFormat(NamedTuple):
+    """One format of type files: its name, the extensions of its files, its reader.
 
-    return xml_file.read_xml_file(text, name)
+    `read` gets the text, or of a format with `root` the XML element of that name, and the name of the file.
+    `needs`: what has to be installed. `refused`: files of these extensions hold no types.
+    """
 
-
-def refuse_export(text: str, name: str) -> Declarations:
-    """Raise the UserError of a CODESYS 3 `.export`."""
-    from trcvtui.udt.sources import xml_file
-
-    return xml_file.refuse_export(text, name)
-
-
-def read_c(text: str, name: str) -> Declarations:
-    """Return what a C header declares; its reader is imported by the first such file."""
-    from trcvtui.udt.sources import c_header
-
-    return c_header.read_c(text, name)
+    name: str
+    extensions: tuple[str, ...]
+    read: Callable[[Any, str], Declarations]
+    root: str = ""
+    needs: str = ""
+    refused: bool = False
 
 
-READERS: dict[str, Reader] = {
-    ".st": read_st,
-    ".iecst": read_st,
-    ".txt": read_st,
-    ".udt": read_tia,
-    ".scl": read_tia,
-    ".s7dcl": read_simatic_sd,
-    ".s7res": refuse_texts,
-    ".exp": read_exp,
-    ".typ": read_b_and_r,
-    ".var": read_b_and_r,
-    ".tcdut": read_xml_file,
-    ".tcgvl": read_xml_file,
-    ".xml": read_xml_file,
-    ".export": refuse_export,
-    ".h": read_c,
+def _read_codesys_2(text: str, name: str) -> Declarations:
+    """Return what an export declares; its own headers say whether comments nest."""
+    said = re.findall(_NESTED, text)
+    nests = "No" not in said or "Yes" in said
+    return read_st(text, name, dialect=CODESYS_2._replace(nests_comments=nests))
+
+
+# The readers of XML and of C are imported by the first such file.
+
+
+def _read_twincat(root: Any, _: str) -> Declarations:
+    from trcvtui.udt.sources.twincat import read_twincat
+
+    return read_twincat(root)
+
+
+def _read_plcopen(root: Any, _: str) -> Declarations:
+    from trcvtui.udt.sources.plcopen import read_plcopen
+
+    return read_plcopen(root)
+
+
+def _read_openness(root: Any, _: str) -> Declarations:
+    from trcvtui.udt.sources.openness import read_openness
+
+    return read_openness(root)
+
+
+def _read_c(text: str, name: str) -> Declarations:
+    from trcvtui.udt.sources.c_header import read_c
+
+    return read_c(text, name)
+
+
+def _refused(found: str, expected: str) -> Callable[[str, str], Declarations]:
+    def refuse(_: str, name: str) -> Declarations:
+        raise mistake(name, found, expected)
+
+    return refuse
+
+
+_NO_TEXTS = _refused("the texts of a SIMATIC SD file", "the .s7dcl file beside it")
+_NO_EXPORT = _refused("a CODESYS .export", "PLCopen XML (in CODESYS: Project, Export PLCopenXML)")
+
+FORMATS: Final = {
+    row.name: row
+    for row in (
+        TypeFormat("IEC text", (".st", ".iecst", ".txt"), read_st),
+        TypeFormat("TIA source", (".udt", ".scl"), partial(read_st, dialect=TIA)),
+        TypeFormat("SIMATIC SD", (".s7dcl",), partial(read_st, dialect=SIMATIC_SD)),
+        TypeFormat("SIMATIC SD texts", (".s7res",), _NO_TEXTS, refused=True),
+        TypeFormat("CODESYS 2.3", (".exp",), _read_codesys_2),
+        TypeFormat("B&R", (".typ", ".var"), partial(read_st, dialect=B_AND_R)),
+        TypeFormat("TwinCAT", (".tcdut", ".tcgvl"), _read_twincat, root="TcPlcObject"),
+        TypeFormat("PLCopen", (".xml",), _read_plcopen, root="project"),
+        TypeFormat("Siemens Openness", (".xml",), _read_openness, root="Document"),
+        TypeFormat("CODESYS 3 export", (".export",), _NO_EXPORT, refused=True),
+        TypeFormat("C header", (".h",), _read_c, needs="the extra c"),
+    )
 }
 LIBRARY = "the library"
 LARGEST_FILE = 10 * 1024 * 1024
 BYTE_ORDER_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
+
+
+def extensions() -> list[str]:
+    """Return the extensions of all formats, refused ones too, in lower case."""
+    return list(dict.fromkeys(extension for row in FORMATS.values() for extension in row.extensions))
+
+
+def formats_text() -> str:
+    """Return all formats that can be read, such as `.st .iecst .txt IEC text, .udt .scl TIA source`."""
+    return ", ".join(
+        f"{' '.join(row.extensions)} {row.name}" + (f" (needs {row.needs})" if row.needs else "")
+        for row in FORMATS.values()
+        if not row.refused
+    )
+
+
+def type_files_in(folder: Path) -> list[str]:
+    """Return the names of the files in a folder whose extension is that of a format that can be read."""
+    known = {each for row in FORMATS.values() if not row.refused for each in row.extensions}
+    try:
+        return sorted(name for name in os.listdir(folder) if os.path.splitext(name)[1].lower() in known)
+    except OSError:
+        return []
+
+
+def read_text(text: str, name: str, extension: str) -> Declarations:
+    """Return what a text declares, read as in a file of that extension; `name` is the file in messages."""
+    rows = [row for row in FORMATS.values() if extension.lower() in row.extensions]
+    return read_xml_file(text, name) if rows[0].root else rows[0].read(text, name)
+
+
+def read_xml_file(text: str, name: str) -> Declarations:
+    """Return what an XML file declares: its root element tells the format, whatever its extension."""
+    from trcvtui.udt.sources.xml_source import read_xml
+
+    root = read_xml(text, name)
+    rows = {row.root: row for row in FORMATS.values() if row.root}
+    if root.name not in rows:
+        *others, last = (f"<{name}> ({rows[name].name})" for name in sorted(rows, key=str.casefold))
+        raise mistake(root.where, f"<{root.name[:40]}>", f"{', '.join(others)} or {last}")
+    return rows[root.name].read(root, name)
 
 
 def read_file(path: Path, constants: Mapping[str, int] | None = None) -> TypeSet:
@@ -93,6 +182,11 @@ def read_files(
     return join(files, ", ".join(map(str, paths)), constants, last_wins)
 
 
+def parse_type(text: str, types: TypeSet = NO_TYPES, where: str = "type") -> Type:
+    """Return the type that a line such as `ARRAY[0..99] OF Telegram` names; raise UserError."""
+    return build(read_spec(text, where), types)
+
+
 def decode_text(data: bytes) -> str:
     """Return the text of a file: by mark, XML declaration, UTF-8 or Windows-1252; never fails."""
     for mark, codec in BYTE_ORDER_MARKS:
@@ -112,16 +206,15 @@ def decode_text(data: bytes) -> str:
 
 
 def _declarations(path: Path) -> Declarations:
-    suffix = os.path.splitext(path)[1]
-    reader = READERS.get(suffix.lower())
-    if reader is None:
-        found = "Is a directory" if os.path.isdir(path) else f"suffix '{suffix}'"
-        raise mistake(str(path), found, "a file of type " + ", ".join(READERS))
+    extension = os.path.splitext(path)[1]
+    if extension.lower() not in extensions():
+        found = "Is a directory" if os.path.isdir(path) else f"suffix '{extension}'"
+        raise mistake(str(path), found, "a file of type " + ", ".join(extensions()))
     text = decode_text(_content(path))
     if "\0" in text[:2]:
         found = "zero bytes, as in UTF-16 without a byte order mark"
         raise mistake(str(path), found, "UTF-8, or UTF-16 with its mark")
-    return reader(text, str(path))
+    return read_text(text, str(path), extension)
 
 
 def _content(path: Path) -> bytes:

@@ -11,7 +11,7 @@ from bisect import bisect_right
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Constant, Declaration, Declarations, Reference, Spec, StructSpec
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Dialect, Shape, Source, Token
+from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, Token
 from trcvtui.udt.sources.st_spec import SpecParser, encoded
 
 ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
@@ -34,12 +34,12 @@ _PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""
 _ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
 
 
-def read_st(text: str, name: str, first_line: int = 1, dialect: Dialect = IEC) -> Declarations:
+def read_st(text: str, name: str, first_line: int = 1, dialect: SourceDialect = IEC) -> Declarations:
     """Return what ST text declares; `name` is the file as messages call it, `first_line` where it begins."""
     return Parser(Source(name, text, first_line, dialect.nests_comments), dialect).file()
 
 
-def read_spec(text: str, where: str, first_line: int = 1, dialect: Dialect = IEC) -> Spec:
+def read_spec(text: str, where: str, first_line: int = 1, dialect: SourceDialect = IEC) -> Spec:
     """Return the one type that a text names, such as `ARRAY[0..9] OF BYTE`; raise UserError."""
     parser = SpecParser(Source(where, text, first_line, dialect.nests_comments), dialect)
     spec = parser.spec()
@@ -53,7 +53,7 @@ def read_spec(text: str, where: str, first_line: int = 1, dialect: Dialect = IEC
 class Parser(SpecParser):
     """What stands around the types."""
 
-    def __init__(self, source: Source, dialect: Dialect = IEC) -> None:
+    def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source, dialect)
         self.types: list[Declaration] = []
         self.constants: list[Constant] = []

@@ -15,7 +15,7 @@ from trcvtui.udt.literals import NAME, parse_integer
 # Rule: every text can be cut; what is no token becomes one that no grammar rule takes.
 
 
-class Dialect(NamedTuple):
+class SourceDialect(NamedTuple):
     """Plain IEC 61131-3 unless a field says otherwise."""
 
     # B&R: an enumeration without a base is a C enum of 4 bytes (udt.md 2.2).
@@ -30,7 +30,7 @@ class Dialect(NamedTuple):
     layout: str = ""
 
 
-IEC = Dialect()
+IEC = SourceDialect()
 
 
 class Shape(Enum):

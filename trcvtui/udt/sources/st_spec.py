@@ -24,7 +24,7 @@ from trcvtui.udt.ast import (
     UnplacedSpec,
 )
 from trcvtui.udt.resolve import MOST_NESTED
-from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Dialect, Shape, Source
+from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
 from trcvtui.udt.types import ELEMENTARY, Kind, Text
 
 MOST_DIMENSIONS = 8
@@ -37,7 +37,7 @@ _UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 class SpecParser(Cursor):
     """One method a rule of the grammar in udt.md section 5; each leaves the cursor behind what it read."""
 
-    def __init__(self, source: Source, dialect: Dialect = IEC) -> None:
+    def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source)
         self.dialect = dialect
         self.nested = 0

@@ -1,14 +1,14 @@
-"""The Lua that every exported dissector begins with, and the readers that only some types need.
+-- The dissector that `udt export --to lua` writes, in parts; a part begins with three dashes and its name.
+-- "begin" and "end" are always written, $words filled in; a reader only where a type needs it, with those
+-- that it calls, whose names stand behind its own. A value is shown as `udt decode` shows it.
+-- Lua 5.2 and 5.4: no `//`, no bit operators; 64 bits are split into days and nanoseconds before a double
+-- touches them.
 
-Rule: a value is shown as `udt decode` shows it. Lua 5.2 and 5.4: no `//`, no bit operators, and 64 bits are
-split into days and nanoseconds before a double touches them.
-"""
-
-from __future__ import annotations
-
-from typing import Final
-
-HEAD: Final = """\
+--- begin
+-- $name: $form. Wireshark: $where; tshark: -X lua_script:FILE
+local LITTLE, SIZE = $little, $size
+local TITLE, FILTER = $title, $filter
+local proto = Proto(FILTER, $about)
 local types, values, fields = {}, {}, {}
 
 local function field(kind, path, name, ...)
@@ -95,44 +95,18 @@ show = function(tree, data, node, start, index)
     end
   end
 end
-"""
 
-TAIL: Final = """\
-proto.fields = fields
-
-local function dissect_frame(data, pinfo, tree)
-  pinfo.cols.protocol = TITLE
-  show(tree:add(proto, data(0, SIZE), TITLE), data, root, 0)
-  return SIZE
-end
-
--- One value is SIZE bytes, however TCP has cut them: Wireshark puts the segments together.
-function proto.dissector(data, pinfo, tree)
-  dissect_tcp_pdus(data, tree, SIZE, function() return SIZE end, dissect_frame)
-  return data:len()
-end
-"""
-
-# Name -> Lua, and the names that it calls; written in this order.
-READERS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
-    "uint": (
-        """\
+--- uint
 local function uint(range)
   return LITTLE and range:le_uint() or range:uint()
 end
-""",
-        (),
-    ),
-    "hex_text": (
-        """\
+
+--- hex_text
 local function hex_text(range)
   return "16#" .. string.upper(tostring(range:bytes()))
 end
-""",
-        (),
-    ),
-    "latin1": (
-        """\
+
+--- latin1
 -- Latin-1 to UTF-8; TvbRange:string() cuts what grows by that.
 local function latin1(range)
   local text = {}
@@ -143,20 +117,16 @@ local function latin1(range)
   end
   return table.concat(text)
 end
-""",
-        (),
-    ),
-    "wide": (
-        """\
+
+--- wide
 local function wide(range)
   return LITTLE and range:le_ustring() or range:ustring()
 end
-""",
-        (),
-    ),
-    "as_utf8": ("local function as_utf8(range) return range:string(ENC_UTF_8) end\n", ()),
-    "headed": (
-        """\
+
+--- as_utf8
+local function as_utf8(range) return range:string(ENC_UTF_8) end
+
+--- headed latin1
 -- STRING as [longest][actual], then characters
 local function headed(longest, read)
   return function(range)
@@ -164,11 +134,8 @@ local function headed(longest, read)
     return actual > 0 and (read or latin1)(range(2, actual)) or ""
   end
 end
-""",
-        ("latin1",),
-    ),
-    "headed_wide": (
-        """\
+
+--- headed_wide uint wide
 -- WSTRING as [longest][actual], words, then characters
 local function headed_wide(longest)
   return function(range)
@@ -176,11 +143,8 @@ local function headed_wide(longest)
     return actual > 0 and wide(range(4, 2 * actual)) or ""
   end
 end
-""",
-        ("uint", "wide"),
-    ),
-    "ended": (
-        """\
+
+--- ended latin1
 -- STRING that ends with a NUL or with its last character
 local function ended(longest, read)
   return function(range)
@@ -189,11 +153,8 @@ local function ended(longest, read)
     return count > 0 and (read or latin1)(range(0, count)) or ""
   end
 end
-""",
-        ("latin1",),
-    ),
-    "ended_wide": (
-        """\
+
+--- ended_wide wide
 local function ended_wide(longest)
   return function(range)
     local count = 0
@@ -201,11 +162,8 @@ local function ended_wide(longest)
     return count > 0 and wide(range(0, 2 * count)) or ""
   end
 end
-""",
-        ("wide",),
-    ),
-    "split": (
-        """\
+
+--- split
 -- A count as whole days and nanoseconds, both with its sign; 64 bits hold nanoseconds.
 local DAY = 86400e9
 
@@ -228,11 +186,8 @@ local function split(range, signed, unit)
   local rest = math.fmod(count, DAY / unit)
   return (count - rest) / (DAY / unit), rest * unit
 end
-""",
-        (),
-    ),
-    "duration_text": (
-        """\
+
+--- duration_text
 local UNITS = {
   { "h", 3600e9 }, { "m", 60e9 }, { "s", 1e9 }, { "ms", 1e6 }, { "us", 1e3 }, { "ns", 1 },
 }
@@ -248,11 +203,8 @@ local function duration_text(prefix, days, ns)
   end
   return prefix .. text .. (parts == "" and "0ms" or parts)
 end
-""",
-        (),
-    ),
-    "clock_text": (
-        """\
+
+--- clock_text
 local function clock_text(hours, ns)
   local hour = math.floor(ns / 3600e9)
   local minute, second = math.floor(ns / 60e9) % 60, math.floor(ns / 1e9) % 60
@@ -260,11 +212,8 @@ local function clock_text(hours, ns)
   local text = string.format("%02.0f:%02.0f:%02.0f", hours + hour, minute, second)
   return rest > 0 and text .. (string.format(".%09.0f", rest):gsub("0+$", "")) or text
 end
-""",
-        (),
-    ),
-    "date_text": (
-        """\
+
+--- date_text
 -- Days since 1970 to a date, counted from 1 March of year 0 in eras of 400 years.
 local function date_text(days)
   local floor = math.floor
@@ -278,11 +227,8 @@ local function date_text(days)
   year = era * 400 + year + (month <= 2 and 1 or 0)
   return string.format("%04.0f-%02.0f-%02.0f", year, month, date)
 end
-""",
-        (),
-    ),
-    "days_of": (
-        """\
+
+--- days_of date_text
 -- Days since 1970 and whether there is such a date
 local function days_of(year, month, date)
   if month < 1 or month > 12 then return nil end
@@ -294,30 +240,21 @@ local function days_of(year, month, date)
   local same = string.format("%04.0f-%02.0f-%02.0f", year, month, date)
   return date_text(days) == same and days or nil
 end
-""",
-        ("date_text",),
-    ),
-    "duration": (
-        """\
+
+--- duration split duration_text
 local function duration(prefix, signed, unit)
   return function(range) return duration_text(prefix, split(range, signed, unit)) end
 end
-""",
-        ("split", "duration_text"),
-    ),
-    "clock": (
-        """\
+
+--- clock split clock_text
 local function clock(prefix, signed, unit)
   return function(range)
     local days, ns = split(range, signed, unit)
     return prefix .. clock_text(24 * days, ns)
   end
 end
-""",
-        ("split", "clock_text"),
-    ),
-    "date": (
-        """\
+
+--- date split date_text duration_text
 local function date(prefix, signed, unit, epoch)
   return function(range)
     local days, ns = split(range, signed, unit)
@@ -326,11 +263,8 @@ local function date(prefix, signed, unit, epoch)
     return prefix .. date_text(days + epoch) .. rest
   end
 end
-""",
-        ("split", "date_text", "duration_text"),
-    ),
-    "date_clock": (
-        """\
+
+--- date_clock split date_text clock_text
 local function date_clock(prefix, signed, unit, epoch)
   return function(range)
     local days, ns = split(range, signed, unit)
@@ -338,22 +272,16 @@ local function date_clock(prefix, signed, unit, epoch)
     return prefix .. date_text(days + epoch) .. "-" .. clock_text(0, ns)
   end
 end
-""",
-        ("split", "date_text", "clock_text"),
-    ),
-    "moment": (
-        """\
+
+--- moment days_of clock_text
 local function moment(prefix, year, month, date, hour, minute, second, ns)
   if hour > 23 or minute > 59 or second > 59 or ns >= 1e9 then return nil end
   local days = days_of(year, month, date)
   local since = ((hour * 60 + minute) * 60 + second) * 1e9 + ns
   return days and prefix .. date_text(days) .. "-" .. clock_text(0, since)
 end
-""",
-        ("days_of", "clock_text"),
-    ),
-    "bcd": (
-        """\
+
+--- bcd hex_text moment
 -- DATE_AND_TIME of an S7: two digits each, then three digits of milliseconds
 local function bcd(range)
   local digits = tostring(range:bytes())
@@ -364,22 +292,16 @@ local function bcd(range)
   local year = part[1] + (part[1] >= 90 and 1900 or 2000)
   return moment("DT#", year, part[2], part[3], part[4], part[5], part[6], ms * 1e6) or hex_text(range)
 end
-""",
-        ("hex_text", "moment"),
-    ),
-    "dtl": (
-        """\
+
+--- dtl uint hex_text moment
 local function dtl(range)
   local part = {}
   for at = 2, 7 do part[at] = range(at, 1):uint() end
   local year, ns = uint(range(0, 2)), uint(range(8, 4))
   return moment("DTL#", year, part[2], part[3], part[5], part[6], part[7], ns) or hex_text(range)
 end
-""",
-        ("uint", "hex_text", "moment"),
-    ),
-    "s5time": (
-        """\
+
+--- s5time uint duration_text
 local function s5time(range)
   local word = uint(range)
   local digits = string.format("%04X", word)
@@ -389,7 +311,21 @@ local function s5time(range)
   local beside = is_plain and "" or " (16#" .. digits .. ")"
   return duration_text("S5T#", 0, count * 10 ^ (base + 1) * 1e6) .. beside
 end
-""",
-        ("uint", "duration_text"),
-    ),
-}
+
+--- end
+local root = $root
+proto.fields = fields
+
+local function dissect_frame(data, pinfo, tree)
+  pinfo.cols.protocol = TITLE
+  show(tree:add(proto, data(0, SIZE), TITLE), data, root, 0)
+  return SIZE
+end
+
+-- One value is SIZE bytes, however TCP has cut them: Wireshark puts the segments together.
+function proto.dissector(data, pinfo, tree)
+  dissect_tcp_pdus(data, tree, SIZE, function() return SIZE end, dissect_frame)
+  return data:len()
+end
+
+$register

@@ -15,7 +15,7 @@ from trcvtui.rig.commands.reader import parse_line, parse_script
 from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.udt.compare.fit import fit, leaders, verdict
-from trcvtui.udt.cure.padded_type import corrective
+from trcvtui.udt.cure.padded_type import padded_type
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.values import decode
 from trcvtui.udt.st_write import st_text
@@ -56,7 +56,7 @@ def test_the_corrective_type_of_the_lab_is_the_one_that_cures_the_story(
     project: Project, jobs: list[bytes]
 ) -> None:
     best = fit(project.types.named("AxisReport"), jobs, framed=False)[0]
-    cure = corrective(best.layout, project.layout)
+    cure = padded_type(best.layout, project.layout)
     assert cure.is_possible
     assert st_text(cure.type) in (CONFIGS / "types" / "axis-report.st").read_text()
     declared = lay_out(project.types.named("AxisReport_natural8"), project.layout)

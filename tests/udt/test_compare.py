@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.udt.answers import compare_json, compare_text
 from tests.udt.udt_strategies import layout_of, rules, structs, types, types_of
-from trcvtui.udt.compare.compare import Row, compare
+from trcvtui.udt.compare.compare import ComparedRow, compare
 from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for, shape
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode
@@ -18,7 +18,7 @@ MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"
 CONTENT = bytes.fromhex("01 00000000000000 0000000000002940 0700 000000000000")
 
 
-def told(row: Row) -> str:
+def told(row: ComparedRow) -> str:
     """Return a row in one line."""
     sides = [
         f"{cell.place_text} {cell.type} {cell.value}" if cell else "-" for cell in (row.ours, row.theirs)

@@ -15,7 +15,7 @@ from tests.udt.test_fit import TYPES, message
 from tests.udt.udt_strategies import rules, structs, types
 from trcvtui.tui.lab.lab_fix import cure_source
 from trcvtui.udt.compare.fit import fit, verdict
-from trcvtui.udt.cure.padded_type import corrective
+from trcvtui.udt.cure.padded_type import padded_type
 from trcvtui.udt.cure.swap import swap_code
 from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.values import decode
@@ -42,7 +42,7 @@ END_TYPE
 def test_a_sender_that_pads_and_swaps_is_read_right(name: str) -> None:
     theirs = lay_out(TYPES.named(name), rules_for("packed", "big"))
     ours = lay_out(theirs.type, rules_for("baosky"))
-    found = corrective(ours, theirs.rules)
+    found = padded_type(ours, theirs.rules)
     assert found.is_possible
     sender, swap = found.layout, swap_code(found.layout)
     machine = Machine(theirs.rules, {"msg": sender, "wire": lay_out(swap.type, theirs.rules)}, swap.helpers)
@@ -58,7 +58,7 @@ def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
     type_ = types.named("T")
     for ours, theirs in (("baosky", "natural8"), ("natural8", "codesys-1"), ("s7-standard", "natural8")):
         for wanted, own in ((theirs, ours), (ours, theirs)):
-            side = corrective(lay_out(type_, rules_for(wanted)), rules_for(own))
+            side = padded_type(lay_out(type_, rules_for(wanted)), rules_for(own))
             plain = join([read_st(st_text(side.type, side.layout.name), "x.st")], "x.st")
             scl = join([read_text(scl_text(side.type, side.layout.name), "x.udt", ".udt")], "x.udt")
             assert plain.problems == scl.problems == ()
@@ -72,7 +72,7 @@ def test_legal_names_of_tia_make_legal_text_on_both_sides() -> None:
 def test_profiles_that_agree_need_no_cure() -> None:
     layout = lay_out(TYPES.named("Report"), rules_for("baosky"))
     theirs = lay_out(layout.type, rules_for("natural8"))
-    assert corrective(theirs, layout.rules).type is corrective(layout, theirs.rules).type is layout.type
+    assert padded_type(theirs, layout.rules).type is padded_type(layout, theirs.rules).type is layout.type
 
 
 @pytest.mark.slow

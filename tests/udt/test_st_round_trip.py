@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.udt.st_text import Writer, declarations, placeless
 from trcvtui.udt.ast import Declaration
 from trcvtui.udt.sources.st import Parser, read_st
-from trcvtui.udt.sources.st_cursor import Source, Token
+from trcvtui.udt.sources.st_cursor import Source, StToken
 
 
 @pytest.mark.slow
@@ -34,7 +34,7 @@ def test_a_file_of_100_kilobytes_is_read_token_by_token_once() -> None:
 
     class Counting(Parser):
         @property
-        def token(self) -> Token:
+        def token(self) -> StToken:
             nonlocal steps
             steps += 1
             return super().token

@@ -24,9 +24,9 @@ from trcvtui.udt.ast import (
 )
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.types import (
+    BUILTIN_TYPES,
     ELEMENTARY,
     VENDOR_NAMES,
-    WELL_KNOWN,
     Array,
     Elementary,
     Enumeration,
@@ -50,7 +50,7 @@ MOST_WALKED = 200  # types on the search for a circle
 WHOLE = (Kind.INTEGER, Kind.BITS)
 
 
-class Joining:
+class Resolver:
     """One joining: what is declared, what became of it, and what is wrong with it (an ordered set each)."""
 
     def __init__(
@@ -287,8 +287,8 @@ class Joining:
                     "a type that does not extend itself",
                 )
             self.refuse(user, Problem(reference.where, found, expected))
-        elif key in WELL_KNOWN:
-            return WELL_KNOWN[key], 0
+        elif key in BUILTIN_TYPES:
+            return BUILTIN_TYPES[key], 0
         else:
             self.refuse(user, Problem(reference.where, f"'{reference.name}'", KNOWN_TYPE))
         return None, 0

@@ -49,7 +49,7 @@ def escaper(reserved: Collection[str], first: str = "_") -> Callable[[str], str]
     return escaped
 
 
-class Taken:
+class NameScope:
     """The names given so far in one scope; the second of its kind gets a number.
 
     `fold` makes the form in which two names are compared: a language may know no case.
@@ -110,7 +110,7 @@ class Renaming:
 
     def __init__(self, escaped: Callable[[str], str], fold: Callable[[str], str] = str) -> None:
         self.escaped, self.fold = escaped, fold
-        self.names = Taken(escaped, fold)  # of types
+        self.names = NameScope(escaped, fold)  # of types
         self._made: dict[int, tuple[Type, Type]] = {}  # the old one is kept, so that its id stays its own
 
     def of(self, type_: Type) -> Type:
@@ -129,7 +129,7 @@ class Renaming:
 
     def struct(self, type_: Struct | Union) -> Struct | Union:
         base = None if type_.base is None else self.of(type_.base)
-        taken = Taken(self.escaped, self.fold)
+        taken = NameScope(self.escaped, self.fold)
         for name in _names(base):
             taken(name)
         members = tuple(Member(taken(member.name), self.of(member.type)) for member in type_.members)
@@ -142,7 +142,7 @@ class Renaming:
         return made(name, members, base, type_.pack)  # type: ignore[arg-type]  # a base is of its own kind
 
     def enumeration(self, type_: Enumeration) -> Enumeration:
-        taken = Taken(self.escaped, self.fold)
+        taken = NameScope(self.escaped, self.fold)
         values = tuple((taken(name), number) for name, number in type_.values)
         name = self.names(type_.name) if type_.name else ""
         return (

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.ast import Declarations, Spec
 from trcvtui.udt.constants import Constants
-from trcvtui.udt.resolve import KNOWN, Joining, unknown_name
+from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
 from trcvtui.udt.resolve import MOST_NESTED as MOST_NESTED
 from trcvtui.udt.types import Type
 
@@ -85,34 +85,34 @@ def join(
     """
     files = tuple(files)
     known = Constants(constants, [constant for file in files for constant in file.constants])
-    joining = Joining(known, {}, {}, last_wins)
+    resolver = Resolver(known, {}, {}, last_wins)
     for file in files:
         for declaration in file.types:
-            joining.declare(declaration)
-    joining.build_all()
-    found = {problem: None for bad in joining.bad.values() for problem in bad}
+            resolver.declare(declaration)
+    resolver.build_all()
+    found = {problem: None for bad in resolver.bad.values() for problem in bad}
     found |= {problem: None for file in files for problem in file.problems}
-    types = {key: (joining.declared[key].name, type_) for key, type_ in joining.types.items()}
+    types = {key: (resolver.declared[key].name, type_) for key, type_ in resolver.types.items()}
     problems = tuple(_once_each(sorted(found, key=_reading_order)))
     return TypeSet(
         where,
-        types={key: types[key] for key in joining.declared if key in types},
-        broken={key: tuple(bad) for key, bad in joining.bad.items() if key not in types},
+        types={key: types[key] for key in resolver.declared if key in types},
+        broken={key: tuple(bad) for key, bad in resolver.bad.items() if key not in types},
         problems=problems,
         unknown_constants=tuple(
             [unknown_name(p) for p in problems if p.expected.startswith(f"{KNOWN}constant")]
         ),
         notes={
             key: notes
-            for key, declared in joining.declared.items()
-            if (notes := (*declared.notes, *joining.notes.get(key, ())))
+            for key, declared in resolver.declared.items()
+            if (notes := (*declared.notes, *resolver.notes.get(key, ())))
         },
-        twice={key: tuple(places) for key, places in joining.places.items() if len(places) > 1},
+        twice={key: tuple(places) for key, places in resolver.places.items() if len(places) > 1},
         layouts={
             key: file.layout
             for file in files
             for declared in (file.types if file.layout else ())
-            if joining.declared[key := declared.name.casefold()] is declared
+            if resolver.declared[key := declared.name.casefold()] is declared
         },
         constants=known,
     )
@@ -137,8 +137,8 @@ def _reading_order(problem: Problem) -> list[str | int]:
 
 def build(spec: Spec, types: TypeSet) -> Type:
     """Return the type that a specification means among these types; raise UserError with all its problems."""
-    joining = Joining(types.constants, types.types, types.broken)
-    type_, _ = joining.build(spec, "", "")
+    resolver = Resolver(types.constants, types.types, types.broken)
+    type_, _ = resolver.build(spec, "", "")
     if type_ is None:
-        raise UserError(joining.bad[""])
+        raise UserError(resolver.bad[""])
     return type_

@@ -245,7 +245,7 @@ _ANY = (
     "POINTER",
 )
 
-WELL_KNOWN: Final[dict[str, Type]] = {
+BUILTIN_TYPES: Final[dict[str, Type]] = {
     **{name.casefold(): Unplaced(name, FB_INSTANCE) for name in _FUNCTION_BLOCKS},
     **{name.casefold(): Unplaced(name, ANY) for name in _ANY},
     "t_maxstring": Text(255),  # TwinCAT, library Tc2_System

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from trcvtui.errors import UserError
 from trcvtui.tui.formatting import plain
-from trcvtui.udt.cure.padded_type import corrective, told
+from trcvtui.udt.cure.padded_type import padded_type, told
 from trcvtui.udt.cure.swap import Language, swap_code
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.st_write import scl_text, st_text
@@ -58,7 +58,7 @@ def cure_source(ours: Layout, theirs: Layout, form: str) -> str:
 
 def _type(ours: Layout, theirs: Layout, kind: str, language: Language) -> Cure:
     wanted, own = (theirs, ours) if kind == RECEIVER else (ours, theirs)
-    found = corrective(wanted, own.rules)
+    found = padded_type(wanted, own.rules)
     name = plain(wanted.name)
     reached = "as it lies under" if found.is_possible else "as far as it can be as under"
     comments = [f"{name} for {own.rules.name}, {found.layout.size} bytes, {reached} {wanted.rules.name}"]

@@ -193,7 +193,7 @@ def _broken(line: str, width: int) -> list[str]:
 
 
 class CureText(LineView):
-    """The corrective type or the swap code, as it can be pasted."""
+    """The padded type or the swap code, as it can be pasted."""
 
     KEYS: ClassVar = (("c", "type | swap"), ("d", "ST | SCL"), ("y", "yank"))
 

@@ -149,7 +149,9 @@ def difference(a: Layout, b: Layout) -> str:
     if a.size != b.size:
         parts.append(f"the size, {a.size} and {b.size} bytes")
     other_text = a.rules.text.name != b.rules.text.name and has_text(a.type)
-    found = list(islice(_Walk(a, b, not other_text).apart(a.root, b.root, "", (0, 0), (0, 0)), MOST_FOUND))
+    found = list(
+        islice(_DifferenceWalk(a, b, not other_text).apart(a.root, b.root, "", (0, 0), (0, 0)), MOST_FOUND)
+    )
     for words, is_place in (("the place of", True), ("the stored form of", False)):
         members = [one for one in found if one.is_place is is_place]
         if members:
@@ -163,7 +165,7 @@ def difference(a: Layout, b: Layout) -> str:
     return "; ".join(parts) or "nothing"
 
 
-class _Walk:
+class _DifferenceWalk:
     def __init__(self, a: Layout, b: Layout, with_texts: bool) -> None:
         self.a, self.b, self.with_texts = a.rules, b.rules, with_texts
         self._alike: dict[tuple[int, int], bool] = {}
@@ -240,7 +242,7 @@ ONLY_OURS: Final = "only ours"
 ONLY_THEIRS: Final = "only theirs"
 
 
-class Cell(NamedTuple):
+class ComparedLeaf(NamedTuple):
     """One side of a row: the leaf, the type that decides its bytes, how it is stored, its value as text."""
 
     leaf: Leaf
@@ -260,12 +262,12 @@ class Cell(NamedTuple):
         return str(leaf.offset) if leaf.bit is None else f"{leaf.offset}.{leaf.bit}"
 
 
-class Row(NamedTuple):
+class ComparedRow(NamedTuple):
     """One member on both sides; None where a side has none of that path. `differs` says in what."""
 
     path: str
-    ours: Cell | None
-    theirs: Cell | None
+    ours: ComparedLeaf | None
+    theirs: ComparedLeaf | None
     differs: tuple[str, ...]
 
 
@@ -306,7 +308,7 @@ class Comparison:
             self._starts.append(self.row_count)
             self.row_count += run.leaves
 
-    def rows(self, data: Data, start: int = 0, stop: int | None = None) -> Iterator[Row]:
+    def rows(self, data: Data, start: int = 0, stop: int | None = None) -> Iterator[ComparedRow]:
         """Yield the rows of number start..stop-1 (default: all); the bytes may end anywhere."""
         start, stop = max(start, 0), self.row_count if stop is None else min(stop, self.row_count)
         number = max(bisect_right(self._starts, start) - 1, 0)
@@ -315,14 +317,14 @@ class Comparison:
                 return
             yield from self._rows_of(run, data, max(start - first, 0), min(stop - first, run.leaves))
 
-    def _rows_of(self, run: Run, data: Data, start: int, stop: int) -> Iterator[Row]:
+    def _rows_of(self, run: Run, data: Data, start: int, stop: int) -> Iterator[ComparedRow]:
         for at in range(start, stop, _PAGE):
             end = min(at + _PAGE, stop)
             ours = _cells(self.ours, data, run.ours, at, end)
             theirs = _cells(self.theirs, data, run.theirs, at, end)
             for our, their in zip(ours, theirs, strict=True):
                 shown = our or their
-                yield Row(shown.leaf.path if shown else "", our, their, _differs(our, their))
+                yield ComparedRow(shown.leaf.path if shown else "", our, their, _differs(our, their))
 
     def summary(self, data: Data, most: int = MOST_COUNTED) -> Summary:
         """Return the summary of the first `most` rows."""
@@ -344,7 +346,7 @@ class Count:
         self.rows = self.differing = 0
         self.first: int | None = None
 
-    def add(self, row: Row) -> None:
+    def add(self, row: ComparedRow) -> None:
         """Count one row."""
         self.rows += 1
         if row.differs:
@@ -361,7 +363,7 @@ def compare(ours: Layout, theirs: Layout) -> Comparison:
 _PAGE: Final = 512  # rows that are decoded at once, when all are asked for
 
 
-def _cells(layout: Layout, data: Data, first: int | None, start: int, stop: int) -> list[Cell | None]:
+def _cells(layout: Layout, data: Data, first: int | None, start: int, stop: int) -> list[ComparedLeaf | None]:
     if first is None:
         return [None] * (stop - start)
     start, stop = first + start, first + stop
@@ -371,7 +373,7 @@ def _cells(layout: Layout, data: Data, first: int | None, start: int, stop: int)
         if id(leaf.type) not in forms:
             forms[id(leaf.type)] = leaf_type_text(layout, leaf), stored_form(leaf.type, layout.rules)
     texts = _texts(layout, leaves, data, start, stop)
-    return [Cell(leaf, *forms[id(leaf.type)], text) for leaf, text in zip(leaves, texts, strict=True)]
+    return [ComparedLeaf(leaf, *forms[id(leaf.type)], text) for leaf, text in zip(leaves, texts, strict=True)]
 
 
 def _texts(layout: Layout, leaves: Sequence[Leaf], data: Data, start: int, stop: int) -> list[str]:
@@ -384,7 +386,7 @@ def _texts(layout: Layout, leaves: Sequence[Leaf], data: Data, start: int, stop:
     ]
 
 
-def _differs(ours: Cell | None, theirs: Cell | None) -> tuple[str, ...]:
+def _differs(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[str, ...]:
     if ours is None or theirs is None:
         return (ONLY_THEIRS if ours is None else ONLY_OURS,)
     same_type = ours.type == theirs.type  # another type has a form of its own
@@ -450,18 +452,18 @@ def _table(comparison: Comparison, data: bytes, count: Count) -> Iterator[tuple[
         yield (*_texts_of(row, comparison.ours.name, with_values), ", ".join(row.differs))
 
 
-def _texts_of(row: Row, name: str, with_values: bool) -> tuple[str, ...]:
+def _texts_of(row: ComparedRow, name: str, with_values: bool) -> tuple[str, ...]:
     mark, path = MARK if row.differs else "", row.path or name
     if not with_values:
         return mark, path, _place_of(row.ours), _place_of(row.theirs)
     return mark, path, _place_of(row.ours), _value(row.ours), _place_of(row.theirs), _value(row.theirs)
 
 
-def _place_of(cell: Cell | None) -> str:
+def _place_of(cell: ComparedLeaf | None) -> str:
     return cell.place_text if cell else NOTHING
 
 
-def _value(cell: Cell | None) -> str:
+def _value(cell: ComparedLeaf | None) -> str:
     return cell.value if cell else ""
 
 
@@ -481,7 +483,7 @@ def _side(layout: Layout) -> dict[str, object]:
     }
 
 
-def _cell(layout: Layout, cell: Cell | None, data: bytes) -> dict[str, object] | None:
+def _cell(layout: Layout, cell: ComparedLeaf | None, data: bytes) -> dict[str, object] | None:
     if cell is None:
         return None
     leaf = cell.leaf

@@ -18,9 +18,9 @@ from trcvtui.udt.compare.compare import difference
 from trcvtui.udt.compare.likelihood import (
     CAUSES,
     NONE,
-    Cause,
     Cutting,
-    Evidence,
+    FitCause,
+    LeafEvidence,
     bits_evidence,
     cut,
     evidence,
@@ -90,7 +90,7 @@ class Fit:
     layout: Layout
     score: float
     reasons: tuple[Reason, ...]
-    cause: Cause = NONE
+    cause: FitCause = NONE
     members: float = 0.0
     fits_best: bool = False
     doubt: str = ""
@@ -177,14 +177,14 @@ def _apart(one: Fit, other: Fit) -> str:
 
 # -- a layout, ready to be held against bytes ----------------------------------------------------------------
 
-_Known = dict[tuple[object, ...], dict[bytes, Evidence | None]]
+_Known = dict[tuple[object, ...], dict[bytes, LeafEvidence | None]]
 
 
 class _Member(NamedTuple):
     leaf: Leaf
     start: int
     stop: int
-    known: dict[bytes, Evidence | None]  # of the same type, in the same form and byte order
+    known: dict[bytes, LeafEvidence | None]  # of the same type, in the same form and byte order
     bits: int  # BOOLs in this byte, at the last of them
 
 
@@ -207,7 +207,7 @@ class _Look:
                 _Member(leaf, leaf.offset, leaf.offset + leaf.size, known.setdefault(key, {}), bits)
             )
 
-    def evidence(self, member: _Member, raw: bytes) -> Evidence | None:
+    def evidence(self, member: _Member, raw: bytes) -> LeafEvidence | None:
         if raw not in member.known:
             found = (
                 bits_evidence(member.bits, raw)
@@ -235,7 +235,7 @@ class _Says(NamedTuple):
 class _Reading:
     """A layout and a cause held against the bytes."""
 
-    def __init__(self, profiles: tuple[Profile, ...], look: _Look, cause: Cause, cutting: Cutting) -> None:
+    def __init__(self, profiles: tuple[Profile, ...], look: _Look, cause: FitCause, cutting: Cutting) -> None:
         self.profiles, self.look, self.cause, self.cutting = profiles, look, cause, cutting
         self.others: list[Reason] = []  # all reasons but the members'
         self.said: list[_Says] = []
@@ -245,7 +245,12 @@ class _Reading:
 
     @classmethod
     def of(
-        cls, profiles: tuple[Profile, ...], look: _Look, cause: Cause, messages: Sequence[bytes], framed: bool
+        cls,
+        profiles: tuple[Profile, ...],
+        look: _Look,
+        cause: FitCause,
+        messages: Sequence[bytes],
+        framed: bool,
     ) -> _Reading | None:
         """Return the reading; None where the cause cannot be."""
         cutting = cut(cause, look.layout.size, messages, framed, MOST_MESSAGES)

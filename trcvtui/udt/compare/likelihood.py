@@ -21,7 +21,7 @@ _Order = Literal["little", "big"]
 _Chance = tuple[float, str]  # the logarithm of how likely the bytes are as a value, and what they are
 
 
-class Evidence(NamedTuple):
+class LeafEvidence(NamedTuple):
     """Points for (above 0) or against a reading, and the reason in words.
 
     `fair` are the points where the byte order is in doubt: a number that is round in one of the orders has
@@ -66,7 +66,7 @@ def chance(raw: bytes) -> float:
     return zeros * ZERO + (len(raw) - zeros) * OTHER
 
 
-def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> Evidence | None:
+def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
     """Return what the bytes of a leaf say, of a bit nothing; None is nothing."""
     if leaf.bit is not None or isinstance(leaf.type, Pointer):
         return None
@@ -93,7 +93,7 @@ def spoken(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
     return raw[: next((at for at in range(0, len(raw), unit) if not any(raw[at : at + unit])), len(raw))]
 
 
-def bits_evidence(used: int, raw: bytes) -> Evidence:
+def bits_evidence(used: int, raw: bytes) -> LeafEvidence:
     """Return what a byte of BOOLs says of which the first `used` bits are some."""
     if raw[0] >> used:
         return _plain((NEVER, f"bits after them are set: 16#{raw[0]:02X}"), raw)
@@ -137,12 +137,12 @@ def _points(likely: float, raw: bytes) -> float:
     return math.log(DOUBT + (1 - DOUBT) * math.exp(more)) if more > NEVER else math.log(DOUBT)
 
 
-def _plain(found: _Chance, raw: bytes) -> Evidence:
+def _plain(found: _Chance, raw: bytes) -> LeafEvidence:
     points = _points(found[0], raw)
-    return Evidence(points, found[1], points)
+    return LeafEvidence(points, found[1], points)
 
 
-def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge) -> Evidence:
+def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge) -> LeafEvidence:
     """Return what a number says; of the byte order only where it is round in none of them."""
     likely, why = judge(leaf, row, raw, order)
     points = _points(likely, raw)
@@ -151,13 +151,13 @@ def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge
     if isinstance(leaf.type, Enumeration | Subrange):
         fair = max(fair, 0.0)
     if _is_round(raw) or row.kind is Kind.BITS:
-        return Evidence(points, why, fair)
+        return LeafEvidence(points, why, fair)
     is_signed = row.code.islower()
     here = abs(int.from_bytes(raw, order, signed=is_signed))
     there = abs(int.from_bytes(raw[::-1], order, signed=is_signed))
     if max(here, there) < PLAIN * min(here, there):
-        return Evidence(points, why, fair)
-    return Evidence(points, why, fair, points - _points(judge(leaf, row, raw[::-1], order)[0], raw))
+        return LeafEvidence(points, why, fair)
+    return LeafEvidence(points, why, fair, points - _points(judge(leaf, row, raw[::-1], order)[0], raw))
 
 
 def _is_round(raw: bytes) -> bool:
@@ -410,7 +410,7 @@ MOST_EXTRA: Final = 8  # bytes of a header or a trailer
 Change = Callable[[bytes], bytes]
 
 
-class Cause(NamedTuple):
+class FitCause(NamedTuple):
     """One cause: its kind, its number of bytes, how it is undone, and the points that it costs.
 
     `front`: bytes before the members that are no members, below 0 bytes that are missing there; `back` the
@@ -451,30 +451,30 @@ def _in_pairs(raw: bytes) -> bytes:
     return bytes(out)
 
 
-NONE: Final = Cause()
+NONE: Final = FitCause()
 _words: Final[dict[int, Change]] = {4: words_exchanged, 8: words_exchanged}
 _bytes: Final[dict[int, Change]] = dict.fromkeys((2, 4, 8), pairs_exchanged)
 # A swap of words in one byte order and a swap of bytes in the other one are often the same bytes: they cost
 # the same, and the one in our own byte order comes first.
 SWAPS: Final = (
-    Cause(WORD_SWAP, cost=-3.5, about="of each number of 4 and 8 bytes", of_member=_words),
-    Cause(WORD_SWAP, cost=-3.5, about="of each number of 4 bytes", of_member={4: words_exchanged}),
-    Cause(
+    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 and 8 bytes", of_member=_words),
+    FitCause(WORD_SWAP, cost=-3.5, about="of each number of 4 bytes", of_member={4: words_exchanged}),
+    FitCause(
         WORD_SWAP,
         cost=-4.0,
         about="of each number of 4 bytes, and of each half of 8",
         of_member={4: words_exchanged, 8: _in_pairs},
     ),
-    Cause(WORD_SWAP, cost=-3.5, about="of every 4 bytes of the message", of_all=_in_pairs),
-    Cause(BYTE_SWAP, cost=-3.5, about="of the whole message", of_all=pairs_exchanged),
-    Cause(BYTE_SWAP, cost=-3.5, about="of each number", of_member=_bytes),
+    FitCause(WORD_SWAP, cost=-3.5, about="of every 4 bytes of the message", of_all=_in_pairs),
+    FitCause(BYTE_SWAP, cost=-3.5, about="of the whole message", of_all=pairs_exchanged),
+    FitCause(BYTE_SWAP, cost=-3.5, about="of each number", of_member=_bytes),
 )
 EXTRA: Final = (
-    *(Cause(HEADER, n, front=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
-    *(Cause(TRAILER, n, back=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
-    Cause(LONG, 1, back=1, cost=-3.0),
-    Cause(SHORT, 1, back=-1, cost=-3.0, about="its last byte is missing"),
-    Cause(SHORT, 1, front=-1, cost=-5.0, about="its first byte is missing"),
+    *(FitCause(HEADER, n, front=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
+    *(FitCause(TRAILER, n, back=n, cost=-2.5) for n in range(1, MOST_EXTRA + 1)),
+    FitCause(LONG, 1, back=1, cost=-3.0),
+    FitCause(SHORT, 1, back=-1, cost=-3.0, about="its last byte is missing"),
+    FitCause(SHORT, 1, front=-1, cost=-5.0, about="its first byte is missing"),
 )
 CAUSES: Final = (NONE, *SWAPS, *EXTRA)
 
@@ -490,7 +490,7 @@ ORDERS: Final[tuple[Literal["big", "little"], ...]] = ("big", "little")
 LENGTH_FIELD: Final = 0.5  # how often a header has the length
 
 
-def extra_points(cause: Cause, extra: bytes, size: int) -> tuple[float, str] | None:
+def extra_points(cause: FitCause, extra: bytes, size: int) -> tuple[float, str] | None:
     """Return what the bytes before or after one message say, and what they are; None where it is not so."""
     shown = extra.hex(" ").upper()
     if cause.kind == HEADER:
@@ -531,7 +531,7 @@ def length_field(extra: bytes, size: int) -> tuple[bytes, str] | None:
     return None
 
 
-def cut(cause: Cause, size: int, messages: Sequence[bytes], framed: bool, most: int) -> Cutting:
+def cut(cause: FitCause, size: int, messages: Sequence[bytes], framed: bool, most: int) -> Cutting:
     """Return the messages cut for a type of `size` bytes, the last ones, what is over stays out."""
     period = size + cause.front + cause.back
     if period <= 0 or not size:

@@ -1,4 +1,4 @@
-"""The corrective type: a declaration that under one layout lies as a type does under another.
+"""The padded type: a declaration that under one layout lies as a type does under another.
 
 Gaps become members of their own. What cannot be reached becomes raw bytes, and is told with the reason; the
 result is laid out again and every member compared, so that what is called possible is proved.
@@ -22,14 +22,14 @@ from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, LeafType, Struct, 
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
 
-class Note(NamedTuple):
+class MemberNote(NamedTuple):
     """What is to be known of a member."""
 
     path: str
     text: str
 
 
-def stand_in(
+def substitute(
     node: PlacedLeaf, theirs: LayoutRules, ours: LayoutRules, path: str
 ) -> tuple[LeafType | None, str]:
     """Return the type under our rules for a leaf under theirs, and a note; None and why there is none."""
@@ -139,8 +139,8 @@ MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be u
 BYTE: Final = ELEMENTARY["BYTE"]
 
 
-class Unreached(NamedTuple):
-    """A member that is raw bytes in the corrective type, or is not in it (a bit): its path, "" is all; why.
+class UnreachedMember(NamedTuple):
+    """A member that is raw bytes in the padded type, or is not in it (a bit): its path, "" is all; why.
 
     Of the elements of an ARRAY the first is named. The reason names the part of it that is why.
     """
@@ -149,13 +149,13 @@ class Unreached(NamedTuple):
     why: str
 
 
-class Corrective(NamedTuple):
+class PaddedType(NamedTuple):
     """A type that lies as wanted, but for what is `unreached`; `notes` are members that need a conversion."""
 
     type: Type
     layout: Layout
-    unreached: tuple[Unreached, ...]
-    notes: tuple[Note, ...]
+    unreached: tuple[UnreachedMember, ...]
+    notes: tuple[MemberNote, ...]
 
     @property
     def is_possible(self) -> bool:
@@ -163,7 +163,7 @@ class Corrective(NamedTuple):
         return not self.unreached
 
 
-def corrective(wanted: Layout, rules: LayoutRules) -> Corrective:
+def padded_type(wanted: Layout, rules: LayoutRules) -> PaddedType:
     """Return the type that under `rules` lies as `wanted` does; its byte order is that of `rules`.
 
     For the receiver `wanted` is the sender's layout and `rules` are the receiver's own; for the sender the
@@ -173,26 +173,28 @@ def corrective(wanted: Layout, rules: LayoutRules) -> Corrective:
     return min(tries, key=lambda found: (_is_all_raw(found), len(found.unreached)))
 
 
-def _is_all_raw(found: Corrective) -> bool:
+def _is_all_raw(found: PaddedType) -> bool:
     return any(not one.path for one in found.unreached)
 
 
-def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> Corrective:
+def _corrected(wanted: Layout, rules: LayoutRules, pack: int | None) -> PaddedType:
     rebuild = _Rebuild(wanted, rules, pack)
     try:
         type_ = rebuild.type(wanted.type, wanted.root, "")
         layout = lay_out(type_, rules, f"{wanted.name}_{rebuild.suffix}")
         prove(wanted.root, layout.root, rebuild.raw)
-        unreached = tuple(Unreached(one.path, one.reason) for one in rebuild.unreached)
-        return Corrective(type_, layout, unreached, tuple(rebuild.notes))
+        unreached = tuple(UnreachedMember(one.path, one.reason) for one in rebuild.unreached)
+        return PaddedType(type_, layout, unreached, tuple(rebuild.notes))
     except Unreachable as failed:
         return all_raw(wanted, rules, f"{failed.path}: {failed.why}" if failed.path else failed.why)
 
 
-def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> Corrective:
+def all_raw(wanted: Layout, rules: LayoutRules, why: str) -> PaddedType:
     """Return the type as bytes and nothing else, which every layout can hold."""
     raw = Array(((0, max(wanted.size, 1) - 1),), BYTE)
-    return Corrective(raw, lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}"), (Unreached("", why),), ())
+    return PaddedType(
+        raw, lay_out(raw, rules, f"{wanted.name}_{_suffix(wanted)}"), (UnreachedMember("", why),), ()
+    )
 
 
 def _suffix(wanted: Layout) -> str:
@@ -221,7 +223,7 @@ class _Built(NamedTuple):
 
     type: Struct | Union | None
     unreached: list[_Raw]
-    notes: list[Note]
+    notes: list[MemberNote]
     failed: tuple[str, str] = ("", "")
 
 
@@ -234,7 +236,7 @@ class _Rebuild:
         self.suffix = _suffix(wanted)
         self.placing = Placing(rules)
         self.unreached: list[_Raw] = []
-        self.notes: list[Note] = []
+        self.notes: list[MemberNote] = []
         self.raw: set[RawMember] = set()
         self._built: dict[int, _Built] = {}
 
@@ -249,11 +251,11 @@ class _Rebuild:
                 return self.once(type_, node, path)
             case _:
                 assert isinstance(node, PlacedLeaf)
-                found, why = stand_in(node, self.theirs, self.rules, path)
+                found, why = substitute(node, self.theirs, self.rules, path)
                 if found is None:
                     raise Unreachable(path, why)
                 if why:
-                    self.notes.append(Note(path, why))
+                    self.notes.append(MemberNote(path, why))
                 return found
 
     def once(self, type_: Struct | Union, node: PlacedStruct, path: str) -> Struct | Union:
@@ -354,7 +356,7 @@ def _members(
             yield from _members(inner, child, at + offset)
 
 
-def told(found: Corrective) -> list[str]:
-    """Return what is to be said about a corrective type, one line each."""
+def told(found: PaddedType) -> list[str]:
+    """Return what is to be said about a padded type, one line each."""
     lines = [f"{one.path or type_text(found.type)}: not reached: {one.why}" for one in found.unreached]
     return lines + [f"{note.path}: {note.text}" for note in found.notes]

@@ -7,10 +7,17 @@ from itertools import groupby
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.exports.outline import BASE_NAME, Field, bounds_text, fields_of, refuse_empty, structs_of
+from trcvtui.udt.exports.outline import (
+    BASE_NAME,
+    ExportField,
+    bounds_text,
+    fields_of,
+    refuse_empty,
+    structs_of,
+)
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
-from trcvtui.udt.st_write import Taken, escaper
+from trcvtui.udt.st_write import NameScope, escaper
 from trcvtui.udt.types import Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union, type_text
 
 WORDS: Final = """
@@ -32,19 +39,19 @@ escaped = escaper(RESERVED)
 def write(layout: Layout) -> str:
     """Return the pattern of the type, placed at address 0."""
     refuse_empty(layout)
-    return _Writer(layout).text()
+    return _ImhexWriter(layout).text()
 
 
 def _quoted(text: str) -> str:
     return '"' + one_line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-class _Writer:
+class _ImhexWriter:
     """Writes types in the order in which they need each other; each is written once."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout, self.rules = layout, layout.rules
-        self.taken = Taken(escaped)
+        self.taken = NameScope(escaped)
         self.names: dict[Struct | Union | Enumeration, str] = {}
         self.written: dict[str, str] = {}  # head and body of a type -> its name
         self.types: list[str] = []
@@ -64,7 +71,7 @@ class _Writer:
         head = [f"#pragma description {one_line(form)}", f"#pragma endian {rules.byte_order}", ""]
         name, brackets, doc = placed
         notes = _notes(layout.name, escaped(layout.name), doc)
-        variable = f"{name} {Taken(escaped)(layout.name.lower() + '_at_0')}{brackets} @ 0x00{notes};"
+        variable = f"{name} {NameScope(escaped)(layout.name.lower() + '_at_0')}{brackets} @ 0x00{notes};"
         return "\n".join([*head, *self.types, variable, ""])
 
     def struct(self, type_: Struct | Union, node: PlacedStruct) -> None:
@@ -72,7 +79,7 @@ class _Writer:
         fields, base = fields_of(type_, node), ""
         if not is_union and fields and not fields[0].name and isinstance(fields[0].type, Struct):
             base = f" : {self.names[fields[0].type]}"
-        lines, end, taken = [], 0, Taken(escaped)
+        lines, end, taken = [], 0, NameScope(escaped)
         for offset, group in groupby(fields, key=lambda field: field.offset):
             if offset > end:
                 lines.append(f"    padding[{offset - end}];")
@@ -87,7 +94,9 @@ class _Writer:
         body = "\n".join([f"{'union' if is_union else 'struct'} {name}{base} {{", *lines, "};", ""])
         self.types.append(body)
 
-    def members(self, fields: list[Field], taken: Taken, is_union: bool, bits: str) -> Iterable[str]:
+    def members(
+        self, fields: list[ExportField], taken: NameScope, is_union: bool, bits: str
+    ) -> Iterable[str]:
         """Yield the lines of members at one offset: several of them are the bits of a byte."""
         if fields and fields[0].is_bit and not is_union:
             yield f"{self.bitfield(bits, fields)} {taken(f'bits_{fields[0].offset}')};"
@@ -100,8 +109,8 @@ class _Writer:
                 name, brackets, doc = self.declaration(field.name, field.type, field.node)
                 yield f"{name} {word}{brackets}{_notes(field.name, word, doc)};"
 
-    def bitfield(self, name: str, fields: list[Field]) -> str:
-        taken = Taken(escaped)
+    def bitfield(self, name: str, fields: list[ExportField]) -> str:
+        taken = NameScope(escaped)
         words = [(field.name, taken(field.name)) for field in fields]
         lines = [f"    {word} : 1{_notes(name, word, '')};" for name, word in words]
         rest = [f"    padding : {8 - len(fields)};"] if len(fields) < 8 else []
@@ -161,7 +170,7 @@ class _Writer:
 
     def enumeration(self, type_: Enumeration, row: Elementary) -> str:
         if type_ not in self.names:
-            taken = Taken(escaped)
+            taken = NameScope(escaped)
             lines = [f"    {taken(own)} = {number}," for own, number in type_.values if number is not None]
             name = type_.name or row.name
             self.names[type_] = (

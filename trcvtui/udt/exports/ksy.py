@@ -10,10 +10,17 @@ import re
 from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.udt.exports.outline import BASE_NAME, Field, bounds_text, fields_of, refuse_empty, structs_of
+from trcvtui.udt.exports.outline import (
+    BASE_NAME,
+    ExportField,
+    bounds_text,
+    fields_of,
+    refuse_empty,
+    structs_of,
+)
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
-from trcvtui.udt.st_write import Taken, ascii_word
+from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union, type_text
 
 Lines = list[str]
@@ -44,7 +51,7 @@ def word(name: str) -> str:
 def write(layout: Layout) -> str:
     """Return the description of the type."""
     refuse_empty(layout)
-    return "\n".join([*_Writer(layout).lines(), ""])
+    return "\n".join([*_KsyWriter(layout).lines(), ""])
 
 
 def _quoted(text: str) -> str:
@@ -52,16 +59,16 @@ def _quoted(text: str) -> str:
     return '"' + one_line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-class _Writer:
+class _KsyWriter:
     """Writes the types, and remembers which enumerations and text types they need."""
 
     def __init__(self, layout: Layout) -> None:
         self.layout, self.rules = layout, layout.rules
-        self.taken = Taken(word)
+        self.taken = NameScope(word)
         self.main = self.taken(layout.name)
         self.names: dict[Struct | Union, str] = {}
         self.enumerations: dict[Enumeration, tuple[str, Lines]] = {}
-        self.taken_enumerations = Taken(word)
+        self.taken_enumerations = NameScope(word)
         self.further: dict[str, Lines] = {}
 
     def lines(self) -> Lines:
@@ -103,7 +110,7 @@ class _Writer:
 
     def members(self, type_: Struct | Union, node: PlacedStruct) -> Lines:
         """Return the members of a structure as `seq`, those of a union as `instances`."""
-        taken = Taken(word)
+        taken = NameScope(word)
         if isinstance(node, PlacedUnion):
             lines: Lines = ["instances:"]
             for field in fields_of(type_, node):
@@ -118,7 +125,7 @@ class _Writer:
             end = max(end, field.offset + field.node.size)
         return lines + (_gap(node.size - end) if node.size > end else [])
 
-    def named(self, field: Field, taken: Taken) -> Lines:
+    def named(self, field: ExportField, taken: NameScope) -> Lines:
         return self.entry(taken(field.name or BASE_NAME), field.type, field.node, field.name)
 
     def entry(self, name: str, type_: Type, node: Node, own: str) -> Lines:
@@ -196,7 +203,7 @@ class _Writer:
 
     def enumerated(self, type_: Enumeration, row: Elementary) -> Lines:
         if type_ not in self.enumerations:
-            name, taken = self.taken_enumerations(type_.name or row.name), Taken(word)
+            name, taken = self.taken_enumerations(type_.name or row.name), NameScope(word)
             numbers: dict[int, str] = {}
             for own, number in type_.values:
                 if number is not None and number not in numbers:

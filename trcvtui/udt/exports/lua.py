@@ -13,7 +13,7 @@ from trcvtui.udt.exports.outline import MOST_FIELDS, count_fields, fields_of, re
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.literals import PREFIXES
-from trcvtui.udt.st_write import Taken, ascii_word
+from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import (
     DAY,
     Array,
@@ -43,7 +43,7 @@ def write(layout: Layout, port: int | None = None) -> str:
     count = count_fields(layout.type, layout.root)
     if count > MOST_FIELDS:
         raise mistake(layout.name, f"{count} members", f"at most {MOST_FIELDS} for a dissector")
-    writer = _Writer(layout)
+    writer = _LuaWriter(layout)
     root = writer.node(layout.type, layout.root, 0, None, "FILTER", 0)
     structs = writer.structs()  # finds out what else is needed
     rules, name = layout.rules, one_line(layout.name)
@@ -68,18 +68,18 @@ def write(layout: Layout, port: int | None = None) -> str:
     )
 
 
-class _Part(NamedTuple):
+class _LuaPart(NamedTuple):
     text: str
     calls: list[str]
 
 
 @cache
-def _parts() -> dict[str, _Part]:
+def _parts() -> dict[str, _LuaPart]:
     """Return the parts of `dissector.lua` by name, in the order in which they are written."""
     text = Path(__file__).with_name("dissector.lua").read_text(encoding="utf-8")
     _, *pieces = re.split(r"^--- (.+)\n", text, flags=re.MULTILINE)
     heads = [head.split() for head in pieces[::2]]
-    return {name: _Part(text, calls) for (name, *calls), text in zip(heads, pieces[1::2], strict=True)}
+    return {name: _LuaPart(text, calls) for (name, *calls), text in zip(heads, pieces[1::2], strict=True)}
 
 
 def filter_name(name: str) -> str:
@@ -96,7 +96,7 @@ def quoted(text: str) -> str:
     return f'"{"".join(written)}"'
 
 
-class _Writer:
+class _LuaWriter:
     """Writes nodes, and remembers the readers and the enumerations that they need."""
 
     def __init__(self, layout: Layout) -> None:
@@ -105,7 +105,7 @@ class _Writer:
         self.enumerations: dict[Enumeration, str] = {}
         self.value_names: dict[Enumeration, str] = {}
         self.type_names: dict[Struct | Union, str] = {}
-        self.taken_types, self.taken_values = Taken(ascii_word), Taken(ascii_word)
+        self.taken_types, self.taken_values = NameScope(ascii_word), NameScope(ascii_word)
 
     def structs(self) -> list[str]:
         """Return a function for each structure: its members, their fields below a path."""
@@ -118,7 +118,7 @@ class _Writer:
 
     def struct(self, type_: Struct | Union, node: PlacedStruct) -> str:
         lines = [f"types.{self.struct_name(type_)} = function(path)", "  return {"]
-        taken = Taken(ascii_word)
+        taken = NameScope(ascii_word)
         for field in fields_of(type_, node):
             path = f'path .. ".{taken(field.name)}"' if field.name else "path"
             text = self.node(field.type, field.node, field.offset, field.name or None, path, field.bit)

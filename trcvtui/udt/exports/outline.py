@@ -17,7 +17,7 @@ BASE_NAME = "base"  # of the part without a name: what the type EXTENDS
 MOST_FIELDS = 20_000
 
 
-class Field(NamedTuple):
+class ExportField(NamedTuple):
     """One member: `name` is empty for what the type EXTENDS; `bit` counts only where `is_bit`."""
 
     name: str
@@ -32,12 +32,12 @@ class Field(NamedTuple):
         return isinstance(self.node, PlacedLeaf) and self.node.is_bit
 
 
-def fields_of(type_: Struct | Union, node: PlacedStruct) -> list[Field]:
+def fields_of(type_: Struct | Union, node: PlacedStruct) -> list[ExportField]:
     """Return the members that have bytes of their own, in declared order, the base first."""
     types: list[Type] = [] if type_.base is None else [type_.base]
     types += [member.type for member in type_.members]
     rows = zip(node.names, types, node.offsets, node.nodes, node.bits, strict=True)
-    return [field for field in map(Field._make, rows) if field.node.leaves]
+    return [field for field in map(ExportField._make, rows) if field.node.leaves]
 
 
 def structs_of(type_: Type, node: Node) -> Iterator[tuple[Struct | Union, PlacedStruct]]:

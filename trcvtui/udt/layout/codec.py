@@ -115,17 +115,17 @@ def present(leaves: Iterable[Leaf], values: Values, length: int) -> Values:
 
 def page_of(start: int, leaves: Sequence[Leaf], order: str) -> Page:
     """Compile leaves that follow each other; cheap, whatever the size of the layout."""
-    codecs, run = [], _Run(leaves[0].offset if leaves else 0)
+    codecs, run = [], _LeafRun(leaves[0].offset if leaves else 0)
     for leaf in leaves:
         if not run.takes(leaf):
             codecs.append(run.codec(order))
-            run = _Run(leaf.offset)
+            run = _LeafRun(leaf.offset)
         run.add(leaf)
     codecs.append(run.codec(order))
     return Page(start, tuple(leaves), tuple(codecs))
 
 
-class _Run:
+class _LeafRun:
     """Leaves of which none begins before the one in front ends; the bits of a byte are one raw value."""
 
     def __init__(self, base: int) -> None:

@@ -42,7 +42,7 @@ class PlacedLeaf:
         self.type, self.coding, self.size, self.align, self.is_bit = type_, coding, size, align, is_bit
 
 
-class Part(NamedTuple):
+class PlacedMember(NamedTuple):
     """A member where it lies; without a name it is what the type EXTENDS. `bit` is the place of a bit."""
 
     name: str
@@ -68,7 +68,7 @@ class PlacedStruct:
         "steps",
     )
 
-    def __init__(self, parts: Sequence[Part], size: int, align: int) -> None:
+    def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         self.names = tuple(part.name for part in parts)
         self.steps = tuple(map(_step, self.names))
         self.offsets = tuple(part.offset for part in parts)
@@ -90,7 +90,7 @@ class PlacedUnion(PlacedStruct):
 
     __slots__ = ()
 
-    def __init__(self, parts: Sequence[Part], size: int, align: int) -> None:
+    def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         super().__init__(parts, size, align)
         self.overlaps = True
 

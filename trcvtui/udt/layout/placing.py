@@ -10,7 +10,14 @@ from typing import TypeVar
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError, mistake
 from trcvtui.udt.layout.coding import coding_of
-from trcvtui.udt.layout.layout_tree import Node, Part, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
+from trcvtui.udt.layout.layout_tree import (
+    Node,
+    PlacedArray,
+    PlacedLeaf,
+    PlacedMember,
+    PlacedStruct,
+    PlacedUnion,
+)
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.types import (
     ELEMENTARY,
@@ -98,18 +105,20 @@ class Placing:
 
     def place_struct(self, type_: Struct | Union, where: str) -> PlacedStruct:
         cap, rules, parts = self.cap(type_), self.rules, self.parts(type_, where)
-        placed: list[Part] = []
+        placed: list[PlacedMember] = []
         end, align, bit = 0, rules.struct_floor if parts else 1, 0
         for name, inner, node in parts:
             step = max(min(node.align, cap), rules.member_floor)
             align = max(align, step)
             is_bit = isinstance(node, PlacedLeaf) and node.is_bit
             if is_bit and 0 < bit < 8:
-                placed.append(Part(name, end - 1, node, bit))  # the next bit of the byte that is begun
+                placed.append(
+                    PlacedMember(name, end - 1, node, bit)
+                )  # the next bit of the byte that is begun
                 bit += 1
                 continue
             offset = _up(end, step)
-            placed.append(Part(name, offset, node))
+            placed.append(PlacedMember(name, offset, node))
             end = _up(offset + node.size, self.end_floor(inner))
             bit = int(is_bit)
         return _checked(PlacedStruct(placed, _up(end, align), align), where)
@@ -121,7 +130,7 @@ class Placing:
         for _, inner, node in parts:
             align = max(align, min(node.align, cap), self.rules.member_floor)
             end = max(end, _up(node.size, self.end_floor(inner)))
-        placed = [Part(name, 0, node) for name, _, node in parts]
+        placed = [PlacedMember(name, 0, node) for name, _, node in parts]
         return _checked(PlacedUnion(placed, _up(end, align), align), where)
 
     def cap(self, type_: Struct | Union) -> int:

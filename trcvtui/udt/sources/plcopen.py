@@ -65,7 +65,7 @@ def _declarations(element: Element) -> Iterator[Declaration]:
             if read.problems:
                 yield Declaration(name, None, plain.where, read.problems)
             return
-    walk = _Walk()
+    walk = _TypeWalk()
     spec: Spec | None = None
     try:
         spec = walk.struct(element, 0) if element.name == "union" else walk.base(element, 0)
@@ -126,7 +126,7 @@ def _constants(list_: Element) -> Declarations:
     return qualified(Declarations((), (), tuple(found)), list_.get("name"))
 
 
-class _Walk:
+class _TypeWalk:
     """The walk through one type, and what is wrong in it."""
 
     def __init__(self) -> None:
@@ -144,7 +144,7 @@ class _Walk:
         inner = _inner(element)
         if inner is None:
             raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")
-        return SPECS.get(inner.name, _Walk.elementary)(self, inner, deeper(depth, inner))
+        return SPECS.get(inner.name, _TypeWalk.elementary)(self, inner, deeper(depth, inner))
 
     def struct(self, element: Element, depth: int) -> Spec:
         members: list[MemberSpec] = []
@@ -216,17 +216,17 @@ def _reference(element: Element) -> Reference:
     return Reference(name, element.where)
 
 
-SPECS: dict[str, Callable[[_Walk, Element, int], Spec]] = {
-    "struct": _Walk.struct,
-    "union": _Walk.struct,
-    "array": _Walk.array,
-    "enum": _Walk.enum,
-    "subrangeSigned": _Walk.range,
-    "subrangeUnsigned": _Walk.range,
-    "pointer": _Walk.pointer,
-    "derived": _Walk.derived,
-    "string": _Walk.string,
-    "wstring": _Walk.string,
-    "STRING": _Walk.string,
-    "WSTRING": _Walk.string,
+SPECS: dict[str, Callable[[_TypeWalk, Element, int], Spec]] = {
+    "struct": _TypeWalk.struct,
+    "union": _TypeWalk.struct,
+    "array": _TypeWalk.array,
+    "enum": _TypeWalk.enum,
+    "subrangeSigned": _TypeWalk.range,
+    "subrangeUnsigned": _TypeWalk.range,
+    "pointer": _TypeWalk.pointer,
+    "derived": _TypeWalk.derived,
+    "string": _TypeWalk.string,
+    "wstring": _TypeWalk.string,
+    "STRING": _TypeWalk.string,
+    "WSTRING": _TypeWalk.string,
 }

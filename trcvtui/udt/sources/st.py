@@ -11,7 +11,7 @@ from bisect import bisect_right
 from trcvtui.errors import UserError
 from trcvtui.udt.ast import Constant, Declaration, Declarations, Reference, Spec, StructSpec
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, Token
+from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, StToken
 from trcvtui.udt.sources.st_spec import SpecParser, encoded
 
 ACCESS = ("PUBLIC", "PRIVATE", "PROTECTED", "INTERNAL")
@@ -109,7 +109,7 @@ class Parser(SpecParser):
         """Return one declaration with its own problems; None when it has not even a name."""
         others, self.problems = self.problems, []
         self.nested, self.notes = 0, []
-        name: Token | None = None
+        name: StToken | None = None
         spec: Spec | None = None
         try:
             if self.sees(*ACCESS) and self.is_name(1):
@@ -179,7 +179,7 @@ class Parser(SpecParser):
         if not self.sees("STRUCT"):
             raise self.refusal("'STRUCT'")
 
-    def pack(self, pragmas: list[str], token: Token) -> int | None:
+    def pack(self, pragmas: list[str], token: StToken) -> int | None:
         """Return the pack_mode among the pragmas of a type; refuse one that no compiler takes."""
         found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
@@ -238,7 +238,7 @@ class Parser(SpecParser):
             self.advance()
 
 
-def _block_ends(tokens: list[Token]) -> dict[str, list[int]]:
+def _block_ends(tokens: list[StToken]) -> dict[str, list[int]]:
     """Return where each END_ word stands."""
     ends: dict[str, list[int]] = {}
     for at, token in enumerate(tokens):

@@ -45,7 +45,7 @@ class Shape(Enum):
     END = "end"
 
 
-class Token(NamedTuple):
+class StToken(NamedTuple):
     """One token: its text, where it begins, and `upper` to compare keywords and symbols with."""
 
     shape: Shape
@@ -102,16 +102,16 @@ class Source:
         """Return the line of a place in this text, from 1."""
         return bisect_right(self.lines, place)
 
-    def refusal(self, token: Token, expected: str) -> UserError:
+    def refusal(self, token: StToken, expected: str) -> UserError:
         """Return the UserError of a token that the grammar does not take."""
         found = "the end of the text" if token.shape is Shape.END else f"'{token.text[:40]}'"
         if token.shape is Shape.UNCLOSED:
             found, expected = f"{found} without an end", f"'{ENDS_OF[token.text]}'"
         return mistake(self.where(token.place), found, expected)
 
-    def cut(self) -> list[Token]:
+    def cut(self) -> list[StToken]:
         """Return all tokens, the last one an END."""
-        tokens: list[Token] = []
+        tokens: list[StToken] = []
         place, end = 0, len(self.text)
         while place < end:
             found = _TOKEN.match(self.text, place)
@@ -123,10 +123,10 @@ class Source:
             if text[0] == "{" and group == "GAP":
                 self.pragmas.append((len(tokens), text))
             if group != "GAP":
-                tokens.append(Token(Shape[group], text, begin, text.upper()))
+                tokens.append(StToken(Shape[group], text, begin, text.upper()))
             if group == "UNCLOSED":
                 place = self.after_unclosed(text, begin)
-        tokens.append(Token(Shape.END, "", end, ""))
+        tokens.append(StToken(Shape.END, "", end, ""))
         return tokens
 
     def comment_end(self, place: int) -> int:
@@ -165,7 +165,7 @@ class Cursor:
         self.problems: list[Problem] = []
 
     @property
-    def token(self) -> Token:
+    def token(self) -> StToken:
         """Return the token at the cursor; at the end of the text an END, again and again."""
         return self.tokens[self.at]
 
@@ -173,7 +173,7 @@ class Cursor:
         """Return whether the text is used up."""
         return self.token.shape is Shape.END
 
-    def where(self, token: Token) -> str:
+    def where(self, token: StToken) -> str:
         """Return file, line and column of a token."""
         return self.source.where(token.place)
 
@@ -181,7 +181,7 @@ class Cursor:
         """Return whether the token is one of these keywords (upper case) or symbols."""
         return self.token.upper in texts
 
-    def advance(self) -> Token:
+    def advance(self) -> StToken:
         """Return the token and go behind it."""
         token = self.token
         if token.shape is not Shape.END:
@@ -200,7 +200,7 @@ class Cursor:
         if not self.accept(text):
             raise self.refusal(f"'{text}'")
 
-    def name(self, what: str) -> Token:
+    def name(self, what: str) -> StToken:
         """Return the name at the cursor and go behind it; raise UserError, naming what was expected."""
         if not self.is_name() or (self.token.upper in RESERVED and not self.is_member_type()):
             raise self.refusal(what)
@@ -213,7 +213,7 @@ class Cursor:
             return token.text[0] != "'" and len(token.text) > 2
         return token.shape is Shape.WORD
 
-    def qualified(self, what: str) -> tuple[Token, str]:
+    def qualified(self, what: str) -> tuple[StToken, str]:
         """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go behind it."""
         first = self.name(what)
         parts = [first.name]
@@ -279,7 +279,7 @@ class Cursor:
         text = re.sub(r" ?(\.\.|[\[(.#]) ?", r"\1", text)
         return re.sub(r" ([\]),:])", r"\1", text)
 
-    def refusal(self, expected: str, token: Token | None = None) -> UserError:
+    def refusal(self, expected: str, token: StToken | None = None) -> UserError:
         """Return the UserError of a token (default: the one at the cursor) that the grammar does not take."""
         return self.source.refusal(token or self.token, expected)
 

@@ -51,10 +51,9 @@ from trcvtui.project.project import (
     Task,
 )
 from trcvtui.project.tables import FILE, NAME, TEXT, TRUTH, Given, Table, read_toml, shown
-from trcvtui.udt.sources import parse_type
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
-from trcvtui.udt.sources import read_files
+from trcvtui.udt.sources import parse_type, read_files
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, join
 from trcvtui.udt.types import Type
 

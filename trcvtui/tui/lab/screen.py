@@ -504,7 +504,7 @@ class LabScreen(Screen[None]):
 
     def _export(self, row: Export) -> None:
         """Take our layout in the language of another tool."""
-        from trcvtui.tui.copying.taking import take
+        from trcvtui.tui.clipboard_and_files import take
 
         layout, text = self.lab.layout(OURS), ""
         self._trouble, self._told = "nothing is there to export", ""

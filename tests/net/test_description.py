@@ -14,9 +14,9 @@ from trcvtui.net.connection.description import (
     LONGEST_NAME,
     LONGEST_SELECTOR,
     Description,
+    DescriptionRow,
     Field,
     FieldType,
-    Row,
     Structure,
     Value,
     pack,
@@ -117,20 +117,20 @@ def test_a_size_names_its_structure() -> None:
 def test_the_view_shows_each_field_with_its_bytes_and_a_remark() -> None:
     description = Description(IP_V4, bytes.fromhex(EXAMPLE))
     shown = rows(description, {"LocalPort": "0 takes any port"})
-    assert shown[0] == Row(0, "InterfaceId", b"\x00\x40", "64 (16#40)")
-    assert shown[3] == Row(5, "ActiveEstablished", b"\x01", "TRUE")
-    assert shown[4] == Row(6, "RemoteAddress", b"\xc0\xa8\x00\x0a", "192.168.0.10")
-    assert shown[6] == Row(12, "LocalPort", b"\x00\x00", "0", "0 takes any port")
+    assert shown[0] == DescriptionRow(0, "InterfaceId", b"\x00\x40", "64 (16#40)")
+    assert shown[3] == DescriptionRow(5, "ActiveEstablished", b"\x01", "TRUE")
+    assert shown[4] == DescriptionRow(6, "RemoteAddress", b"\xc0\xa8\x00\x0a", "192.168.0.10")
+    assert shown[6] == DescriptionRow(12, "LocalPort", b"\x00\x00", "0", "0 takes any port")
 
 
 def test_the_view_shows_what_lies_between_the_fields_and_what_is_missing() -> None:
     rfc = CONNECTIONS["TCON_IP_RFC"]
     shown = rows(Description(rfc, pack(rfc, {"LocalTSelector": b"TCP-1"})), {})
-    assert shown[4] == Row(6, "", b"\0\0", "")
+    assert shown[4] == DescriptionRow(6, "", b"\0\0", "")
     assert (shown[6].value, shown[7].value) == ("", "TCP-1 (54 43 50 2D 31)")
     short = rows(Description(rfc, b"\x00\x40\x00"), {"": "3 bytes"})
-    assert short[1] == Row(2, "ID", b"\x00", "(not there)")
-    assert short[-1] == Row(3, "", b"", "", "3 bytes")
+    assert short[1] == DescriptionRow(2, "ID", b"\x00", "(not there)")
+    assert short[-1] == DescriptionRow(3, "", b"", "", "3 bytes")
 
 
 # -- what it means -------------------------------------------------------------------------------------------

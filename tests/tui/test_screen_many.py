@@ -11,7 +11,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.picture import Picture
-from trcvtui.tui.panes.instance_list import Columns
+from trcvtui.tui.panes.instance_list import ListColumns
 from trcvtui.tui.widgets.line_view import Row
 
 
@@ -116,7 +116,7 @@ async def test_a_picture_of_250_instances_draws_only_the_rows_in_view() -> None:
         pane, drawn = looker.app.main.instances, list[str]()
         row = pane._row
 
-        def counted(instance: InstanceSnapshot, columns: Columns) -> Row:
+        def counted(instance: InstanceSnapshot, columns: ListColumns) -> Row:
             drawn.append(instance.name)
             return row(instance, columns)
 

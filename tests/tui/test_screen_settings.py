@@ -13,7 +13,7 @@ from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped
 from trcvtui.tui.main import MainScreen
-from trcvtui.tui.settings import Settings, load_settings
+from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.widgets.line_view import ruled
 
 LARGE = (200, 60)
@@ -28,7 +28,7 @@ def config(tmp_path: Path) -> Path:
     return folder
 
 
-def settings(theme: str | None = None) -> Settings:
+def settings(theme: str | None = None) -> ScreenSettings:
     return load_settings((*BenchApp.BINDINGS, *MainScreen.BINDINGS), theme)
 
 
@@ -46,7 +46,7 @@ def colours(looker: Looker) -> set[str]:
 
 
 async def test_without_settings_nothing_is_said() -> None:
-    assert settings() == Settings()
+    assert settings() == ScreenSettings()
 
 
 async def test_a_key_of_the_users_own_does_the_action_and_the_old_one_no_longer(config: Path) -> None:

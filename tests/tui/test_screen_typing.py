@@ -22,7 +22,7 @@ from trcvtui.rig.scenario.files import Found
 from trcvtui.tui.copy_formats import YankScreen, subject_of
 from trcvtui.tui.forms.add_screen import AddScreen, ChangeScreen, ChoiceField
 from trcvtui.tui.forms.description import DescriptionScreen
-from trcvtui.tui.forms.fields import Part
+from trcvtui.tui.forms.fields import ProjectPart
 from trcvtui.tui.forms.messages import MessagesScreen, UdtForm, form_of
 from trcvtui.tui.forms.split_test_screen import TrialScreen
 from trcvtui.tui.framings import FramingScreen
@@ -31,7 +31,7 @@ from trcvtui.tui.lab.lab import Lab
 from trcvtui.tui.lab.screen import LabScreen
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.race.screen import RaceScreen
-from trcvtui.tui.scenarios.scenario_list import Library
+from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
 from trcvtui.tui.widgets.help import HelpScreen
 from trcvtui.tui.widgets.screens import ChoiceScreen
@@ -72,7 +72,7 @@ def udt_form(looker: BenchLooker) -> UdtForm:
 OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     MainScreen: lambda looker: None,
     AddScreen: lambda looker: AddScreen(lambda: looker.app.scene.project, "peer", {}),
-    ChangeScreen: lambda looker: ChangeScreen(lambda: looker.app.scene.project, Part("connect", "C1")),
+    ChangeScreen: lambda looker: ChangeScreen(lambda: looker.app.scene.project, ProjectPart("connect", "C1")),
     UdtForm: udt_form,
     ConstantsForm: lambda looker: ConstantsForm(["GVL.MAX", "GVL.MIN"], "a file"),
     MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.scene.project),
@@ -86,7 +86,7 @@ OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     LabScreen: lambda looker: LabScreen(looker.app.scene, Lab(looker.app.scene), lambda line: None),
     RaceScreen: lambda looker: RaceScreen(looker.app.scene, lambda line: None, None),
     ScenariosScreen: lambda looker: ScenariosScreen(
-        looker.app.scene, lambda line: None, Library(Found((), False), None)
+        looker.app.scene, lambda line: None, ScenarioListModel(Found((), False), None)
     ),
 }
 

@@ -25,7 +25,7 @@ from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import CheckSnapshot, ReplySnapshot, Tally
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import MS
-from trcvtui.tui.panes.composer import Cuts, cuts_of
+from trcvtui.tui.panes.composer import Splits, splits_of
 
 SIZES = pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)], ids=["80x24", "120x40", "200x60"])
 RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
@@ -141,12 +141,12 @@ async def test_a_message_that_is_none_has_no_cells() -> None:
 @given(st.binary(min_size=2, max_size=40), st.data())
 def test_drawn_cuts_come_back_from_the_command_that_they_make(payload: bytes, data: st.DataObject) -> None:
     places = data.draw(st.sets(st.integers(1, len(payload) - 1), max_size=6))
-    cuts = Cuts({place: data.draw(st.sampled_from([0, 20 * MS, 50 * MS])) for place in sorted(places)})
+    cuts = Splits({place: data.draw(st.sampled_from([0, 20 * MS, 50 * MS])) for place in sorted(places)})
     gap = f" gap={cuts.gap}" if cuts.gap else ""
     split = f" split={cuts.split}" if cuts.split else ""
     project = load_project(CONFIGS / "passive.toml")
     send = parse_line(f"peer P1 send hex {payload.hex()}{split}{gap}", project, "w")
-    assert isinstance(send, PeerSend) and cuts_of(send) == cuts
+    assert isinstance(send, PeerSend) and splits_of(send) == cuts
 
 
 # -- every split -----------------------------------------------------------------------------------------

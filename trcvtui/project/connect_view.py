@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from trcvtui.net.connection.config import ConnectConfig as ConnectConfig
-from trcvtui.net.connection.description import Description, Field, FieldType, Row, Value, rows
+from trcvtui.net.connection.description import Description, Field, FieldType, Value, rows
+from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
 from trcvtui.net.connection.udp_config import AddrParam
 from trcvtui.net.layers.tls import TlsSettings
@@ -181,9 +182,6 @@ def _file(path: str) -> str:
 
 TYPE_FIELDS: Final = ("ConnectionType", "connection_type")
 INTERFACE_FIELDS: Final = ("InterfaceId", "local_device_id")
-
-
-DescriptionRow = Row
 
 
 class DescriptionView(NamedTuple):

@@ -26,7 +26,7 @@ from trcvtui.rig.wording import count
 from trcvtui.tui.lab import LAB, is_for_lab
 from trcvtui.tui.main import RACE, SCENARIOS, MainScreen
 from trcvtui.tui.messages import RaceWanted
-from trcvtui.tui.settings import Settings, load_settings
+from trcvtui.tui.settings import ScreenSettings, load_settings
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.theme import THEMES
 from trcvtui.tui.widgets.typed_lines import obey
@@ -81,10 +81,14 @@ class BenchApp(App[None]):
     ]
 
     def __init__(
-        self, driver: Driver, project: Project, settings: Settings | None = None, read_only: bool = False
+        self,
+        driver: Driver,
+        project: Project,
+        settings: ScreenSettings | None = None,
+        read_only: bool = False,
     ) -> None:
         super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
-        self._settings = settings or Settings()
+        self._settings = settings or ScreenSettings()
         self._read_only = read_only
         self.key_names, self.problems = self._settings.names, self._settings.problems
         self.set_keymap(dict(self._settings.keymap))
@@ -293,14 +297,14 @@ class BenchApp(App[None]):
 
     def _open_scenarios(self) -> None:
         from trcvtui.rig.scenario.files import find_files  # read when first asked for
-        from trcvtui.tui.scenarios.scenario_list import Library
+        from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
         from trcvtui.tui.scenarios.screen import ScenariosScreen
 
         if self.scenarios is None and not self.last_words:
             player = self.scene.picture.player if self.scene.picture is not None else None
             loaded = Path(player.path) if player is not None else None
-            library = Library(find_files(self._home), loaded or self._scenario)
-            self.scenarios = ScenariosScreen(self.scene, self._say, library, loaded)
+            model = ScenarioListModel(find_files(self._home), loaded or self._scenario)
+            self.scenarios = ScenariosScreen(self.scene, self._say, model, loaded)
             self.push_screen(self.scenarios, self._scenarios_left)
 
     def _scenarios_left(self, chosen: Path | None) -> None:
@@ -445,14 +449,14 @@ class BenchApp(App[None]):
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Yield everything that can be done, by name."""
-        from trcvtui.tui.palette import Reach, commands  # read when first asked for
+        from trcvtui.tui.palette import PaletteReach, commands  # read when first asked for
 
         above = self.race or self.scenarios or self.lab
         if above is not None:
             yield from above.commands()
         else:
             for command in commands(
-                Reach(self.scene, self.main, self.submit, self.action_add, self.action_lab)
+                PaletteReach(self.scene, self.main, self.submit, self.action_add, self.action_lab)
             ):
                 yield self._with_the_users_key(command)
         for name, theme in THEMES.items():

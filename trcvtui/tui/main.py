@@ -16,7 +16,7 @@ from textual.widget import Widget
 from trcvtui.errors import UserError, mistake
 from trcvtui.tui import messages
 from trcvtui.tui.breakpoints import FRAME, PAIR, REST, TABS, grid_rows, grown, sizes
-from trcvtui.tui.messages import Voice
+from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.panes.function_block import FunctionBlock
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.peer_panel import PeerPanel
@@ -70,7 +70,7 @@ def _find(words: list[str], pane: Timing) -> str:
 
 if TYPE_CHECKING:
     from trcvtui.tui.copy_formats import Format, Subject
-    from trcvtui.tui.forms.fields import Part
+    from trcvtui.tui.forms.fields import ProjectPart
 
 ZOOM, LIST, FROZEN = "-zoom", "-list", "-frozen"
 SCENARIOS, RACE = "scenarios", "race"  # the lines that are the screen's own
@@ -117,20 +117,20 @@ class MainScreen(Screen[None]):
         self._pane = 3
         self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
         self._past = 4  # history or timing, where one place is for both
-        voice = Voice(submit, self.action_prompt, lambda text: self.prompt.complain(text))
+        actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.complain(text))
         self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
         self.filter = FilterLine(
             self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
         )
         self.tabs = TabLine()
-        self.block = FunctionBlock(scene, voice)
+        self.block = FunctionBlock(scene, actions)
         self.status = StatusCard(scene)
-        self.timing = Timing(scene, voice)
-        self.history = StatusHistory(scene, voice)
+        self.timing = Timing(scene, actions)
+        self.history = StatusHistory(scene, actions)
         self.received = Received(scene)
         self.table = UdtTable(scene)
-        self.peer = PeerPanel(scene, voice)
+        self.peer = PeerPanel(scene, actions)
         self._grid = Container(id="panes")
         self._rows = ""  # as the style sheet writes them
         self._peer_rows: int | None = None
@@ -496,7 +496,7 @@ class MainScreen(Screen[None]):
         ]
         self.app.push_screen(ChoiceScreen("Change or remove", rows, ""), take)
 
-    def change_part(self, part: Part) -> None:
+    def change_part(self, part: ProjectPart) -> None:
         """Open the form that changes a part of the project."""
         from trcvtui.tui.forms.add_screen import ChangeScreen  # read when first asked for
 
@@ -506,7 +506,7 @@ class MainScreen(Screen[None]):
         if line:
             self._submit(line)
 
-    def remove_part(self, part: Part) -> None:
+    def remove_part(self, part: ProjectPart) -> None:
         """Open the prompt with the line that removes a part: it is seen first, and what it does."""
         if not self._is_refused():
             self.action_prompt(f"remove {part.kind} {part.name}")

@@ -11,7 +11,7 @@ from textual.message import Message
 from trcvtui.plc.ledger import Line
 
 
-class Voice(NamedTuple):
+class PaneActions(NamedTuple):
     """Send a bench command line; open the prompt with the beginning of one; say what is missing."""
 
     submit: Callable[[str], None]
@@ -78,7 +78,7 @@ class PaneWanted(Message):
 
 
 class ScenarioChosen(Message):
-    """Another scenario file was chosen in the library: its text shall be shown."""
+    """Another scenario file was chosen in the list: its text shall be shown."""
 
 
 class DescriptionWanted(Message):

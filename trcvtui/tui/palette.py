@@ -66,7 +66,7 @@ def _places(main: MainScreen) -> Iterator[tuple[int, Widget]]:
     if main.peer.lines.names:
         yield 7, main.peer.lines
     if main.peer.composer.is_mounted:
-        yield from ((7, main.peer), (7, main.peer.peers), (7, main.peer.composer.cut_row))
+        yield from ((7, main.peer), (7, main.peer.peers), (7, main.peer.composer.split_row))
     yield 8, main.timing
 
 
@@ -99,7 +99,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
         await done
 
 
-class Reach(NamedTuple):
+class PaletteReach(NamedTuple):
     """What the commands may reach."""
 
     scene: ViewModel
@@ -109,7 +109,7 @@ class Reach(NamedTuple):
     lab: Callable[[], None]
 
 
-def commands(bench: Reach) -> Iterator[SystemCommand]:
+def commands(bench: PaletteReach) -> Iterator[SystemCommand]:
     """Yield the commands that make sense now."""
     yield from _of_scans(bench)
     yield from _of_block(bench)
@@ -121,7 +121,7 @@ def commands(bench: Reach) -> Iterator[SystemCommand]:
     yield from _of_taking(bench)
 
 
-def _of_scans(bench: Reach) -> Iterator[SystemCommand]:
+def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
     for title, key, line in (
         ("Hold the scans", "space", "hold"),
         ("Let the scans go on", "space", "go"),
@@ -145,15 +145,15 @@ def _of_scans(bench: Reach) -> Iterator[SystemCommand]:
     yield SystemCommand("Save the session as a scenario", save, partial(bench.main.action_prompt, save))
 
 
-def _of_block(bench: Reach) -> Iterator[SystemCommand]:
+def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:
     name = plain(bench.scene.selected)
     for pin in bench.main.block.drawing().inputs:
-        title = f"{'Pulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
+        title = f"{'PinPulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
         about = f"{name}: {pin.text}" + (f" · key {pin.letter}" if pin.letter else "")
         yield SystemCommand(title, about, partial(bench.main.block.press, pin.letter))
 
 
-def _of_program(bench: Reach) -> Iterator[SystemCommand]:
+def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
     """Yield what changes the running program; each opens the prompt, so that the line is seen first."""
     for kind, what in TITLES.items():
         about = f"add {kind} …: a form" + (" · key A" if kind == "instance" else "")
@@ -196,7 +196,7 @@ def _of_program(bench: Reach) -> Iterator[SystemCommand]:
         yield SystemCommand(title, line, partial(bench.main.action_prompt, line))
 
 
-def _of_peer(bench: Reach) -> Iterator[SystemCommand]:
+def _of_peer(bench: PaletteReach) -> Iterator[SystemCommand]:
     peer = bench.scene.peer_snapshot
     if peer is None:
         return
@@ -212,7 +212,7 @@ def _of_peer(bench: Reach) -> Iterator[SystemCommand]:
             )
 
 
-def _of_instances(bench: Reach) -> Iterator[SystemCommand]:
+def _of_instances(bench: PaletteReach) -> Iterator[SystemCommand]:
     for instance in bench.scene.instances:
         if instance.name != bench.scene.selected:
             about = f"select this instance of {instance.block}"
@@ -221,7 +221,7 @@ def _of_instances(bench: Reach) -> Iterator[SystemCommand]:
             )
 
 
-def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
+def _of_screen(bench: PaletteReach) -> Iterator[SystemCommand]:
     for digit, name in PANES.items():
         yield SystemCommand(f"Pane {name}", f"go there · key {digit}", partial(bench.main.action_pane, digit))
     for format, what in (("vcd", "VCD, for GTKWave and PulseView"), ("svg", "SVG"), ("text", "text")):
@@ -250,7 +250,7 @@ def _of_screen(bench: Reach) -> Iterator[SystemCommand]:
     yield SystemCommand("Help", "keys, and the STATUS table of the dialect · key ?", bench.main.action_help)
 
 
-def _of_taking(bench: Reach) -> Iterator[SystemCommand]:
+def _of_taking(bench: PaletteReach) -> Iterator[SystemCommand]:
     from trcvtui.tui.copy_formats import FORMATS
 
     yield SystemCommand("Yank …", "a menu of all formats · key y", bench.main.action_yank)
@@ -264,11 +264,11 @@ def _said(line: str, key: str) -> str:
     return f"{line} · key {key}" if key else line
 
 
-def _select(bench: Reach, name: str) -> None:
+def _select(bench: PaletteReach, name: str) -> None:
     bench.scene.selected = name
     bench.main.post_message(InstanceSelected())
 
 
-def _peer(bench: Reach, name: str) -> None:
+def _peer(bench: PaletteReach, name: str) -> None:
     bench.scene.peer = name
     bench.main.post_message(PeerSelected())

@@ -37,7 +37,7 @@ EXPECTED: Final = "one character, or a key such as f5, ctrl+k or pageup"
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class ScreenSettings:
     """`keymap` is action to keys, `names` what to call a key that is no longer the one it was."""
 
     theme: str = "dark"
@@ -53,7 +53,7 @@ def config_folder() -> Path:
     return user_config_path("trcvtui", appauthor=False)
 
 
-def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> Settings:
+def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> ScreenSettings:
     """Return what is set; `theme` is that of the command line and wins."""
     own = [binding for binding in bindings if isinstance(binding, Binding)]
     folder, problems = config_folder(), list[str]()
@@ -61,7 +61,7 @@ def load_settings(bindings: Iterable[BindingType], theme: str | None = None) -> 
     chosen = theme or _theme(told, folder / CONFIG, problems)
     keymap = _keymap(_table(folder / KEYMAP, problems), folder / KEYMAP, own, problems)
     names = {_name(b.key): _name(keymap[b.id]) for b in own if b.id in keymap}
-    return Settings("ansi" if "NO_COLOR" in os.environ else chosen, keymap, names, tuple(problems))
+    return ScreenSettings("ansi" if "NO_COLOR" in os.environ else chosen, keymap, names, tuple(problems))
 
 
 def _table(path: Path, problems: list[str]) -> dict[str, Any]:

@@ -244,7 +244,7 @@ def structure_of(data: bytes) -> Structure | None:
 # -- shown byte for byte -----------------------------------------------------------------------------------
 
 
-class Row(NamedTuple):
+class DescriptionRow(NamedTuple):
     """One line of the view: where, which field, which bytes, what they say, what is wrong with them."""
 
     offset: int
@@ -254,22 +254,22 @@ class Row(NamedTuple):
     remark: str = ""
 
 
-def rows(description: Description, remarks: Mapping[str, str]) -> tuple[Row, ...]:
+def rows(description: Description, remarks: Mapping[str, str]) -> tuple[DescriptionRow, ...]:
     """Return the description field by field, and what lies between and behind the fields.
 
     `remarks` are by field name, "" for the whole.
     """
-    found: list[Row] = []
+    found: list[DescriptionRow] = []
     at = 0
     for field in description.structure.fields:
         found += _gap(description.data, at, field.offset)
         raw = description.data[field.offset : field.offset + field.size]
         value = _shown(field, description.value(field.name)) if len(raw) == field.size else "(not there)"
-        found.append(Row(field.offset, field.name, raw, value, remarks.get(field.name, "")))
+        found.append(DescriptionRow(field.offset, field.name, raw, value, remarks.get(field.name, "")))
         at = field.offset + field.size
     found += _gap(description.data, at, max(len(description.data), at))
     if remarks.get(""):
-        found.append(Row(len(description.data), "", b"", "", remarks[""]))
+        found.append(DescriptionRow(len(description.data), "", b"", "", remarks[""]))
     return tuple(found)
 
 
@@ -284,8 +284,8 @@ def selector_text(data: bytes) -> str:
     return f"{data.decode('ascii')} ({selector_bytes(data)})" if is_text else selector_bytes(data)
 
 
-def _gap(data: bytes, begin: int, end: int) -> list[Row]:
-    return [Row(begin, "", data[begin:end], "")] if data[begin:end] else []
+def _gap(data: bytes, begin: int, end: int) -> list[DescriptionRow]:
+    return [DescriptionRow(begin, "", data[begin:end], "")] if data[begin:end] else []
 
 
 def _shown(field: Field, value: Value) -> str:

@@ -51,7 +51,7 @@ class Shown(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ScanRow:
     """`scans` equal scans from `scan` on, one entry a dialect; None: not called in that scan."""
 
     scan: int
@@ -77,7 +77,7 @@ class InstanceRace:
     instance: str
     block: str
     dialects: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[ScanRow, ...]
     is_cut: bool = False
 
     @property
@@ -91,7 +91,7 @@ class InstanceRace:
         return sum(row.scans for row in self.rows if row.differs)
 
     @property
-    def first(self) -> Row | None:
+    def first(self) -> ScanRow | None:
         """Return the first row in which they differ."""
         return next((row for row in self.rows if row.differs), None)
 
@@ -215,7 +215,7 @@ class _Race:
         self._lanes = lanes
         self._notes = notes
         self._blocks: dict[str, str] = {}
-        self._rows: dict[str, list[Row]] = {}
+        self._rows: dict[str, list[ScanRow]] = {}
         self._cut: set[str] = set()
         self.scans = 0
 
@@ -281,7 +281,7 @@ class _Race:
         if rows and rows[-1].shown == shown_now:
             rows[-1] = replace(rows[-1], scans=rows[-1].scans + 1)
         elif len(rows) < MOST_ROWS:
-            rows.append(Row(self.scans, 1, shown_now))
+            rows.append(ScanRow(self.scans, 1, shown_now))
         else:
             self._cut.add(name)
 

@@ -10,7 +10,7 @@ from typing import Final
 
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import one_line
-from trcvtui.rig.scenario.race import CALLED, FIELDS, InstanceRace, Race, Row, Shown, race_file
+from trcvtui.rig.scenario.race import CALLED, FIELDS, InstanceRace, Race, ScanRow, Shown, race_file
 from trcvtui.udt.literals import format_time
 
 NOT_CALLED: Final = "-"
@@ -51,7 +51,7 @@ def race_rows(raced: InstanceRace, only_differing: bool = False) -> tuple[RaceRo
     return tuple(_race_row(row, before) for before, row in pairs if row.differs or not only_differing)
 
 
-def _race_row(row: Row, before: Row | None) -> RaceRow:
+def _race_row(row: ScanRow, before: ScanRow | None) -> RaceRow:
     """Return a row; where nothing but DATA is another than before, its hash says so."""
     last = row.scan + row.scans - 1
     differs = row.differs
@@ -60,7 +60,7 @@ def _race_row(row: Row, before: Row | None) -> RaceRow:
     return RaceRow(str(row.scan) if last == row.scan else f"{row.scan}-{last}", cells, differs)
 
 
-def _without_data(row: Row) -> tuple[Cell, ...]:
+def _without_data(row: ScanRow) -> tuple[Cell, ...]:
     return tuple(_cell(shown, with_data=False) for shown in row.shown)
 
 

@@ -16,7 +16,7 @@ from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.forms.fields import (
     TITLES,
     AddField,
-    Part,
+    ProjectPart,
     fields_of,
     fields_to_change,
     first_name,
@@ -215,7 +215,7 @@ class ChangeScreen(AddScreen):
 
     TAKES: ClassVar = "change"
 
-    def __init__(self, project: Callable[[], Project], part: Part) -> None:
+    def __init__(self, project: Callable[[], Project], part: ProjectPart) -> None:
         super().__init__(project, part.kind, {})
         self._part, self._now = part, values_of(part, project())
         self._block = text_of(self._now.get("block", ""))

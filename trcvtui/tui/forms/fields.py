@@ -319,7 +319,7 @@ LAYOUT: Final = (
 )
 
 
-class Part(NamedTuple):
+class ProjectPart(NamedTuple):
     """One entry of the project."""
 
     kind: str
@@ -330,33 +330,33 @@ class Part(NamedTuple):
         return f"{words_of(self.kind)} {self.name}"
 
 
-def parts_at_hand(scene: ViewModel, peer_first: bool) -> list[Part]:
+def parts_at_hand(scene: ViewModel, peer_first: bool) -> list[ProjectPart]:
     """Return the parts of the selected instance and the selected peer, what is mended most often first."""
     instance = scene.project.instance(scene.selected)
     own = list(_parts_of(instance)) if instance is not None else []
     peer = scene.peer_snapshot
-    talks = [Part("peer", peer.name), Part("connect", peer.link)] if peer is not None else []
+    talks = [ProjectPart("peer", peer.name), ProjectPart("connect", peer.link)] if peer is not None else []
     found = dict.fromkeys([*talks, *own] if peer_first else [*own, *talks])
     return [part for part in found if entry(*part, scene.project) is not None]
 
 
-def _parts_of(instance: InstanceDecl) -> Iterator[Part]:
+def _parts_of(instance: InstanceDecl) -> Iterator[ProjectPart]:
     link = "combuffer" if buffer_pin(instance.block) else "udp_config" if instance.on_config else "connect"
-    yield Part(link, instance.connect)
+    yield ProjectPart(link, instance.connect)
     if instance.addr:
-        yield Part("addr", instance.addr)
+        yield ProjectPart("addr", instance.addr)
     for data in (instance.data, *instance.pointers):
         if data:
-            yield Part("data", data)
-    yield Part("instance", instance.name)
+            yield ProjectPart("data", data)
+    yield ProjectPart("instance", instance.name)
 
 
-def all_parts(project: Project) -> list[Part]:
+def all_parts(project: Project) -> list[ProjectPart]:
     """Return every part of the project that can be changed or removed."""
-    return [Part(kind, each.name) for kind in FIELDS for each in entries_of(kind, project)]
+    return [ProjectPart(kind, each.name) for kind in FIELDS for each in entries_of(kind, project)]
 
 
-def values_of(part: Part, project: Project) -> dict[str, KeyValue]:
+def values_of(part: ProjectPart, project: Project) -> dict[str, KeyValue]:
     """Return the keys that a part has now."""
     decl = entry(*part, project)
     return keys_to_change(decl, project) if decl is not None else {}
@@ -369,7 +369,9 @@ def text_of(value: KeyValue) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def fields_to_change(part: Part, now: Mapping[str, KeyValue], project: Project, block: str) -> list[AddField]:
+def fields_to_change(
+    part: ProjectPart, now: Mapping[str, KeyValue], project: Project, block: str
+) -> list[AddField]:
     """Return the fields of a part, empty where it has no such key; those of an instance are its block's.
 
     A key that has several texts now, such as `replies`, has no field: the line changes it.
@@ -395,7 +397,9 @@ def fields_to_change(part: Part, now: Mapping[str, KeyValue], project: Project, 
     return [replace(each, first=block if each.key == "block" else first[each.key]) for each in kept]
 
 
-def set_line(part: Part, now: Mapping[str, KeyValue], texts: Mapping[str, str], project: Project) -> str:
+def set_line(
+    part: ProjectPart, now: Mapping[str, KeyValue], texts: Mapping[str, str], project: Project
+) -> str:
     """Return the `set` that makes of the keys of now what stands in the fields; "" where nothing changes.
 
     What a block has neither a field nor a pin for goes when an instance gets that block.

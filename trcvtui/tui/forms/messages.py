@@ -30,7 +30,7 @@ PICK_LINE = "↑↓ choose · enter send or play · esc close"
 NAME_WIDTH = 18
 
 
-class Entry(NamedTuple):
+class MessageEntry(NamedTuple):
     """One line of the library and the command that it gives."""
 
     kind: str
@@ -39,15 +39,15 @@ class Entry(NamedTuple):
     line: str
 
 
-def entries_for(peer: str, project: Project) -> list[Entry]:
+def entries_for(peer: str, project: Project) -> list[MessageEntry]:
     """Return the messages that a peer may send, then the sequences."""
     messages = [
-        Entry("message", m.name, m.text, f"peer {peer} send message {m.name}")
+        MessageEntry("message", m.name, m.text, f"peer {peer} send message {m.name}")
         for m in project.messages
         if m.peer in ("", peer)
     ]
     sequences = [
-        Entry("sequence", s.name, " → ".join(s.steps), f"peer {peer} play {s.name}")
+        MessageEntry("sequence", s.name, " → ".join(s.steps), f"peer {peer} play {s.name}")
         for s in project.sequences
     ]
     return messages + sequences
@@ -58,7 +58,7 @@ class MessageList(LineView):
 
     BINDINGS: ClassVar = [Binding("enter", "choose", show=False)]
 
-    def __init__(self, entries: list[Entry], choose: Callable[[str], None]) -> None:
+    def __init__(self, entries: list[MessageEntry], choose: Callable[[str], None]) -> None:
         super().__init__(id="messages")
         self._entries = entries
         self._choose = choose

@@ -1,4 +1,4 @@
-"""The rows of a twin tree, with what is folded: row number to row, byte or leaf to row number.
+"""The rows of a pair tree, with what is folded: row number to row, byte or leaf to row number.
 
 Rule: rows are counted by declaration and by what was folded by hand; none is listed, so 100,000 cost nothing.
 """
@@ -25,7 +25,7 @@ from trcvtui.udt.types import Array, Struct, Type, Union, type_text
 MOST_OPEN: Final = 16  # elements of an array that stands open unasked
 
 
-Known = dict[tuple[int, int, int], "Twin"]
+Known = dict[tuple[int, int, int], "PairedNode"]
 
 
 class Place(NamedTuple):
@@ -40,17 +40,17 @@ class Place(NamedTuple):
         return str(self.offset) if self.bit is None else f"{self.offset}.{self.bit}"
 
 
-class Entry(NamedTuple):
-    """A member with its places in its owner and its first leaf; without a twin it is a gap."""
+class TreeEntry(NamedTuple):
+    """A member with its places in its owner and its first leaf; without a pair it is a gap."""
 
     name: str
-    twin: Twin | None
+    pair: PairedNode | None
     ours: Place
     theirs: Place
     first: int
 
 
-class Twin:
+class PairedNode:
     """One node as both sides lay it out."""
 
     def __init__(self, type_: Type, ours: Node, theirs: Node, known: Known) -> None:
@@ -77,12 +77,12 @@ class Twin:
         return self.ours.count if isinstance(self.ours, PlacedArray) else 0
 
     @cached_property
-    def element(self) -> Twin:
+    def element(self) -> PairedNode:
         """Return the element of an array."""
         ours, theirs = self.ours, self.theirs
         assert isinstance(self.type, Array)
         assert isinstance(ours, PlacedArray) and isinstance(theirs, PlacedArray)
-        return _twin(self.type.element, ours.element, theirs.element, self._known)
+        return _pair(self.type.element, ours.element, theirs.element, self._known)
 
     @cached_property
     def gaps(self) -> tuple[int, int]:
@@ -90,31 +90,31 @@ class Twin:
         return _gap(self.ours), _gap(self.theirs)
 
     @cached_property
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[TreeEntry]:
         """Return members and gaps in declared order."""
         ours, theirs = self.ours, self.theirs
         assert isinstance(ours, PlacedStruct) and isinstance(theirs, PlacedStruct)
         assert isinstance(self.type, Struct | Union)
         base = [] if self.type.base is None else [self.type.base]
         types = [*base, *(member.type for member in self.type.members)]
-        found: list[Entry] = []
+        found: list[TreeEntry] = []
         ends = 0, 0
         for number, type_ in enumerate(types):
             places = _place(ours, number), _place(theirs, number)
             first = ours.firsts[number]
             found += self._gap_before(ends, (places[0].offset, places[1].offset), first)
             name = ours.names[number] or f"EXTENDS {getattr(type_, 'name', '')}"
-            twin = _twin(type_, ours.nodes[number], theirs.nodes[number], self._known)
-            found.append(Entry(name, twin, *places, first))
+            pair = _pair(type_, ours.nodes[number], theirs.nodes[number], self._known)
+            found.append(TreeEntry(name, pair, *places, first))
             ends = places[0].offset + places[0].size, places[1].offset + places[1].size
         return found + self._gap_before(ends, (ours.size, theirs.size), ours.leaves)
 
-    def _gap_before(self, ends: tuple[int, int], starts: tuple[int, int], first: int) -> list[Entry]:
+    def _gap_before(self, ends: tuple[int, int], starts: tuple[int, int], first: int) -> list[TreeEntry]:
         sizes = [max(0, start - end) for start, end in zip(starts, ends, strict=True)]
         if isinstance(self.ours, PlacedUnion) or not any(sizes):
             return []
         ours, theirs = (Place(end, size) for end, size in zip(ends, sizes, strict=True))
-        return [Entry("", None, ours, theirs, first)]
+        return [TreeEntry("", None, ours, theirs, first)]
 
     @cached_property
     def firsts(self) -> list[int]:
@@ -132,7 +132,7 @@ class Twin:
             ours, theirs = self.ours, self.theirs
             assert isinstance(ours, PlacedArray) and isinstance(theirs, PlacedArray)
             return (ours.pitch, ours.row_size) == (theirs.pitch, theirs.row_size) and self.element.is_same
-        return all(e.ours == e.theirs and (e.twin is None or e.twin.is_same) for e in self.entries)
+        return all(e.ours == e.theirs and (e.pair is None or e.pair.is_same) for e in self.entries)
 
     def element_place(self, number: int) -> tuple[Place, Place]:
         """Return where an element lies in its array, on either side."""
@@ -141,21 +141,21 @@ class Twin:
     def entry_of_leaf(self, number: int) -> int:
         """Return the number of the entry that holds a leaf."""
         place = bisect_right(self.firsts, number) - 1
-        while self.entries[place].twin is None or not self.entries[place].twin.ours.leaves:  # type: ignore[union-attr]
+        while self.entries[place].pair is None or not self.entries[place].pair.ours.leaves:  # type: ignore[union-attr]
             place -= 1
         return place
 
 
-def twin_of(ours: Layout, theirs: Layout) -> Twin:
+def twin_of(ours: Layout, theirs: Layout) -> PairedNode:
     """Return both layouts of a type as one tree."""
-    return _twin(ours.type, ours.root, theirs.root, {})
+    return _pair(ours.type, ours.root, theirs.root, {})
 
 
-def _twin(type_: Type, ours: Node, theirs: Node, known: Known) -> Twin:
-    """Return the twin of two nodes: one, however many members have that type."""
+def _pair(type_: Type, ours: Node, theirs: Node, known: Known) -> PairedNode:
+    """Return the pair of two nodes: one, however many members have that type."""
     key = id(type_), id(ours), id(theirs)
     if key not in known:
-        known[key] = Twin(type_, ours, theirs, known)
+        known[key] = PairedNode(type_, ours, theirs, known)
     return known[key]
 
 
@@ -186,7 +186,7 @@ class TreeRow(NamedTuple):
 
     key: Key
     name: str
-    twin: Twin | None
+    pair: PairedNode | None
     ours: Place
     theirs: Place
     leaf: int
@@ -195,22 +195,22 @@ class TreeRow(NamedTuple):
     @property
     def is_leaf(self) -> bool:
         """Return whether it has a value."""
-        return self.twin is not None and self.twin.is_leaf
+        return self.pair is not None and self.pair.is_leaf
 
     @property
     def is_gap(self) -> bool:
         """Return whether it is padding."""
-        return self.twin is None
+        return self.pair is None
 
     @property
     def type_text(self) -> str:
         """Return the declared type."""
-        return type_text(self.twin.type) if self.twin is not None else ""
+        return type_text(self.pair.type) if self.pair is not None else ""
 
     @property
     def moved(self) -> bool:
         """Return whether it, or something in it, lies elsewhere on the other side."""
-        same = self.twin is None or self.twin.is_same
+        same = self.pair is None or self.pair.is_same
         if self.is_gap:
             return self.ours.size != self.theirs.size
         return self.ours != self.theirs or not same
@@ -229,9 +229,9 @@ class _Fold:
 
 
 class FoldTree:
-    """A twin tree whose branches open and close."""
+    """A pair tree whose branches open and close."""
 
-    def __init__(self, root: Twin, name: str) -> None:
+    def __init__(self, root: PairedNode, name: str) -> None:
         self.root, self.name = root, name
         self._top = _Fold()
         self._plain: dict[int, tuple[int, list[int]]] = {}  # of nodes that nobody has touched
@@ -253,8 +253,8 @@ class FoldTree:
         self._all, self._top = is_open, _Fold()
         self._plain.clear()
 
-    def _opens(self, twin: Twin, fold: _Fold | None) -> bool:
-        unasked = twin.is_open if self._all is None or twin is self.root else self._all
+    def _opens(self, pair: PairedNode, fold: _Fold | None) -> bool:
+        unasked = pair.is_open if self._all is None or pair is self.root else self._all
         return unasked != (fold is not None and fold.flipped)
 
     # -- counting -----------------------------------------------------------------------------------
@@ -264,66 +264,66 @@ class FoldTree:
         """Return the number of rows."""
         return self._rows(self.root, self._top)
 
-    def _rows(self, twin: Twin, fold: _Fold | None) -> int:
-        if twin.is_leaf:
+    def _rows(self, pair: PairedNode, fold: _Fold | None) -> int:
+        if pair.is_leaf:
             return 1
         if fold is None:
-            return self._untouched(twin)[0]
+            return self._untouched(pair)[0]
         if fold.rows is None:
-            fold.rows = 1 + (self._below(twin, fold) if self._opens(twin, fold) else 0)
+            fold.rows = 1 + (self._below(pair, fold) if self._opens(pair, fold) else 0)
         return fold.rows
 
-    def _untouched(self, twin: Twin) -> tuple[int, list[int]]:
-        found = self._plain.get(id(twin))
+    def _untouched(self, pair: PairedNode) -> tuple[int, list[int]]:
+        found = self._plain.get(id(pair))
         if found is None:
-            starts = [] if twin.is_array else self._starts_of(twin, None)
-            below = self._elements(twin, None) if twin.is_array else starts[-1]
-            found = self._plain[id(twin)] = 1 + (below if self._opens(twin, None) else 0), starts
+            starts = [] if pair.is_array else self._starts_of(pair, None)
+            below = self._elements(pair, None) if pair.is_array else starts[-1]
+            found = self._plain[id(pair)] = 1 + (below if self._opens(pair, None) else 0), starts
         return found
 
-    def _below(self, twin: Twin, fold: _Fold) -> int:
-        return self._elements(twin, fold) if twin.is_array else self._starts(twin, fold)[-1]
+    def _below(self, pair: PairedNode, fold: _Fold) -> int:
+        return self._elements(pair, fold) if pair.is_array else self._starts(pair, fold)[-1]
 
-    def _starts(self, twin: Twin, fold: _Fold | None) -> list[int]:
+    def _starts(self, pair: PairedNode, fold: _Fold | None) -> list[int]:
         if fold is None:
-            return self._untouched(twin)[1]
+            return self._untouched(pair)[1]
         if fold.starts is None:
-            fold.starts = self._starts_of(twin, fold)
+            fold.starts = self._starts_of(pair, fold)
         return fold.starts
 
-    def _starts_of(self, twin: Twin, fold: _Fold | None) -> list[int]:
+    def _starts_of(self, pair: PairedNode, fold: _Fold | None) -> list[int]:
         starts = [0]
-        for number, entry in enumerate(twin.entries):
+        for number, entry in enumerate(pair.entries):
             below = fold.below.get(number) if fold is not None else None
-            starts.append(starts[-1] + (1 if entry.twin is None else self._rows(entry.twin, below)))
+            starts.append(starts[-1] + (1 if entry.pair is None else self._rows(entry.pair, below)))
         return starts
 
-    def _each(self, twin: Twin) -> int:
-        return self._rows(twin.element, None) + any(twin.gaps)
+    def _each(self, pair: PairedNode) -> int:
+        return self._rows(pair.element, None) + any(pair.gaps)
 
-    def _elements(self, twin: Twin, fold: _Fold | None) -> int:
+    def _elements(self, pair: PairedNode, fold: _Fold | None) -> int:
         touched = fold.below.items() if fold is not None else ()
         more = sum(
-            self._rows(twin.element, below) + any(twin.gaps) - self._each(twin) for _, below in touched
+            self._rows(pair.element, below) + any(pair.gaps) - self._each(pair) for _, below in touched
         )
-        return twin.count * self._each(twin) + more
+        return pair.count * self._each(pair) + more
 
-    def _element_start(self, twin: Twin, fold: _Fold | None, number: int) -> int:
+    def _element_start(self, pair: PairedNode, fold: _Fold | None, number: int) -> int:
         """Return how many rows stand before an element of an open array."""
-        each, touched = self._each(twin), fold.below if fold is not None else {}
+        each, touched = self._each(pair), fold.below if fold is not None else {}
         more = sum(
-            self._rows(twin.element, touched[n]) + any(twin.gaps) - each for n in touched if n < number
+            self._rows(pair.element, touched[n]) + any(pair.gaps) - each for n in touched if n < number
         )
         return number * each + more
 
-    def _element_at(self, twin: Twin, fold: _Fold | None, y: int) -> tuple[int, int]:
+    def _element_at(self, pair: PairedNode, fold: _Fold | None, y: int) -> tuple[int, int]:
         """Return the element that row y of an open array belongs to, and the row in it."""
-        each, done, start = self._each(twin), 0, 0
+        each, done, start = self._each(pair), 0, 0
         for number in sorted(fold.below) if fold is not None else ():
             before = (number - done) * each
             if y < start + before:
                 break
-            own = self._rows(twin.element, fold.below[number]) + any(twin.gaps) if fold is not None else 0
+            own = self._rows(pair.element, fold.below[number]) + any(pair.gaps) if fold is not None else 0
             if y < start + before + own:
                 return number, y - start - before
             start, done = start + before + own, number + 1
@@ -336,94 +336,94 @@ class FoldTree:
         whole = (Place(0, self.root.ours.size), Place(0, self.root.theirs.size))
         at = TreeRow((), self.name, self.root, *whole, 0)
         fold: _Fold | None = self._top
-        while y > 0 and at.twin is not None:
+        while y > 0 and at.pair is not None:
             y -= 1
-            at, fold, y = (self._into_array if at.twin.is_array else self._into_struct)(at, at.twin, fold, y)
-        if at.twin is None or at.twin.is_leaf:
+            at, fold, y = (self._into_array if at.pair.is_array else self._into_struct)(at, at.pair, fold, y)
+        if at.pair is None or at.pair.is_leaf:
             return at
-        return at._replace(is_open=self._opens(at.twin, fold))
+        return at._replace(is_open=self._opens(at.pair, fold))
 
     def _into_struct(
-        self, at: TreeRow, twin: Twin, fold: _Fold | None, y: int
+        self, at: TreeRow, pair: PairedNode, fold: _Fold | None, y: int
     ) -> tuple[TreeRow, _Fold | None, int]:
-        starts = self._starts(twin, fold)
+        starts = self._starts(pair, fold)
         number = bisect_right(starts, y) - 1
-        entry = twin.entries[number]
+        entry = pair.entries[number]
         below = fold.below.get(number) if fold is not None else None
         return _child(at, number, entry), below, y - starts[number]
 
     def _into_array(
-        self, at: TreeRow, twin: Twin, fold: _Fold | None, y: int
+        self, at: TreeRow, pair: PairedNode, fold: _Fold | None, y: int
     ) -> tuple[TreeRow, _Fold | None, int]:
-        number, y = self._element_at(twin, fold, y)
+        number, y = self._element_at(pair, fold, y)
         below = fold.below.get(number) if fold is not None else None
-        places = twin.element_place(number)
-        array, element = twin.ours, twin.element
+        places = pair.element_place(number)
+        array, element = pair.ours, pair.element
         assert isinstance(array, PlacedArray)
         name, leaf = index_text(array, number), number * element.ours.leaves
-        child = _child(at, number, Entry(name, element, *places, leaf))
+        child = _child(at, number, TreeEntry(name, element, *places, leaf))
         if y < self._rows(element, below):
             return child, below, y
         ours, theirs = (
-            Place(place.offset + place.size, gap) for place, gap in zip(places, twin.gaps, strict=True)
+            Place(place.offset + place.size, gap) for place, gap in zip(places, pair.gaps, strict=True)
         )
-        gap = _child(at, number, Entry("", None, ours, theirs, leaf + element.ours.leaves))
+        gap = _child(at, number, TreeEntry("", None, ours, theirs, leaf + element.ours.leaves))
         return gap._replace(key=(*gap.key, -1)), None, 0
 
     # -- leaf to row number -------------------------------------------------------------------------
 
     def row_of_leaf(self, leaf: int, opens: bool = False) -> int:
         """Return the row of a leaf, or of the closed branch that it is in; `opens` opens those."""
-        y, twin, key, whole = 0, self.root, Key(), leaf
+        y, pair, key, whole = 0, self.root, Key(), leaf
         way: _Fold | None = self._top
-        while not twin.is_leaf:
-            if not self._opens(twin, way):
+        while not pair.is_leaf:
+            if not self._opens(pair, way):
                 if not opens:
                     return y
                 self.toggle(key)
                 return self.row_of_leaf(whole, opens)
-            if twin.is_array:
-                number, rest = divmod(leaf, max(1, twin.element.ours.leaves))
-                y += 1 + self._element_start(twin, way, number)
-                twin, leaf = twin.element, rest
+            if pair.is_array:
+                number, rest = divmod(leaf, max(1, pair.element.ours.leaves))
+                y += 1 + self._element_start(pair, way, number)
+                pair, leaf = pair.element, rest
             else:
-                number = twin.entry_of_leaf(leaf)
-                entry = twin.entries[number]
-                y += 1 + self._starts(twin, way)[number]
-                assert entry.twin is not None
-                twin, leaf = entry.twin, leaf - entry.first
+                number = pair.entry_of_leaf(leaf)
+                entry = pair.entries[number]
+                y += 1 + self._starts(pair, way)[number]
+                assert entry.pair is not None
+                pair, leaf = entry.pair, leaf - entry.first
             way = way.below.get(number) if way is not None else None
             key = (*key, number)
         return y
 
     def row_of_key(self, key: Key) -> int:
         """Return the row of a key whose branches stand open; of its last open branch where one is closed."""
-        y, twin = 0, self.root
+        y, pair = 0, self.root
         fold: _Fold | None = self._top
         for number in key:
-            if twin.is_leaf or not self._opens(twin, fold):
+            if pair.is_leaf or not self._opens(pair, fold):
                 return y
             if number < 0:  # behind the element
-                return y + self._rows(twin, fold)
-            if twin.is_array:
-                if number >= twin.count:
+                return y + self._rows(pair, fold)
+            if pair.is_array:
+                if number >= pair.count:
                     return y
-                y += 1 + self._element_start(twin, fold, number)
-                below: Twin | None = twin.element
+                y += 1 + self._element_start(pair, fold, number)
+                below: PairedNode | None = pair.element
             else:
-                if number >= len(twin.entries):
+                if number >= len(pair.entries):
                     return y
-                y += 1 + self._starts(twin, fold)[number]
-                below = twin.entries[number].twin
+                y += 1 + self._starts(pair, fold)[number]
+                below = pair.entries[number].pair
             if below is None:
                 return y
-            fold, twin = fold.below.get(number) if fold is not None else None, below
+            fold, pair = fold.below.get(number) if fold is not None else None, below
         return y
 
 
-def _child(at: TreeRow, number: int, entry: Entry) -> TreeRow:
+def _child(at: TreeRow, number: int, entry: TreeEntry) -> TreeRow:
     ours, theirs = (
         place._replace(offset=owner.offset + place.offset)
         for owner, place in ((at.ours, entry.ours), (at.theirs, entry.theirs))
     )
-    return TreeRow((*at.key, number), entry.name, entry.twin, ours, theirs, at.leaf + entry.first)
+    return TreeRow((*at.key, number), entry.name, entry.pair, ours, theirs, at.leaf + entry.first)

@@ -118,7 +118,7 @@ ABOUT: Final = {
 }
 
 
-class Piece(NamedTuple):
+class NamedBytes(NamedTuple):
     """Bytes of the stream, and what the screen calls them."""
 
     name: str
@@ -208,23 +208,23 @@ class LabBytes:
     def _has_messages(self) -> bool:
         return self.source not in (LAST, HEX) and bool(self.messages())
 
-    def _message(self) -> Piece:
+    def _message(self) -> NamedBytes:
         messages = self.messages()
         self.back = max(0, min(self.back, len(messages) - 1))
-        return messages[-1 - self.back] if messages else Piece("", b"")
+        return messages[-1 - self.back] if messages else NamedBytes("", b"")
 
-    def messages(self) -> list[Piece]:
+    def messages(self) -> list[NamedBytes]:
         """Return the whole messages of the stream, oldest first; of a stranger what each recv brought."""
         window = self._window()
         if window is None:
             return []
         found = [
-            Piece(f"{plain(span.peer)} message {span.number}", _cut(window, span.position, span.stop))
+            NamedBytes(f"{plain(span.peer)} message {span.number}", _cut(window, span.position, span.stop))
             for span in window.messages
             if span.begins and span.ends and span.position >= window.start and span.stop <= window.stop
         ]
         return found or [
-            Piece(f"recv {span.number}", _cut(window, span.position, span.stop))
+            NamedBytes(f"recv {span.number}", _cut(window, span.position, span.stop))
             for span in window.recvs
             if span.position >= window.start and span.stop <= window.stop
         ]

@@ -90,7 +90,7 @@ SIZE: Final = 5
 NARROW: Final = 90  # columns, below which nothing is wasted
 
 
-class Cell(NamedTuple):
+class LeafCell(NamedTuple):
     """One side of a leaf: the type that decides its bytes, its value, whether it is wholly there."""
 
     type: str
@@ -98,7 +98,7 @@ class Cell(NamedTuple):
     is_there: bool
 
 
-class Columns(NamedTuple):
+class TreeColumns(NamedTuple):
     """How wide the columns are."""
 
     name: int
@@ -108,7 +108,7 @@ class Columns(NamedTuple):
     value: int
 
 
-def columns(width: int, lab: Lab) -> Columns:
+def columns(width: int, lab: Lab) -> TreeColumns:
     """Return the columns of a pane of that width: offsets and sizes take what the type needs."""
     layouts = [layout for side in (OURS, THEIRS) if (layout := lab.layout(side)) is not None]
     digits = len(str(max((layout.size for layout in layouts), default=0)))
@@ -117,7 +117,7 @@ def columns(width: int, lab: Lab) -> Columns:
     size, type_ = max(SIZE, digits + 1), 11 if width < NARROW else 16
     left = width - MARK - type_ - 2 * (offset + size)
     name = max(12, min(44, left * 2 // 5))
-    return Columns(name, type_, offset, size, max(6, (left - name) // 2))
+    return TreeColumns(name, type_, offset, size, max(6, (left - name) // 2))
 
 
 class ColumnHead(LineView, can_focus=False):
@@ -163,7 +163,7 @@ class LabTree(LineView):
         self.cursor = 0
         self.decoded = 0
         self._rows: dict[int, TreeRow] = {}
-        self._cells: dict[tuple[str, int], Cell] = {}
+        self._cells: dict[tuple[str, int], LeafCell] = {}
         self._shown: tuple[object, ...] = ()
         self._revision = -1
         self._folds = 0
@@ -210,7 +210,7 @@ class LabTree(LineView):
         ):
             raw = content[leaf.offset : leaf.offset + leaf.size]
             text = value_text(leaf, value, raw) if value is not None else _missing(len(raw), leaf.size)
-            self._cells[side, number] = Cell(leaf_type_text(layout, leaf), text, value is not None)
+            self._cells[side, number] = LeafCell(leaf_type_text(layout, leaf), text, value is not None)
 
     def row_at(self, y: int) -> Row:
         """Return one row."""
@@ -251,7 +251,7 @@ class LabTree(LineView):
         cell = self._cells.get((OURS, found.leaf)) if found.is_leaf else None
         return found.type_text if cell is None or cell.type in found.type_text else cell.type
 
-    def _side(self, side: str, found: TreeRow, place: Place, width: Columns, differs: bool) -> list[Part]:
+    def _side(self, side: str, found: TreeRow, place: Place, width: TreeColumns, differs: bool) -> list[Part]:
         style = "warn" if differs else "dim"
         is_there = self._lab.layout(side) is not None and not (found.is_gap and not place.size)
         offset = str(place) if is_there else "-"
@@ -262,7 +262,7 @@ class LabTree(LineView):
             self._value(side, found, place, width),
         ]
 
-    def _value(self, side: str, found: TreeRow, place: Place, width: Columns) -> Part:
+    def _value(self, side: str, found: TreeRow, place: Place, width: TreeColumns) -> Part:
         if found.is_gap:
             return pad(clip(self._gap(place), width.value - 1), width.value), "faint"
         cell = self._cells.get((side, found.leaf)) if found.is_leaf else None

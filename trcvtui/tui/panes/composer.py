@@ -14,7 +14,7 @@ from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import MS, count
-from trcvtui.tui.messages import Voice
+from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.peer_commands import HEX, MODES, TEXT, UDT, send_line, try_line
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -31,7 +31,7 @@ FIRST_PAUSE: Final = 20 * MS
 
 
 @dataclass(frozen=True, slots=True)
-class Cuts:
+class Splits:
     """The places of the cuts, each with its pause in ns: a cut at 3 stands before the byte of offset 3."""
 
     pauses: Mapping[int, int] = field(default_factory=dict)
@@ -41,20 +41,20 @@ class Cuts:
         """Return the places in order."""
         return tuple(sorted(self.pauses))
 
-    def toggled(self, place: int) -> Cuts:
+    def toggled(self, place: int) -> Splits:
         """Return these with a cut more or less; a new one pauses as the one before it, or behind it."""
         if place in self.pauses:
-            return Cuts({at: ns for at, ns in self.pauses.items() if at != place})
+            return Splits({at: ns for at, ns in self.pauses.items() if at != place})
         near = [at for at in self.places if at < place][-1:] or list(self.places[:1])
-        return Cuts({**self.pauses, place: self.pauses[near[0]] if near else FIRST_PAUSE})
+        return Splits({**self.pauses, place: self.pauses[near[0]] if near else FIRST_PAUSE})
 
-    def paused(self, place: int, step: int) -> Cuts:
+    def paused(self, place: int, step: int) -> Splits:
         """Return these with the next longer or shorter pause at a cut."""
         now = self.pauses[place]
         longer = [ms * MS for ms in PAUSES if ms * MS > now]
         shorter = [ms * MS for ms in PAUSES if ms * MS < now]
         then = longer[:1] if step > 0 else shorter[-1:]
-        return Cuts({**self.pauses, place: then[0] if then else now})
+        return Splits({**self.pauses, place: then[0] if then else now})
 
     def pause_text(self, place: int) -> str:
         """Return the pause of a cut as commands write it."""
@@ -74,11 +74,11 @@ class Cuts:
         return ",".join(map(format_time, pauses[:1] if len(set(pauses)) == 1 else pauses))
 
 
-def cuts_of(send: PeerSend) -> Cuts:
+def splits_of(send: PeerSend) -> Splits:
     """Return the cuts of a send command; one behind the message cuts nothing."""
     gaps = send.gaps_ns or (send.gap_ns,)
     places = [at for at in accumulate(send.split) if at < len(send.payload)]
-    return Cuts({at: gaps[min(n, len(gaps) - 1)] for n, at in enumerate(places)})
+    return Splits({at: gaps[min(n, len(gaps) - 1)] for n, at in enumerate(places)})
 
 
 CELL: Final = 3  # two digits and the place before them
@@ -86,7 +86,7 @@ NO_MESSAGE: Final = "no message yet: its bytes and cuts stand here"
 CUT, HERE, BOTH = "┃", "╎", "╂"
 
 
-class CutRow(LineView):
+class SplitsLine(LineView):
     """`changed` is told the cuts after every change; `payload` and `cuts` are what is drawn."""
 
     DEFAULT_CSS = "CutRow { height: 1; }"
@@ -103,16 +103,16 @@ class CutRow(LineView):
         Binding("enter", "send", "send the message as it is cut", show=False),
     ]
 
-    def __init__(self, changed: Callable[[Cuts], None], send: Callable[[], None]) -> None:
+    def __init__(self, changed: Callable[[Splits], None], send: Callable[[], None]) -> None:
         super().__init__(id="cuts")
         self._changed = changed
         self._send = send
         self.payload = b""
-        self.cuts = Cuts()
+        self.cuts = Splits()
         self.place = 1  # the cursor stands before this byte
         self._first = 0  # the first byte in view
 
-    def draw(self, payload: bytes, cuts: Cuts) -> None:
+    def draw(self, payload: bytes, cuts: Splits) -> None:
         """Draw this message with these cuts."""
         self.payload, self.cuts = payload, cuts
         self.place = max(1, min(self.place, len(payload) - 1))
@@ -193,7 +193,7 @@ class CutRow(LineView):
 
     def action_join(self) -> None:
         """Take all cuts away."""
-        self._changed(Cuts())
+        self._changed(Splits())
 
     def action_send(self) -> None:
         """Send the message as it is drawn."""
@@ -222,7 +222,7 @@ OPTIONS: Final = (("split", "3,7"), ("gap", "T#20ms"), ("repeat", "10"), ("every
 EXAMPLES: Final = {HEX: "01 02 0A ff", TEXT: "a line of text", UDT: "Telegram {speed=1.5}"}
 
 
-class Field(TypedField):
+class PayloadField(TypedField):
     """One line of input without a frame; enter sends, escape gives the focus back to the pane."""
 
     KEYS: ClassVar = (("enter", "send"), ("tab", "next"), ("shift+tab", "mode"), ("esc", "leave"))
@@ -251,16 +251,16 @@ class Composer(Vertical):
     Composer #payload { width: 1fr; }
     Composer Static { width: auto; color: $text-muted; padding: 0 1 0 0; }
     Composer .option { width: 10; margin: 0 2 0 0; }
-    Composer Field { background: $panel; padding: 0 1; }
-    Composer Field:focus { background: $panel; background-tint: $primary 18%; }
-    Composer Field.-bad { color: $error; text-style: underline; }
-    Composer:ansi Field { text-style: underline; }
+    Composer PayloadField { background: $panel; padding: 0 1; }
+    Composer PayloadField:focus { background: $panel; background-tint: $primary 18%; }
+    Composer PayloadField.-bad { color: $error; text-style: underline; }
+    Composer:ansi PayloadField { text-style: underline; }
     """
 
-    def __init__(self, scene: ViewModel, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="composer")
         self._scene = scene
-        self._voice = voice
+        self._actions = actions
         self.mode = HEX
         self._texts = dict.fromkeys(MODES, "")
         self._seen = ""
@@ -269,16 +269,18 @@ class Composer(Vertical):
         self._modes = ButtonLine(
             "mode", lambda: [("", mode) for mode in MODES], self._to_mode, self._mode_now
         )
-        self._payload = Field(self.send, "payload", EXAMPLES[HEX])
-        self.cut_row = CutRow(self._cut, self.send)
-        self._options = [Field(self.send, f"option-{name}", example, "option") for name, example in OPTIONS]
+        self._payload = PayloadField(self.send, "payload", EXAMPLES[HEX])
+        self.split_row = SplitsLine(self._split, self.send)
+        self._options = [
+            PayloadField(self.send, f"option-{name}", example, "option") for name, example in OPTIONS
+        ]
 
     def compose(self) -> Iterator[Widget]:
         """Compose three lines; what can be typed into comes right after the first frame."""
         with self._above:
             yield self._modes
         yield self._below
-        yield self.cut_row
+        yield self.split_row
 
     async def prepare(self) -> None:
         """Put the payload above, its options below."""
@@ -321,11 +323,11 @@ class Composer(Vertical):
 
         send = parse_line(line, self._scene.project, "message") if line else None
         if isinstance(send, PeerSend):
-            self.cut_row.draw(send.payload, cuts_of(send))
+            self.split_row.draw(send.payload, splits_of(send))
         else:
-            self.cut_row.draw(b"", Cuts())
+            self.split_row.draw(b"", Splits())
 
-    def _cut(self, cuts: Cuts) -> None:
+    def _split(self, cuts: Splits) -> None:
         """Write the cuts into the fields, which are what is sent."""
         for (name, _), option in zip(OPTIONS, self._options, strict=True):
             if name in ("split", "gap"):
@@ -334,9 +336,9 @@ class Composer(Vertical):
 
     def cut_at(self, place: int) -> None:
         """Cut the message there alone, and go to it."""
-        self.cut_row.place = place
-        self._cut(Cuts().toggled(place))
-        self.screen.set_focus(self.cut_row)
+        self.split_row.place = place
+        self._split(Splits().toggled(place))
+        self.screen.set_focus(self.split_row)
 
     def try_line(self, instance: str) -> str:
         """Return the command that tries every split of the message, "" without one."""
@@ -361,7 +363,7 @@ class Composer(Vertical):
     def _without_options(self) -> str:
         return send_line(self._scene.peer, self.mode, self._payload.value, ())
 
-    def _is_bad(self, field: Field) -> bool:
+    def _is_bad(self, field: PayloadField) -> bool:
         name = (field.id or "").removeprefix("option-")
         alone = send_line(self._scene.peer, self.mode, self._payload.value, ((name, field.value),))
         return bool(fault_of(alone, self._scene.project))
@@ -372,13 +374,13 @@ class Composer(Vertical):
         if not self.line:
             self.ask_for_payload("send")
         elif self.fault:
-            self._voice.complain(self.fault)
+            self._actions.complain(self.fault)
         else:
-            self._voice.submit(self.line)
+            self._actions.submit(self.line)
 
     def ask_for_payload(self, what: str) -> None:
         """Say that there is nothing yet, and go to where it is typed."""
-        self._voice.complain(f"the payload is empty, there is nothing to {what}: type it, enter sends it")
+        self._actions.complain(f"the payload is empty, there is nothing to {what}: type it, enter sends it")
         self.edit()
 
     def on_input_changed(self, event: Input.Changed) -> None:

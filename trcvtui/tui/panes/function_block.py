@@ -11,7 +11,7 @@ from trcvtui.plc.wired_pins import BUFFER_PINS, DATA_PINS, buffer_pin, data_pin,
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import cells, clip, count, lamp, plain, status_word
-from trcvtui.tui.messages import DescriptionWanted, Voice
+from trcvtui.tui.messages import DescriptionWanted, PaneActions
 from trcvtui.tui.panes.framer import framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS, letters_of
@@ -227,10 +227,10 @@ class FunctionBlock(LineView):
         ("C", "description", "the connection description byte for byte"),
     ]
 
-    def __init__(self, scene: ViewModel, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="block")
         self._scene = scene
-        self._voice = voice
+        self._actions = actions
         self._drawings: dict[tuple[str, str], Drawing] = {}
         self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
         self._cursor = 0
@@ -484,7 +484,7 @@ class FunctionBlock(LineView):
             self.toggle(pin)
         elif self._scene.instance is not None:
             missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
-            self._voice.complain(f"{self._scene.instance.block} has no {missing}")
+            self._actions.complain(f"{self._scene.instance.block} has no {missing}")
         return pin is not None
 
     def toggle(self, pin: DrawnPin) -> None:
@@ -495,16 +495,18 @@ class FunctionBlock(LineView):
         value, _ = self.value_of(pin)
         if pin.is_wired:
             line = line_for(pin.name, instance, self._scene)
-            self._voice.open_prompt(line) if line else self._voice.complain(why_not(pin.name, instance))
+            self._actions.open_prompt(line) if line else self._actions.complain(why_not(pin.name, instance))
         elif pin.is_fixed:
-            self._voice.complain(f"{pin.name} is {value}: the description of {instance.connect} says so (C)")
+            self._actions.complain(
+                f"{pin.name} is {value}: the description of {instance.connect} says so (C)"
+            )
         elif not pin.is_bool:
-            self._voice.open_prompt(f"set {instance.name} {pin.name}=")
+            self._actions.open_prompt(f"set {instance.name} {pin.name}=")
         elif pin.edge:
-            self._voice.submit(f"pulse {instance.name} {pin.name}")
+            self._actions.submit(f"pulse {instance.name} {pin.name}")
         else:
             self._pending[instance.name, pin.name] = (not value, snapshot.scan)
-            self._voice.submit(f"set {instance.name} {pin.name}={int(not value)}")
+            self._actions.submit(f"set {instance.name} {pin.name}={int(not value)}")
         self.show()
 
     def _pin_under_cursor(self) -> DrawnPin | None:

@@ -12,7 +12,7 @@ from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS, security_of
 from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
 from trcvtui.tui.messages import InstanceSelected
-from trcvtui.tui.view_model.view_model import DONE, ERROR, Pulse, ViewModel
+from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
 ROOMY: Final = 110
@@ -26,7 +26,7 @@ EMPTY_BENCH: Final = (
 )
 
 
-class Columns(NamedTuple):
+class ListColumns(NamedTuple):
     """Widths; `both` ends of the connection or the partner only; `bar` 0: no bar, no numbers, no age."""
 
     name: int
@@ -113,7 +113,7 @@ class InstanceList(LineView):
         text = " ".join(spoken).casefold()
         return all(word in text for word in self._words)
 
-    def _pulses(self, instance: InstanceSnapshot) -> list[Pulse]:
+    def _pulses(self, instance: InstanceSnapshot) -> list[PinPulse]:
         glow, now = self._scene.afterglow.glow, self._scene.t_ns
         found = [glow(instance.name, lamp_name, now) for lamp_name in (DONE, ERROR)]
         return [pulse for pulse in found if pulse is not None]
@@ -123,10 +123,10 @@ class InstanceList(LineView):
         glowing = self._scene.afterglow.glow(instance.name, ERROR, self._scene.t_ns)
         return instance.error or glowing is not None
 
-    def _measure(self) -> Columns:
+    def _measure(self) -> ListColumns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
         if 0 < self.line_width < NARROW:
-            return Columns(min(max((cells(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
+            return ListColumns(min(max((cells(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
         name = min(max((cells(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
         room = max(24, self.line_width - name - 86) if roomy else 23
@@ -136,9 +136,9 @@ class InstanceList(LineView):
         partner = min(self._partner_width(both), room)
         numbers = max((len(_numbers(instance)) for instance in shown), default=0)
         return (
-            Columns(name, partner, 7, 18 + spare, BAR, both, numbers)
+            ListColumns(name, partner, 7, 18 + spare, BAR, both, numbers)
             if roomy
-            else Columns(name, partner, 4, 18 + min(1, spare), 0, both)
+            else ListColumns(name, partner, 4, 18 + min(1, spare), 0, both)
         )
 
     def _partner_width(self, both: bool) -> int:
@@ -149,7 +149,7 @@ class InstanceList(LineView):
         )
         return max(map(len, partners), default=20)
 
-    def _row(self, instance: InstanceSnapshot, columns: Columns) -> Row:
+    def _row(self, instance: InstanceSnapshot, columns: ListColumns) -> Row:
         selected = instance.name == self._scene.selected
         style = "" if not selected else "cursor" if self.has_focus else "cursor-blurred"
         connection = self._scene.connection_of(instance)
@@ -170,7 +170,7 @@ class InstanceList(LineView):
             return "", ""
         return (f" {TLS}!", "error strong") if found.is_unsafe else (f" {TLS}", "dim")
 
-    def _partner(self, connection: ConnectionSnapshot | None, columns: Columns) -> list[Part]:
+    def _partner(self, connection: ConnectionSnapshot | None, columns: ListColumns) -> list[Part]:
         width, text = columns.partner, _partner(connection, columns.both)
         mark, style = self._mark(connection.name) if connection and width else ("", "")
         if connection is not None and mark and cells(text) + len(mark) > width:  # the port says more
@@ -188,7 +188,7 @@ class InstanceList(LineView):
             _lamp("E", instance.error, "error", error is not None),
         ]
 
-    def _progress(self, instance: InstanceSnapshot, columns: Columns) -> list[Part]:
+    def _progress(self, instance: InstanceSnapshot, columns: ListColumns) -> list[Part]:
         pulse = self._newest_pulse(instance)
         if not columns.bar:
             have = f" {instance.have}/{instance.need}" if instance.need else ""
@@ -210,7 +210,7 @@ class InstanceList(LineView):
             (f"  last byte {age(self._scene.t_ns - last)} ago" if last is not None else "", "dim"),
         ]
 
-    def _newest_pulse(self, instance: InstanceSnapshot) -> Pulse | None:
+    def _newest_pulse(self, instance: InstanceSnapshot) -> PinPulse | None:
         return max(self._pulses(instance), key=lambda pulse: pulse.scan, default=None)
 
     # -- choosing -----------------------------------------------------------------------------------
@@ -273,7 +273,7 @@ def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
     return f"{letter}{lamp(on, glowing)} ", style if on else "glow" if glowing else "faint"
 
 
-def _status(instance: InstanceSnapshot, condition: str, columns: Columns) -> list[Part]:
+def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) -> list[Part]:
     style = "error" if instance.error else "done" if instance.done else "busy" if instance.busy else ""
     word = status_word(instance.status)[-columns.word :]
     return [

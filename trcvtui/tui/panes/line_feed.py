@@ -12,7 +12,7 @@ from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.rig.commands.words import FeedLine
 from trcvtui.tui.formatting import bar, clip, pad, plain
-from trcvtui.tui.messages import Voice
+from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.panes.framer import source_words
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -38,10 +38,10 @@ class LineFeed(LineView):
     ]
     DEFAULT_CSS = "LineFeed { height: auto; max-height: 8; min-height: 1; }"
 
-    def __init__(self, scene: ViewModel, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="lines")
         self._scene = scene
-        self._voice = voice
+        self._actions = actions
         self._cursor = 0
         self._fed: dict[str, tuple[bytes, int]] = {}  # by ComBuffer: the message, how much of it went in
 
@@ -123,7 +123,7 @@ class LineFeed(LineView):
     def action_type(self) -> None:
         """Open the prompt for the bytes."""
         if self.chosen:
-            self._voice.open_prompt(f"{FEED} {self.chosen} hex ")
+            self._actions.open_prompt(f"{FEED} {self.chosen} hex ")
 
     def action_again(self) -> None:
         """Feed the last message once more."""
@@ -147,13 +147,13 @@ class LineFeed(LineView):
             self.action_type()
             return
         self._fed[self.chosen] = payload, stop
-        self._voice.submit(f"{FEED} {self.chosen} hex {payload[start:stop].hex(' ')}")
+        self._actions.submit(f"{FEED} {self.chosen} hex {payload[start:stop].hex(' ')}")
         self.show()
 
     def action_break(self) -> None:
         """Pull the cable: a frame that is half here has no end."""
         if self.chosen:
-            self._voice.submit(f"{FEED} {self.chosen} break")
+            self._actions.submit(f"{FEED} {self.chosen} break")
 
     def action_move(self, rows: int) -> None:
         """Choose another line."""

@@ -14,7 +14,7 @@ from textual.widgets import Input
 
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot, Tally
 from trcvtui.tui.formatting import cells, clip, count, pad, plain
-from trcvtui.tui.messages import PeerSelected, Voice
+from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.composer import Composer
 from trcvtui.tui.panes.line_feed import LineFeed
 from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
@@ -211,14 +211,14 @@ class PeerPanel(Vertical):
         ("i", "payload", "edit the payload"),
     ]
 
-    def __init__(self, scene: ViewModel, voice: Voice) -> None:
+    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="peer")
         self._scene = scene
-        self._voice = voice
+        self._actions = actions
         self._title = ""
-        self.lines = LineFeed(scene, voice)
+        self.lines = LineFeed(scene, actions)
         self.peers = PeerList(scene)
-        self.composer = Composer(scene, voice)
+        self.composer = Composer(scene, actions)
         self._buttons = ButtonLine("buttons", self._labels, self._press)
         self._notes = PeerNotes(scene)
         self._preview = "", ""
@@ -324,9 +324,9 @@ class PeerPanel(Vertical):
         elif button.letter == EVERY_SPLIT:
             self._try_splits(peer)
         elif button.edit:
-            self._voice.open_prompt(button.line(peer) + self._aim(button, peer))
+            self._actions.open_prompt(button.line(peer) + self._aim(button, peer))
         else:
-            self._voice.submit(button.line(peer))
+            self._actions.submit(button.line(peer))
 
     def _aim(self, button: Button, peer: PeerSnapshot) -> str:
         if button is CHECK:
@@ -344,7 +344,7 @@ class PeerPanel(Vertical):
         trial = self._scene.picture.trial if self._scene.picture else None
         line = self._try_line(peer)
         if line and (trial is None or trial.state != "running"):
-            self._voice.submit(line)
+            self._actions.submit(line)
         elif not line and trial is None:
             self._tell_what_is_missing(peer)
             return
@@ -352,7 +352,7 @@ class PeerPanel(Vertical):
 
     def _tell_what_is_missing(self, peer: PeerSnapshot) -> None:
         if self.composer.text.strip():
-            self._voice.complain(f"no TRCV_C or TRCV on the CONNECT that {plain(peer.name)} talks to")
+            self._actions.complain(f"no TRCV_C or TRCV on the CONNECT that {plain(peer.name)} talks to")
         else:
             self.composer.ask_for_payload("split")
 
@@ -360,7 +360,7 @@ class PeerPanel(Vertical):
         """Open the table of the trial that this line has begun."""
         from trcvtui.tui.forms.split_test_screen import TrialScreen  # read when first asked for
 
-        self._trial = TrialScreen(self._scene, self._voice.submit, line)
+        self._trial = TrialScreen(self._scene, self._actions.submit, line)
         self.app.push_screen(self._trial, self._trial_left)
 
     def _trial_left(self, place: int | None) -> None:
@@ -389,10 +389,10 @@ class PeerPanel(Vertical):
 
     def action_cuts(self) -> None:
         """Go to the message drawn with its cuts."""
-        if len(self.composer.cut_row.payload) > 1:
-            self.screen.set_focus(self.composer.cut_row)
+        if len(self.composer.split_row.payload) > 1:
+            self.screen.set_focus(self.composer.split_row)
         elif self.composer.line:
-            self._voice.complain(self.composer.fault or "one byte has no place for a cut")
+            self._actions.complain(self.composer.fault or "one byte has no place for a cut")
         else:
             self.composer.ask_for_payload("cut")
 
@@ -405,7 +405,7 @@ class PeerPanel(Vertical):
 
     def _picked(self, line: str | None) -> None:
         if line:
-            self._voice.submit(line)
+            self._actions.submit(line)
 
     def action_keep(self) -> None:
         """Open the form that puts the message into the library under a name; go to it where there is none."""
@@ -427,7 +427,7 @@ class PeerPanel(Vertical):
         if found is not None:
             self.app.push_screen(found, self._form_left)
         else:
-            self._voice.complain("no UDT to fill in: DATA of the selected instance has none")
+            self._actions.complain("no UDT to fill in: DATA of the selected instance has none")
 
     def _form_left(self, payload: str | None) -> None:
         if payload:

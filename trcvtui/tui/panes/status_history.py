@@ -8,7 +8,7 @@ from textual import events
 
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.tui.formatting import ON, clip, moment, plain, status_word
-from trcvtui.tui.messages import EdgeSelected, Voice
+from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.explain import why
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
@@ -30,11 +30,11 @@ class StatusHistory(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: ViewModel, voice: Voice, digit: int = 4) -> None:
+    def __init__(self, scene: ViewModel, actions: PaneActions, digit: int = 4) -> None:
         super().__init__(id="history")
         self._digit = digit
         self._scene = scene
-        self._voice = voice
+        self._actions = actions
         self._edges: list[Line] = []
         self._chosen: int | None = None
         self._word, self._lamp = WORD, LAMP
@@ -132,11 +132,11 @@ class StatusHistory(LineView):
         if errors:
             self._choose(next((y for y in errors if y > here), errors[0]))
         else:
-            self._voice.complain(f"no ERROR in what is known of {plain(self._scene.selected)}")
+            self._actions.complain(f"no ERROR in what is known of {plain(self._scene.selected)}")
 
     def action_ask_code(self) -> None:
         """Ask for the code to find; the timing pane looks for it, and this one follows."""
-        self._voice.open_prompt("find ")
+        self._actions.open_prompt("find ")
 
     def action_now(self) -> None:
         """Go back to the present."""

@@ -23,7 +23,7 @@ from trcvtui.rig.history.waveform_text import (
     value_text,
 )
 from trcvtui.tui.formatting import MS, SECOND, US, count, duration, plain
-from trcvtui.tui.messages import EdgeSelected, Voice
+from trcvtui.tui.messages import EdgeSelected, PaneActions
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
@@ -198,11 +198,11 @@ class Timing(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: ViewModel, voice: Voice, digit: int = 8) -> None:
+    def __init__(self, scene: ViewModel, actions: PaneActions, digit: int = 8) -> None:
         super().__init__(id="timing")
         self._digit = digit
         self._scene = scene
-        self._voice = voice
+        self._actions = actions
         self.view = TimingView()
         self._rows: list[Drawn] = []
         self._label = LABEL
@@ -349,7 +349,7 @@ class Timing(LineView):
 
     def action_ask_code(self) -> None:
         """Ask for the code to search."""
-        self._voice.open_prompt(f"find {self._last_code}")
+        self._actions.open_prompt(f"find {self._last_code}")
 
     def find(self, status: int) -> None:
         """Go to the next edge to this STATUS."""
@@ -464,7 +464,7 @@ class Timing(LineView):
     def action_write(self, format: str) -> None:
         """Write a file in a format, between the markers where there are two."""
         self._asks = False
-        self._voice.submit(f"export timing {format}")
+        self._actions.submit(f"export timing {format}")
         self.show()
 
     def write(self, format: str, path: Path | None) -> tuple[Path, int]:

@@ -12,7 +12,7 @@ from types import FrameType
 from typing import Final
 
 from trcvtui.errors import UserError
-from trcvtui.rig.scenario.race import InstanceRace, Race, Row, race_file
+from trcvtui.rig.scenario.race import InstanceRace, Race, ScanRow, race_file
 from trcvtui.rig.scenario.race_report import DIALECT_NAMES
 from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.scenario.session_file import marked_scan
@@ -99,6 +99,6 @@ def since(raced: InstanceRace, hidden: int) -> InstanceRace:
     return replace(raced, rows=rows) if hidden else raced
 
 
-def _behind(row: Row, hidden: int) -> Row:
+def _behind(row: ScanRow, hidden: int) -> ScanRow:
     missing = max(0, hidden + 1 - row.scan)
     return replace(row, scan=row.scan + missing, scans=row.scans - missing) if missing else row

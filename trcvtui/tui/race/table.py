@@ -8,12 +8,11 @@ from typing import ClassVar, Final
 from textual import events
 from textual.binding import Binding, BindingType
 
-from trcvtui.rig.scenario.race import CALLED, InstanceRace, Note, Race, Row, Shown
+from trcvtui.rig.scenario.race import CALLED, InstanceRace, Note, Race, ScanRow, Shown
 from trcvtui.rig.scenario.race_report import DIALECT_NAMES, summary, title_of
 from trcvtui.tui.formatting import clip, count, lamp, moment, pad, plain, wrapped
 from trcvtui.tui.messages import DialectToggled, RaceRowSelected
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, row
-from trcvtui.tui.widgets.line_view import Row as Line
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 from trcvtui.udt.literals import format_time
 
 SCANS, SIGN = 13, 3  # columns of the scan numbers, and of the sign that marks a difference
@@ -36,7 +35,7 @@ def head_parts(raced: InstanceRace, width: int) -> list[Part]:
     return [(pad("scan", SCANS - 1, right=True), "dim"), (" " * (SIGN + 1), ""), *names]
 
 
-def row_parts(row: Row, raced: InstanceRace, width: int) -> list[Part]:
+def row_parts(row: ScanRow, raced: InstanceRace, width: int) -> list[Part]:
     """Return one run of equal scans."""
     differs = row.differs
     parts: list[Part] = [
@@ -50,12 +49,12 @@ def row_parts(row: Row, raced: InstanceRace, width: int) -> list[Part]:
     return parts
 
 
-def scans_of(row: Row) -> str:
+def scans_of(row: ScanRow) -> str:
     """Return `3` or `3-7`."""
     return str(row.scan) if row.scans == 1 else f"{row.scan}-{row.scan + row.scans - 1}"
 
 
-def _changed(row: Row, number: int) -> frozenset[str]:
+def _changed(row: ScanRow, number: int) -> frozenset[str]:
     """Return in what a dialect differs from the first one; the first from none."""
     first, shown = row.shown[0], row.shown[number]
     if not number or first == shown:
@@ -112,7 +111,7 @@ def _cut(parts: list[Part], width: int) -> Iterator[Part]:
 # -- one row in full ---------------------------------------------------------------------------------------
 
 
-def detail_lines(row: Row, raced: InstanceRace, interval_ns: int) -> Iterator[list[Part]]:
+def detail_lines(row: ScanRow, raced: InstanceRace, interval_ns: int) -> Iterator[list[Part]]:
     """Yield a row in words: when, in what they differ, then each dialect in full."""
     differs = f"{DIFFERS} {', '.join(row.differs)}" if row.differs else "all alike"
     when = f"scan {scans_of(row)} · {count(row.scans, 'scan')} from {moment((row.scan - 1) * interval_ns)} s"
@@ -131,7 +130,7 @@ def detail_lines(row: Row, raced: InstanceRace, interval_ns: int) -> Iterator[li
 
 
 NAMES: Final = DIALECT_NAMES
-Entry = Row | Note | str
+Entry = ScanRow | Note | str
 
 
 class RaceHead(LineView, can_focus=False):
@@ -153,7 +152,7 @@ class RaceHead(LineView, can_focus=False):
         """Return 2."""
         return 2
 
-    def row_at(self, y: int) -> Line:
+    def row_at(self, y: int) -> Row:
         """Return a line."""
         if y == 0:
             return row(*self._what)
@@ -189,7 +188,7 @@ class RaceColumns(LineView, can_focus=False):
         """Return 1."""
         return 1
 
-    def row_at(self, y: int) -> Line:
+    def row_at(self, y: int) -> Row:
         """Return the names."""
         return row(*head_parts(self.raced, self.line_width - 1)) if self.raced and not y else EMPTY
 
@@ -221,8 +220,8 @@ class RaceTable(LineView, inherit_bindings=False):
         self.entries = [each for each in rows if each.differs or not self.only_differing]
         if race is not None and race.notes:
             self.entries += ["notes", *race.notes]
-        scan = here.scan if isinstance(here, Row) else 0
-        places = [n for n, each in enumerate(self.entries) if isinstance(each, Row) and each.scan <= scan]
+        scan = here.scan if isinstance(here, ScanRow) else 0
+        places = [n for n, each in enumerate(self.entries) if isinstance(each, ScanRow) and each.scan <= scan]
         self.cursor = places[-1] if places else 0
         self.refresh()
         self.show()
@@ -237,7 +236,7 @@ class RaceTable(LineView, inherit_bindings=False):
         """Return the number of lines."""
         return max(1, len(self.entries))
 
-    def row_at(self, y: int) -> Line:
+    def row_at(self, y: int) -> Row:
         """Return one line."""
         if y >= len(self.entries):
             return row(("no scan was called", "dim")) if self.raced and not y else EMPTY
@@ -248,7 +247,7 @@ class RaceTable(LineView, inherit_bindings=False):
                 return row((f"  {entry}", "strong"), style=style)
             case Note():
                 return row((f"  {entry.dialect}: ", "warn"), (note_text(entry), "dim"), style=style)
-            case Row():
+            case ScanRow():
                 assert self.raced is not None
                 return row(*row_parts(entry, self.raced, self.line_width - 1), style=style)
 
@@ -266,7 +265,7 @@ class RaceTable(LineView, inherit_bindings=False):
     def difference(self, step: int) -> bool:
         """Go to the next row in which they differ, or the one before; return whether there is one."""
         places = range(self.cursor + step, len(self.entries) if step > 0 else -1, step)
-        found = (n for n in places if isinstance(each := self.entries[n], Row) and each.differs)
+        found = (n for n in places if isinstance(each := self.entries[n], ScanRow) and each.differs)
         place = next(found, None)
         if place is not None:
             self.go_to(place)
@@ -284,7 +283,7 @@ class RaceScan(LineView):
 
     def __init__(self) -> None:
         super().__init__(id="race-scan")
-        self._rows: list[Line] = []
+        self._rows: list[Row] = []
         self._shown: tuple[Entry | None, InstanceRace | None, int] = (None, None, 0)
 
     def draw(self, entry: Entry | None, raced: InstanceRace | None, interval_ns: int) -> None:
@@ -298,7 +297,7 @@ class RaceScan(LineView):
 
     def _break(self) -> None:
         entry, raced, interval_ns = self._shown
-        if isinstance(entry, Row) and raced is not None:
+        if isinstance(entry, ScanRow) and raced is not None:
             self._rows = [row(*parts) for parts in detail_lines(entry, raced, interval_ns)]
         elif isinstance(entry, Note):
             lines = wrapped(f"{entry.dialect}: {note_text(entry)}", max(20, self.line_width))
@@ -311,7 +310,7 @@ class RaceScan(LineView):
         """Return the number of lines."""
         return len(self._rows)
 
-    def row_at(self, y: int) -> Line:
+    def row_at(self, y: int) -> Row:
         """Return one line."""
         return self._rows[y] if y < len(self._rows) else EMPTY
 

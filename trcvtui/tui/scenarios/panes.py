@@ -10,7 +10,7 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.scenario.files import ScenarioFile, ScriptLine
 from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.tui.formatting import clip, lamp, plain, wrapped
-from trcvtui.tui.scenarios.scenario_list import Library
+from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
@@ -94,9 +94,9 @@ class ScenarioText(LineView, inherit_bindings=False):
         Binding("end,G", "edge(1)", show=False),
     ]
 
-    def __init__(self, library: Library) -> None:
+    def __init__(self, model: ScenarioListModel) -> None:
         super().__init__(id="text")
-        self._library = library
+        self._model = model
         self._drawn: tuple[ScenarioFile | None, tuple[StepSnapshot, ...], int, int] | None = None
         self._rows: list[Row] = []
         self._row_of: dict[int, int] = {}  # by number of the step
@@ -104,7 +104,7 @@ class ScenarioText(LineView, inherit_bindings=False):
 
     def draw(self, player: PlayerSnapshot | None, kernel: str) -> None:
         """Show the chosen scenario, and how far it has been played where it is the one that is."""
-        said = self._library.chosen_file
+        said = self._model.chosen_file
         played = player if player is not None and said is not None and player.path == str(said.path) else None
         self._show_title(said, played, kernel)
         shown = said, played.steps if played else (), played.current if played else -1, self.line_width

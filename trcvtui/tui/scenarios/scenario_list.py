@@ -19,7 +19,7 @@ FILES_AT_ONCE: Final = 4  # a few milliseconds
 SHIPPED: Final = "came with trcvtui"
 
 
-class Library:
+class ScenarioListModel:
     """Scenario files in reading order. `revision` counts up with each change of `rows`."""
 
     def __init__(self, found: Found, chosen: Path | None = None) -> None:
@@ -145,17 +145,17 @@ class ScenarioList(LineView, inherit_bindings=False):
         Binding("end,G", "edge(1)", show=False),
     ]
 
-    def __init__(self, library: Library) -> None:
+    def __init__(self, model: ScenarioListModel) -> None:
         super().__init__(id="scenarios")
-        self._library = library
+        self._model = model
         self._revision = -1
         self._rows: list[Path | str] = []
 
     def show(self) -> None:
         """Repaint what changed; the choice stays in view while files come and go."""
-        if self._revision != self._library.revision:
-            self._revision = self._library.revision
-            self._rows = self._library.rows()
+        if self._revision != self._model.revision:
+            self._revision = self._model.revision
+            self._rows = self._model.rows()
             self.resize_rows()
             self.follow()
         self.set_title(1, "Scenarios", self._detail())
@@ -164,18 +164,18 @@ class ScenarioList(LineView, inherit_bindings=False):
     def _detail(self) -> str:
         files = sum(1 for each in self._rows if isinstance(each, Path))
         words = [f"{files}"]
-        if self._library.filter:
-            words.append(f"/{clip(plain(self._library.filter), 20)}")
-        if not self._library.is_read:
+        if self._model.filter:
+            words.append(f"/{clip(plain(self._model.filter), 20)}")
+        if not self._model.is_read:
             words.append("reading …")
-        elif self._library.is_cut:
+        elif self._model.is_cut:
             words.append("there are more files than are looked at")
         return " · ".join(words)
 
     def follow(self) -> None:
         """Keep the choice in view, and the name of its folder where it is the first one."""
-        if self._library.chosen in self._rows:
-            y = self._rows.index(self._library.chosen)
+        if self._model.chosen in self._rows:
+            y = self._rows.index(self._model.chosen)
             self.keep_in_view(y - 1 if y == 1 else y)
 
     def row_count(self) -> int:
@@ -185,7 +185,7 @@ class ScenarioList(LineView, inherit_bindings=False):
     def row_at(self, y: int) -> Row:
         """Return a folder or a file."""
         if not self._rows:
-            what = "no scenario has these words" if self._library.filter else "no scenario file"
+            what = "no scenario has these words" if self._model.filter else "no scenario file"
             return row((what, "dim")) if y == 0 else EMPTY
         each = self._rows[y] if y < len(self._rows) else ""
         if isinstance(each, str):
@@ -193,10 +193,10 @@ class ScenarioList(LineView, inherit_bindings=False):
         return self._file(each)
 
     def _file(self, path: Path) -> Row:
-        chosen = path == self._library.chosen
+        chosen = path == self._model.chosen
         style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
-        said = self._library.known(path)
-        mark, mark_style = MARKS[self._library.outcomes.get(path)]
+        said = self._model.known(path)
+        mark, mark_style = MARKS[self._model.outcomes.get(path)]
         name, name_style = plain(said.name if said else path.stem), "" if said else "dim"
         if said is not None and said.problem:
             mark, mark_style, name, name_style = "! ", "error", f"{plain(path.name)} is wrong", "warn"
@@ -207,7 +207,7 @@ class ScenarioList(LineView, inherit_bindings=False):
 
     def action_move(self, rows: int) -> None:
         """Choose another file."""
-        self._library.move(rows)
+        self._model.move(rows)
         self._chosen()
 
     def on_click(self, event: events.Click) -> None:
@@ -216,9 +216,9 @@ class ScenarioList(LineView, inherit_bindings=False):
         each = self._rows[place[1]] if place is not None and place[1] < len(self._rows) else ""
         if not isinstance(each, Path):
             return
-        if each == self._library.chosen:
+        if each == self._model.chosen:
             self.post_message(ScenarioWanted())
-        self._library.chosen = each
+        self._model.chosen = each
         self._chosen()
 
     def _chosen(self) -> None:

@@ -19,13 +19,13 @@ from textual.widget import Widget
 from trcvtui.rig.snapshots import PlayerSnapshot
 from trcvtui.tui import messages
 from trcvtui.tui.formatting import clip, count, plain
-from trcvtui.tui.messages import Voice
+from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.status_card import StatusCard
 from trcvtui.tui.panes.status_history import StatusHistory
 from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.scenarios.panes import ScenarioText, TraceList
-from trcvtui.tui.scenarios.scenario_list import Library, ScenarioList
+from trcvtui.tui.scenarios.scenario_list import ScenarioList, ScenarioListModel
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView
 from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine, TabLine
@@ -75,12 +75,16 @@ class ScenariosScreen(Screen[Path | None]):
     CSS_PATH = "scenarios.tcss"
 
     def __init__(
-        self, scene: ViewModel, say: Callable[[str], int | None], library: Library, loaded: Path | None = None
+        self,
+        scene: ViewModel,
+        say: Callable[[str], int | None],
+        model: ScenarioListModel,
+        loaded: Path | None = None,
     ) -> None:
         super().__init__()
         self._scene = scene
         self._say = say
-        self._library = library
+        self._model = model
         self._kernel = KERNELS[0]
         self._loaded = loaded  # also while the engine has not answered yet
         self._question: Callable[[], None] | None = None  # what `y` does: it ends the live bench
@@ -91,14 +95,14 @@ class ScenariosScreen(Screen[Path | None]):
         self._trouble = ""
         self._open = STEPS if loaded is not None else LIST
         self._past = TRACES
-        self.list = ScenarioList(library)
-        self.text = ScenarioText(library)
+        self.list = ScenarioList(model)
+        self.text = ScenarioText(model)
         self.instances = InstanceList(scene, digit=3)
         self.traces = TraceList(scene)
-        voice = Voice(self._refuse, self._refuse, self._complain)
+        actions = PaneActions(self._refuse, self._refuse, self._complain)
         self.status = StatusCard(scene, STATUS)
-        self.history = StatusHistory(scene, voice, HISTORY)
-        self.timing = Timing(scene, voice, TIMING)
+        self.history = StatusHistory(scene, actions, HISTORY)
+        self.timing = Timing(scene, actions, TIMING)
         self.header = HeaderLine(scene)
         self.tabs = TabLine(TABS_OF_PLAY[:2], LIST)
         self.outcome = OutcomeLine()
@@ -141,8 +145,8 @@ class ScenariosScreen(Screen[Path | None]):
         self.call_after_refresh(self.show)
 
     def _read_some(self) -> None:
-        if not self._library.is_read:
-            self._library.read_some()
+        if not self._model.is_read:
+            self._model.read_some()
             self.show()
 
     # -- what is shown ------------------------------------------------------------------------------
@@ -194,9 +198,9 @@ class ScenariosScreen(Screen[Path | None]):
                         self._loaded = None
 
     def _note_outcome(self, path: Path, held: bool) -> None:
-        if self._library.outcomes.get(path) is not held:
-            self._library.outcomes[path] = held
-            self._library.revision += 1
+        if self._model.outcomes.get(path) is not held:
+            self._model.outcomes[path] = held
+            self._model.revision += 1
 
     def _say_what_is(self, player: PlayerSnapshot | None) -> None:
         if self._question is not None:
@@ -275,7 +279,7 @@ class ScenariosScreen(Screen[Path | None]):
         self.tabs.mark(self._open)
 
     def _narrow(self, words: str) -> None:
-        self._library.narrow(words)
+        self._model.narrow(words)
         self.show()
 
     # -- actions ------------------------------------------------------------------------------------
@@ -329,15 +333,15 @@ class ScenariosScreen(Screen[Path | None]):
 
     def action_load(self) -> None:
         """Load the chosen scenario; a live bench that it would end is asked about first."""
-        if self._loaded is None and self._is_live_bench() and self._library.chosen is not None:
+        if self._loaded is None and self._is_live_bench() and self._model.chosen is not None:
             self._ask(self._load)
         else:
             self._load()
 
     def _load(self) -> None:
         """Load the chosen scenario, as it stands in its file now."""
-        path, self._trouble = self._library.chosen, ""
-        said = self._library.read(path) if path is not None else None
+        path, self._trouble = self._model.chosen, ""
+        said = self._model.read(path) if path is not None else None
         if path is None or said is None:
             return
         if said.problem:
@@ -357,7 +361,7 @@ class ScenariosScreen(Screen[Path | None]):
 
     def action_run(self) -> None:
         """Take all steps that are left of the chosen scenario; one that is not loaded is loaded for it."""
-        if self._loaded is None and self._is_live_bench() and self._library.chosen is not None:
+        if self._loaded is None and self._is_live_bench() and self._model.chosen is not None:
             self._ask(self._run)
         else:
             self._run()
@@ -370,11 +374,11 @@ class ScenariosScreen(Screen[Path | None]):
 
     def action_race(self) -> None:
         """Race the chosen scenario through several dialects."""
-        if self._library.chosen is not None:
-            self.post_message(messages.RaceWanted(self._library.chosen))
+        if self._model.chosen is not None:
+            self.post_message(messages.RaceWanted(self._model.chosen))
 
     def _is_loaded(self) -> bool:
-        return self._loaded is not None and self._loaded == self._library.chosen
+        return self._loaded is not None and self._loaded == self._model.chosen
 
     def _send(self, words: str) -> None:
         self._trouble = ""
@@ -408,7 +412,7 @@ class ScenariosScreen(Screen[Path | None]):
         """Bring the project back that was opened, and go back to it."""
         if self._loaded is not None or self._player is not None:
             self._say("scenario stop")
-        self.dismiss(self._library.chosen)
+        self.dismiss(self._model.chosen)
 
     def commands(self) -> Iterator[SystemCommand]:
         """Yield what can be done here, for the palette."""

@@ -30,7 +30,7 @@ class Span(NamedTuple):
 Part = tuple[int, int]  # where bytes of the stream begin, how many
 
 
-class Job(NamedTuple):
+class OriginJob(NamedTuple):
     """A receive job: what it began or ended with. `scan` is that of its end, of a running job its start.
 
     `parts` are its bytes of the stream, where another job of the CONNECT has read in between.
@@ -59,7 +59,7 @@ class Job(NamedTuple):
 class Origin(NamedTuple):
     """What is known of one byte; empty fields are not known."""
 
-    job: Job
+    job: OriginJob
     recv: Span | None
     message: Span | None
     message_byte: int = 0
@@ -85,7 +85,7 @@ class _Recv(_Bytes, Protocol):
     def instance(self) -> str: ...
 
 
-class _Started(_Bytes, Protocol):
+class _BegunJob(_Bytes, Protocol):
     @property
     def instance(self) -> str: ...
     @property
@@ -125,8 +125,8 @@ class Provenance:
         self._recvs: dict[str, tuple[int, deque[Span]]] = {}
         self._sent: dict[tuple[str, str], deque[Span]] = {}
         self._ends: dict[str, tuple[int, str, str]] = {}
-        self._delivered: dict[str, Job] = {}
-        self._running: dict[str, Job] = {}
+        self._delivered: dict[str, OriginJob] = {}
+        self._running: dict[str, OriginJob] = {}
         self._parts: dict[str, list[Part]] = {}  # of the running jobs, what came in turn as one
         # The classes live below the floors that the screen may import: they are known by name.
         self._takers: dict[str, Callable[[Line, Any], None]] = {
@@ -161,9 +161,9 @@ class Provenance:
         else:
             parts.append((event.offset, event.size))
 
-    def _job_started(self, line: Line, event: _Started) -> None:
+    def _job_started(self, line: Line, event: _BegunJob) -> None:
         link = (event.connection, event.incarnation)
-        self._running[event.instance] = Job(event.job, line.scan, link, event.offset, event.length)
+        self._running[event.instance] = OriginJob(event.job, line.scan, link, event.offset, event.length)
         self._parts[event.instance] = []
 
     def _job_ended(self, line: Line, event: _Ended) -> None:
@@ -173,7 +173,9 @@ class Provenance:
             link = (event.connection, event.incarnation)
             # Of a job whose lines were skipped in part nothing is known but where it began.
             whole = parts if _size(parts) == event.size and len(parts) <= MOST_PARTS else ()
-            self._delivered[event.instance] = Job(event.job, line.scan, link, event.offset, event.size, whole)
+            self._delivered[event.instance] = OriginJob(
+                event.job, line.scan, link, event.offset, event.size, whole
+            )
 
     def _connection_noted(self, line: Line, event: _Noted) -> None:
         if event.what == "connected":
@@ -217,7 +219,7 @@ class Provenance:
             if start < size and (start >= 0 or not before):
                 yield span._replace(offset=before + start)
 
-    def _job(self, instance: str, of_job: bool) -> Job | None:
+    def _job(self, instance: str, of_job: bool) -> OriginJob | None:
         if not of_job:
             return self._delivered.get(instance)
         job, parts = self._running.get(instance), self._parts.get(instance)

@@ -26,7 +26,7 @@ DONE, ERROR = "DONE", "ERROR"
 
 
 @dataclass(frozen=True, slots=True)
-class Pulse:
+class PinPulse:
     """A lamp was lit in `scan` at `t_ns` with this STATUS; `rcvd_len` in bytes where the block has it."""
 
     scan: int
@@ -39,11 +39,11 @@ class Afterglow:
     """The newest pulse of each lamp of each instance. Times are those of the run, so a held PLC glows on."""
 
     def __init__(self) -> None:
-        self._pulses: dict[tuple[str, str], Pulse] = {}
+        self._pulses: dict[tuple[str, str], PinPulse] = {}
 
     def note(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
         """Take the lamps of one STATUS edge of the ledger."""
-        pulse = Pulse(scan, t_ns, edge.status, edge.rcvd_len)
+        pulse = PinPulse(scan, t_ns, edge.status, edge.rcvd_len)
         if edge.done:
             self._pulses[edge.instance, DONE] = pulse
         if edge.error:
@@ -66,9 +66,9 @@ class Afterglow:
         if scan is None:
             self._pulses.pop((name, lamp), None)  # of one that bore the name before
         elif known is None or known.scan < scan:
-            self._pulses[name, lamp] = Pulse(scan, t_ns, status or 0, length)
+            self._pulses[name, lamp] = PinPulse(scan, t_ns, status or 0, length)
 
-    def glow(self, instance: str, lamp: str, t_ns: int) -> Pulse | None:
+    def glow(self, instance: str, lamp: str, t_ns: int) -> PinPulse | None:
         """Return the pulse that still glows at `t_ns`, else None."""
         pulse = self._pulses.get((instance, lamp))
         return pulse if pulse is not None and t_ns - pulse.t_ns < GLOW_NS else None

@@ -315,7 +315,7 @@ class TabLine(LineView, can_focus=False):
 MOST_TRIGGER: Final = 36
 
 
-class Piece(NamedTuple):
+class HeaderWord(NamedTuple):
     """One word of the header; those with the highest `rank` give way first on a narrow screen."""
 
     text: str
@@ -346,59 +346,59 @@ class HeaderLine(LineView, can_focus=False):
             pieces.remove(max(pieces, key=lambda piece: piece.rank))
         return row(*_spaced(pieces))
 
-    def _pieces(self) -> list[Piece]:
+    def _pieces(self) -> list[HeaderWord]:
         project, picture = self._scene.project, self._scene.picture
         name = plain(project.path.name)
-        pieces = [Piece("trcvtui", "dim", 60), Piece(name, "strong", 10)]
-        pieces.append(Piece(f"{project.dialect.name} {project.model}", "", 20))
+        pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(name, "strong", 10)]
+        pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
         if self._scene.unsaved:
-            pieces.append(Piece(f"+{self._scene.unsaved} unsaved", "warn", 15))
+            pieces.append(HeaderWord(f"+{self._scene.unsaved} unsaved", "warn", 15))
         if self.ended:
-            return [*pieces, Piece(" ENGINE ENDED ", "stop", 0)]
+            return [*pieces, HeaderWord(" ENGINE ENDED ", "stop", 0)]
         if picture is None:
-            return [*pieces, Piece("the engine starts …", "dim", 5)]
+            return [*pieces, HeaderWord("the engine starts …", "dim", 5)]
         if picture.player is not None:
             count_of, at = len(picture.player.steps), picture.player.current + 1
-            pieces.append(Piece(f"scenario, step {min(at, count_of)} of {count_of}", "warn", 4))
+            pieces.append(HeaderWord(f"scenario, step {min(at, count_of)} of {count_of}", "warn", 4))
         snapshot, timing = picture.snapshot, picture.timing
         pieces += self._frozen()
         now = self._scene.live or picture
         pieces.append(_state(now.snapshot.running, now.holding))
-        pieces.append(Piece(format_time(snapshot.interval_ns), "", 30))
+        pieces.append(HeaderWord(format_time(snapshot.interval_ns), "", 30))
         live = "live at " if self._scene.is_frozen else ""
-        pieces.append(Piece(f"{live}scan {now.snapshot.scan}", "", 2))
+        pieces.append(HeaderWord(f"{live}scan {now.snapshot.scan}", "", 2))
         if now.armed:
-            pieces.append(Piece(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
-        pieces.append(Piece(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
+            pieces.append(HeaderWord(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
+        pieces.append(HeaderWord(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))
         style = "warn" if timing.overruns else "dim"
-        pieces.append(Piece(count(timing.overruns, "overrun"), style, 35))
-        pieces.append(Piece(picture.kernel, "dim", 4))
+        pieces.append(HeaderWord(count(timing.overruns, "overrun"), style, 35))
+        pieces.append(HeaderWord(picture.kernel, "dim", 4))
         if snapshot.connections_limit:
             used = f"{snapshot.connections_used}/{snapshot.connections_limit} connections"
-            pieces.append(Piece(used, "dim", 70))
+            pieces.append(HeaderWord(used, "dim", 70))
         if snapshot.faults:
-            pieces.append(Piece(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
+            pieces.append(HeaderWord(f" {count(len(snapshot.faults), 'FAULT')} ARMED ".upper(), "hold", 3))
         return pieces
 
-    def _frozen(self) -> list[Piece]:
+    def _frozen(self) -> list[HeaderWord]:
         """Say loudly that what is shown is not what is now."""
         scene = self._scene
         if not scene.is_frozen or scene.picture is None:
             return []
         chip = f" * FROZEN at scan {scene.picture.snapshot.scan} *  F live "
         if scene.fired is None:
-            return [Piece(chip, "stop", 0)]
+            return [HeaderWord(chip, "stop", 0)]
         text = f" TRIGGER {clip(plain(scene.fired.text), MOST_TRIGGER)} "
-        return [Piece(text, "hold", 1), Piece(chip, "stop", 0)]
+        return [HeaderWord(text, "hold", 1), HeaderWord(chip, "stop", 0)]
 
 
-def _state(running: bool, holding: bool) -> Piece:
+def _state(running: bool, holding: bool) -> HeaderWord:
     if not running:
-        return Piece(" ■ STOP ", "stop", 0)
-    return Piece(" ‖ HOLD ", "hold", 0) if holding else Piece(" ▶ RUN ", "run", 0)
+        return HeaderWord(" ■ STOP ", "stop", 0)
+    return HeaderWord(" ‖ HOLD ", "hold", 0) if holding else HeaderWord(" ▶ RUN ", "run", 0)
 
 
-def _spaced(pieces: list[Piece]) -> list[Part]:
+def _spaced(pieces: list[HeaderWord]) -> list[Part]:
     parts: list[Part] = []
     for before, piece in zip([None, *pieces], pieces, strict=False):
         if before is not None:
@@ -408,5 +408,5 @@ def _spaced(pieces: list[Piece]) -> list[Part]:
     return parts
 
 
-def _length(pieces: list[Piece]) -> int:
+def _length(pieces: list[HeaderWord]) -> int:
     return sum(len(text) for text, _ in _spaced(pieces))

@@ -14,7 +14,7 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from tests.test_cli import run
-from tests.tui.test_screen_lab import lab, project
+from tests.tui.lab.test_lab_screen import lab, project
 from trcvtui.project.file import load_project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.lab.lab import PROFILE_WORDS

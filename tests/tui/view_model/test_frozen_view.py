@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.tui.looking import BOTH, WIDE
-from tests.tui.test_screen_why import UP, Desk, at_the_desk
+from tests.tui.view_model.test_explain import UP, Desk, at_the_desk
 from trcvtui.rig.history import waveform_recorder as waves
 
 LARGE = (200, 60)  # pane 8 is in sight

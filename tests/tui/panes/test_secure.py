@@ -10,7 +10,7 @@ import pytest
 
 from tests.certificates import NEEDS_OPENSSL
 from tests.tui.looking import BOTH
-from tests.tui.test_screen_dialects import Bench
+from tests.tui.panes.test_pins_of_dialects import Bench
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.scenario.scenario import load_scenario

@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.tui.looking import BOTH, SMALL, WIDE, same_screen
 from tests.tui.looking import typed as typed_keys
 from tests.tui.on_a_line import STREAM, LineBench, on_a_line
-from tests.tui.test_screen_snapshots import READABLE, contrast
+from tests.tui.test_snapshots import READABLE, contrast
 
 FRAME = "feed RX hex 02 41 42 43 0D 0A"
 NOISE = "feed RX hex FF EE"

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from textual.widgets import Static
 
+from tests.tui.forms.test_add_screen import fields, fill, keys_of
 from tests.tui.looking import BOTH, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import on_a_line
-from tests.tui.test_screen_add import fields, fill, keys_of
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.project.file import load_project
 from trcvtui.tui.app import REFUSED
 from trcvtui.tui.forms.fields import all_parts, fields_to_change, set_line, text_of, values_of
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 
 
 def connect(looker: BenchLooker, name: str) -> ConnectConfig | None:

@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from tests.tui.looking import SMALL, WIDE
-from tests.tui.test_screen_why import SWAPPED, UP, Desk, at_the_desk
+from tests.tui.view_model.test_explain import SWAPPED, UP, Desk, at_the_desk
 from trcvtui.project.project import DataDecl
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "wide"])

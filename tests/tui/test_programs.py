@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from tests.tui.looking import BOTH, SMALL, WIDE
-from tests.tui.test_screen_bench import Stepped
+from tests.tui.test_bench import Stepped
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.local_driver import LocalDriver

@@ -19,6 +19,7 @@ from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.history.reader import HistoryReader
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, JobSpan
+from trcvtui.rig.history.stream_index import StreamIndex
 
 DATA = 24
 
@@ -133,7 +134,7 @@ def test_every_byte_has_the_label_that_the_generator_gave_it(
     seed: int, fragment: bool, moves: list[tuple[str, int, list[int]]]
 ) -> None:
     bench = history_bench(seed, fragment)
-    history = JobHistory(bench)
+    history = JobHistory(bench, StreamIndex())
     told = Generator(bench, history)
     draw = random.Random(seed)
     told.do("set X CONT=1 EN_R=1")

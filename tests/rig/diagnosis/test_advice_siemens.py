@@ -16,6 +16,7 @@ from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.history.link_statistics import LinkStatistics
+from trcvtui.rig.history.stream_index import StreamIndex
 
 TSAPS = 'ActiveEstablished = false\nLocalTSelector = "16#E002"\nRemoteTSelector = "16#E001"\nIsoPort = 0'
 ARMED = ("set TRCV_C_1 CONT=1 EN_R=1", "run 20")
@@ -111,16 +112,17 @@ def test_a_certificate_that_was_not_shown_stays_told_while_the_next_client_is_wa
 
 
 def test_what_kept_a_connection_from_being_built_is_forgotten_when_it_is_built() -> None:
-    book = LinkStatistics()
+    index = StreamIndex()
+    statistics = LinkStatistics(index)
     failed = ConnectionNote(
         "C1", 0, What.ATTEMPT_FAILED, fault=Fault("description", "wrong TSAP"), detail="x"
     )
-    book.take([(2, 20, failed)])
-    attempt = book.facts("X", "C1").attempt
+    index.take([(2, 20, failed)])
+    attempt = statistics.facts("X", "C1").attempt
     assert attempt is not None
     assert (attempt.at.scan, attempt.cause.call, attempt.cause.detail) == (2, "description", "x")
-    book.take([(102, 1020, ConnectionNote("C1", 0, What.CONNECTING))])
-    facts = book.facts("X", "C1")
+    index.take([(102, 1020, ConnectionNote("C1", 0, What.CONNECTING))])
+    facts = statistics.facts("X", "C1")
     assert (facts.attempt, facts.failures) == (None, ())
 
 

@@ -14,13 +14,13 @@ from trcvtui.rig.history import received as job_history
 from trcvtui.rig.history.reader import HistoryReader
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, Seek
-from trcvtui.rig.history.stream_index import SentMessages
+from trcvtui.rig.history.stream_index import StreamIndex
 
 
 def talking() -> tuple[Generator, HistoryReader]:
     """Return a connected bench with its history."""
     bench = history_bench()
-    told = Generator(bench, JobHistory(bench))
+    told = Generator(bench, JobHistory(bench, StreamIndex()))
     told.do("set X CONT=1 EN_R=1")
     told.scan(3)
     told.do("peer P1 connect")
@@ -112,16 +112,16 @@ def test_the_next_and_the_previous_done_are_found() -> None:
 
 
 def test_the_same_two_ends_that_meet_again_begin_a_new_stream() -> None:
-    messages = SentMessages()
+    index = StreamIndex()
     plc, peer = "127.0.0.1:2000", "127.0.0.1:5000"
     for incarnation in (1, 2):
         if incarnation == 1:
-            messages.noted(ConnectionNote("C1", incarnation, What.CONNECTED, plc, peer))
-        messages.sent(PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))
-        messages.sent(PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))
-    messages.noted(ConnectionNote("C1", 2, What.CONNECTED, plc, peer))
+            index.take([(1, 0, ConnectionNote("C1", incarnation, What.CONNECTED, plc, peer))])
+        index.take([(2, 0, PeerSent("P1", 2 * incarnation, peer, plc, 0, 10))])
+        index.take([(2, 0, PeerSent("P1", 2 * incarnation + 1, peer, plc, 10, 10))])
+    index.take([(3, 0, ConnectionNote("C1", 2, What.CONNECTED, plc, peer))])
     for incarnation, numbers in ((1, [2, 3]), (2, [4, 5])):
-        found = messages.within(("C1", incarnation), 5, 10, 100)
+        found = index.messages_within(("C1", incarnation), 5, 10, 100)
         assert [span.number for span in found] == numbers
         assert [(span.position, span.size, span.first) for span in found] == [(100, 5, 5), (105, 5, 0)]
-    assert messages.within(("C1", 3), 0, 10, 0) == []
+    assert index.messages_within(("C1", 3), 0, 10, 0) == []

@@ -242,7 +242,7 @@ async def test_received_bytes_change_nothing_but_the_bytes(size: tuple[int, int]
 async def test_16_mib_scroll_from_end_to_end() -> None:
     async with on_a_bench(SMALL) as looker:
         await connected(looker)
-        jobs = looker.bench.console._jobs
+        jobs = looker.bench.console._received
         stream = jobs._stream("C1")
         from trcvtui.rig.history.received import Chunk
         from trcvtui.rig.history.records import JobSpan, RecvSpan

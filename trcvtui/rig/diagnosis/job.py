@@ -122,9 +122,9 @@ def _begins(facts: Facts, drop: Drop) -> str:
     if facts.drop_cuts is False:
         return "begins with a message"
     cure = "COM_RST before EN_R=1"
-    if facts.drop_cuts is None or facts.behind_drop is None:
+    if facts.drop_cuts is None or facts.after_drop is None:
         return f"may begin in the middle of a message: {cure}"
-    byte, message = drop.end - facts.behind_drop.offset, facts.behind_drop.number
+    byte, message = drop.end - facts.after_drop.offset, facts.after_drop.number
     return (
         f"begins in the middle of a message, with byte {byte} of {facts.sender}'s message {message}: {cure}"
     )

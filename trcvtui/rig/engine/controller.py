@@ -32,6 +32,7 @@ from trcvtui.rig.engine.trigger_watch import Watching
 from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.reader import HistoryReader
 from trcvtui.rig.history.received import JobHistory
+from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.rig.history.waveform_recorder import WaveformRecorder
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.player import Player, refuse_too_many_steps
@@ -146,10 +147,10 @@ class Console:
         self.wanted = 0
         self._trials = Trials()
         self.session = Session(bench)
-        self._watching = Watching(bench)
+        self._received = JobHistory(bench, StreamIndex())
+        self._history = HistoryReader(self._received)
+        self._watching = Watching(bench, self._received)
         self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
-        self._jobs = JobHistory(bench)
-        self._history = HistoryReader(self._jobs)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
         self._edits = Edits(bench.project)
@@ -365,10 +366,10 @@ class Console:
 
     def _enter(self, bench: Bench) -> None:
         self.bench, self.player, self.session = bench, None, Session(bench)
-        self._watching = Watching(bench)
+        self._received = JobHistory(bench, StreamIndex())
+        self._history = HistoryReader(self._received)
+        self._watching = Watching(bench, self._received)
         self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
-        self._jobs = JobHistory(bench)
-        self._history = HistoryReader(self._jobs)
         self.holding, self.wanted = False, 0
         self._trials = Trials()
         self._bench_number += 1
@@ -388,7 +389,7 @@ class Console:
             return False
         self.bench.step(now)
         self._waves.read(self.bench.project)
-        self._jobs.scanned()
+        self._received.scanned()
         self.session.scanned()
         fired = self._watching.scanned()
         if fired is not None and fired.holds:

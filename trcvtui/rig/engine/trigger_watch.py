@@ -1,4 +1,4 @@
-"""What goes along with every scan for the screen's sake: the fact book is written, the trigger looked at.
+"""What goes along with every scan for the screen's sake: facts are kept, the trigger is looked at.
 
 When a trigger fires, what the screen gets next is the bench of that very scan, whatever has happened since.
 """
@@ -13,6 +13,7 @@ from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.triggers import Watch, read_trigger
 from trcvtui.rig.history.link_statistics import LinkStatistics
+from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.records import Facts
 from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import Fired, PeerSnapshot
@@ -40,10 +41,11 @@ class _Kept:
 class Watching:
     """The facts and the trigger of one bench."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Bench, history: JobHistory) -> None:
         self.trigger = Watch(bench)
         self._bench = bench
-        self._book = LinkStatistics()
+        self._history = history
+        self._statistics = LinkStatistics(history.index)
         self._seq = 0  # of the last line that was read
         self._told = 0  # of the last line that a picture has brought
         self._kept: _Kept | None = None
@@ -62,20 +64,12 @@ class Watching:
         ledger = self._bench.runtime.ledger
         written = ledger.stamped_since(self._seq)
         self._seq = ledger.last_seq
-        self._book.take(written)
         if self.trigger.armed is None:
             return None
         fired = self.trigger.scanned(event for _, _, event in written)
         if fired is not None:
             self._kept = self._keep(fired)
         return fired
-
-    def _read(self) -> None:
-        """Read what was written since the last scan: peers and commands write between scans too."""
-        ledger = self._bench.runtime.ledger
-        if ledger.last_seq != self._seq:
-            self._book.take(ledger.stamped_since(self._seq))
-            self._seq = ledger.last_seq
 
     def _keep(self, fired: Fired) -> _Kept:
         bench, runtime = self._bench, self._bench.runtime
@@ -100,9 +94,9 @@ class Watching:
 
     def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, Facts], ...]:
         """Return what is known of these instances."""
-        self._read()
+        self._history.scanned()  # peers and commands write between scans too
         declared = map(self._bench.project.instance, instances)
-        return tuple((i.name, self._book.facts(i.name, i.connect)) for i in declared if i is not None)
+        return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
 
     def completed(self, picture: Picture, instances: tuple[str, ...], since: int) -> Picture:
         """Return the picture with facts and trigger; of a trigger that has fired, the one of its scan."""

@@ -1,44 +1,39 @@
 """The facts that outlive a flood: small counters of each CONNECT, written along with the ledger's lines.
 
-Rule 1: a screen gets a bounded number of lines, the book reads every one; nothing in it grows with them.
-Rule 2: what is dropped from the ledger before the book has read it is missing here, and nothing is guessed.
+Rule 1: a screen gets a bounded number of lines, the statistics read every one; nothing grows with them.
+Rule 2: what is dropped from the ledger before they have read it is missing here, and nothing is guessed.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.blocks.environment import JobEnded
 from trcvtui.net.events import BytesReceived, ConnectionNote, What
 from trcvtui.net.layers.iso_on_tcp import NO_SUCH_TSAP
 from trcvtui.net.layers.shared_listener import DROPPED
 from trcvtui.net.layers.shared_listener import ENDED as SESSION_ENDED
-from trcvtui.plc.ledger import BenchNote, Event, Line, PeerSent, StatusEdge
+from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.rig.history.records import (
     NOT_BUILT,
-    PAUSE_SCANS,
     Attempt,
     Drop,
     Dropped,
     Facts,
     Failures,
     Loss,
-    Message,
     Moment,
     Sizes,
     TurnedAway,
 )
+from trcvtui.rig.history.stream_index import KEPT_SIZES, StreamIndex
 
-KEPT_SIZES: Final = 40
-KEPT_MESSAGES: Final = 512
-KEPT_ENDS: Final = 256  # pairs of ends whose messages are known
 KEPT_ERRORS: Final = 8
-KEPT_GAPS: Final = 8
 IDLE: Final = frozenset({Condition.NOT_CALLED, Condition.NO_JOB})  # nothing is built or waited for
 
 ENDINGS: Final = frozenset(
@@ -46,57 +41,12 @@ ENDINGS: Final = frozenset(
 )
 TURNED_AWAY: Final = {What.WRONG_PARTNER: "wrong_partner", What.SECOND_CLIENT: "second_client"}
 
-Stamped = tuple[int, int, Event]
-
-
-class _Sent:
-    """The messages of one peer on one connection."""
-
-    def __init__(self) -> None:
-        self.peer = ""
-        self.count = 0
-        self.sizes: deque[int] = deque(maxlen=KEPT_SIZES)
-        self.newest: deque[tuple[int, int, int]] = deque(maxlen=KEPT_MESSAGES)  # number, offset, size
-
-    def at(self, place: int) -> Message | None:
-        """Return the message that holds a byte of the stream, None where it is not known."""
-        for number, offset, size in reversed(self.newest):
-            if offset <= place:
-                return Message(number, offset, size) if place < offset + size else None
-        return None
-
-
-class _Bursts:
-    """What arrived between two pauses, whoever sent it."""
-
-    def __init__(self) -> None:
-        self.count = self.size = self.scan = self.t_ns = 0
-        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
-        self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
-
-    def note(self, scan: int, t_ns: int, size: int) -> None:
-        if self.size and scan - self.scan <= PAUSE_SCANS:
-            self.size += size
-        else:
-            if self.size:
-                self.last.append(self.size)
-                self.gaps.append(t_ns - self.t_ns)
-            self.count, self.size = self.count + 1, size
-        self.scan, self.t_ns = scan, t_ns
-
-    @property
-    def sizes(self) -> Sizes:
-        """Return the sizes, that of the burst under way included."""
-        last = (*self.last, self.size) if self.size else ()
-        return Sizes(self.count, last[-KEPT_SIZES:])
-
 
 class _Link:
     """One CONNECT."""
 
     def __init__(self) -> None:
         self.incarnation = 0
-        self.ends = ("", "")  # the partner's, then ours
         self.up_since: Moment | None = None
         self.down_since: Moment | None = None
         self.failures: dict[str, Failures] = {}
@@ -108,7 +58,8 @@ class _Link:
         self.loss: Loss | None = None
         self.losses = 0
         self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
-        self.begin_stream()
+        self.drop: Drop | None = None
+        self.drops = 0
 
     def forget_failures(self) -> None:
         """Forget what failed: it stands, or waits for whoever comes."""
@@ -121,13 +72,6 @@ class _Link:
             del self.failures[error]
         if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
             self.attempt = None
-
-    def begin_stream(self) -> None:
-        """Begin with a new connection: offsets count from 0 again."""
-        self.bursts = _Bursts()
-        self.received = 0
-        self.drop: Drop | None = None
-        self.drops = 0
 
 
 class _Datagrams:
@@ -145,81 +89,52 @@ class _Datagrams:
 
 
 class LinkStatistics:
-    """Reads the ledger as it is written; `facts` answers for one instance."""
+    """Reads the ledger along with the index; `facts` answers for one instance."""
 
-    def __init__(self) -> None:
+    def __init__(self, index: StreamIndex) -> None:
+        self._index = index
         self._links: dict[str, _Link] = {}
-        self._jobs: dict[str, tuple[int, int, JobStarted]] = {}
-        self._sent: dict[tuple[str, str], _Sent] = {}
         self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
         self._idle: set[str] = set()
         self._asked: dict[str, Moment] = {}  # since when each instance has not been idle
-        self._takers: dict[type, Callable[[int, int, Any], None]] = {
-            PeerSent: self._message,
-            BytesReceived: self._bytes,
-            JobStarted: self._job_started,
-            JobEnded: self._job_ended,
-            ConnectionNote: self._connection,
-            StatusEdge: self._status,
-            BenchNote: self._note,
-        }
-
-    def take(self, stamped: Iterable[Stamped]) -> None:
-        """Read what was written, oldest first: scan, time in ns, event."""
-        takers = self._takers
-        for scan, t_ns, event in stamped:
-            taker = takers.get(type(event))
-            if taker is not None:
-                taker(scan, t_ns, event)
+        index.listen(
+            {
+                BytesReceived: self._bytes,
+                JobEnded: self._job_ended,
+                ConnectionNote: self._connection,
+                StatusEdge: self._status,
+                BenchNote: self._note,
+            }
+        )
 
     # -- what is written --------------------------------------------------------------------------------
 
-    def _message(self, scan: int, t_ns: int, event: PeerSent) -> None:
-        ends = event.local, event.remote
-        sent = self._sent.get(ends)
-        if sent is None or event.offset == 0:  # the same ends again are another connection
-            self._sent.pop(ends, None)
-            if len(self._sent) >= KEPT_ENDS:
-                del self._sent[next(iter(self._sent))]
-            sent = self._sent[ends] = _Sent()
-        sent.peer, sent.count = event.peer, sent.count + 1
-        sent.sizes.append(event.size)
-        sent.newest.append((event.message, event.offset, event.size))
-
     def _bytes(self, scan: int, t_ns: int, event: BytesReceived) -> None:
         link = self._links.get(event.connection) or self._link(event.connection)
-        link.received = event.offset + event.size
         if link.datagrams is not None:
             link.datagrams.count += 1
             link.datagrams.last.append(event.size)
-        bursts = link.bursts
-        if bursts.scan == scan:
-            bursts.size += event.size
-        else:
-            bursts.note(scan, t_ns, event.size)
-
-    def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
-        self._jobs[event.instance] = scan, t_ns, event
 
     def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
         if event.done or not event.size:
             return
-        link, (_, _, started) = self._link(event.connection), self._jobs.get(event.instance, _NO_JOB)
-        if started.adhoc or event.incarnation != link.incarnation or link.up_since is None:
+        link, started = self._link(event.connection), self._index.started(event.instance)
+        is_adhoc = started is not None and started.adhoc
+        if is_adhoc or event.incarnation != link.incarnation or link.up_since is None:
             return
         link.drops += 1
         end = event.offset + event.size
-        at = Moment(scan, t_ns)
-        link.drop = Drop(at, event.instance, event.reason, event.size, started.length, end)
+        need = started.size if started is not None else 0
+        link.drop = Drop(Moment(scan, t_ns), event.instance, event.reason, event.size, need, end)
 
     def _connection(self, scan: int, t_ns: int, event: ConnectionNote) -> None:
         link, at = self._link(event.connection), Moment(scan, t_ns)
         if event.what is What.CONNECTED:
-            link.incarnation, link.ends = event.incarnation, (event.peer, event.local)
+            link.incarnation = event.incarnation
             link.up_since, link.down_since = at, None
             link.forget_failures()
             link.turned.clear()
-            link.begin_stream()
+            link.drop, link.drops = None, 0
         elif event.what in ENDINGS:
             self._ended(link, at, event)
         elif event.what in (What.ATTEMPT_FAILED, What.ACCEPT_FAILED):
@@ -304,13 +219,13 @@ class LinkStatistics:
         link = self._links.get(connect)
         if link is None:
             return Facts()
-        bursts, datagrams = link.bursts, link.datagrams
+        bursts, datagrams = self._index.bursts(connect), link.datagrams
         known = Facts(
             datagrams=datagrams.sizes if datagrams is not None else Sizes(),
             open_since=datagrams.open_since if datagrams is not None else None,
             bursts=bursts.sizes,
             longest_gap_ns=max(bursts.gaps, default=0),
-            received=link.received,
+            received=self._index.next_byte(connect, link.incarnation),
             drop=link.drop,
             drops=link.drops,
             up_since=link.up_since,
@@ -323,7 +238,7 @@ class LinkStatistics:
             loss=link.loss,
             losses=link.losses,
         )
-        return self._with_messages(self._with_job(known, link, instance), link)
+        return self._with_messages(self._with_job(known, link, instance), link, connect)
 
     def _attempt(self, link: _Link, instance: str) -> Attempt | None:
         """Return the last attempt that failed, with the code that the instance showed for it."""
@@ -339,23 +254,23 @@ class LinkStatistics:
         return replace(attempt, cause=cause, status=shown.status, condition=shown.condition)
 
     def _with_job(self, known: Facts, link: _Link, instance: str) -> Facts:
-        scan, t_ns, job = self._jobs.get(instance, _NO_JOB)
-        if job.incarnation != link.incarnation:
+        job = self._index.started(instance)
+        if job is None or job.link[1] != link.incarnation:
             return known
-        return replace(known, job_offset=job.offset, job_began=Moment(scan, t_ns), job_adhoc=job.adhoc)
+        return replace(known, job_offset=job.offset, job_began=job.began, job_adhoc=job.adhoc)
 
-    def _with_messages(self, known: Facts, link: _Link) -> Facts:
-        sent = self._sent.get(link.ends)
-        if sent is None:
+    def _with_messages(self, known: Facts, link: _Link, connect: str) -> Facts:
+        place = connect, link.incarnation
+        sender, sizes = self._index.sent_on(place)
+        if not sizes.count:
             return known
-        sizes = Sizes(sent.count, tuple(sent.sizes))
-        begins_in = None if known.job_offset is None else sent.at(known.job_offset)
-        known = replace(known, sender=sent.peer, messages=sizes, begins_in=begins_in)
+        begins_in = None if known.job_offset is None else self._index.message_at(place, known.job_offset)
+        known = replace(known, sender=sender, messages=sizes, begins_in=begins_in)
         if link.drop is None:
             return known
-        behind = sent.at(link.drop.end)
-        cuts = behind is not None and behind.offset < link.drop.end
-        return replace(known, drop_cuts=cuts, behind_drop=behind)
+        after = self._index.message_at(place, link.drop.end)
+        cuts = after is not None and after.offset < link.drop.end
+        return replace(known, drop_cuts=cuts, after_drop=after)
 
 
 def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: str) -> tuple[Facts, Moment]:
@@ -363,10 +278,11 @@ def facts_while(lines: Iterable[Line], line: Line, edge: StatusEdge, connect: st
     kept = list(lines)
     following = next((known for known in kept if known.seq > line.seq and _is_next(known, edge)), None)
     shown = [k for k in kept if k.seq <= line.seq or (following is None or k.scan < following.scan)]
-    book = LinkStatistics()
-    book.take((known.scan, known.t_ns, known.event) for known in shown)
+    index = StreamIndex()
+    statistics = LinkStatistics(index)
+    index.take((known.scan, known.t_ns, known.event) for known in shown)
     last = shown[-1] if shown and shown[-1].seq > line.seq else line
-    return book.facts(edge.instance, connect), Moment(last.scan, last.t_ns)
+    return statistics.facts(edge.instance, connect), Moment(last.scan, last.t_ns)
 
 
 def _later(one: Moment | None, other: Moment | None) -> Moment | None:
@@ -376,6 +292,3 @@ def _later(one: Moment | None, other: Moment | None) -> Moment | None:
 
 def _is_next(line: Line, edge: StatusEdge) -> bool:
     return isinstance(line.event, StatusEdge) and line.event.instance == edge.instance
-
-
-_NO_JOB: Final = 0, 0, JobStarted("", 0, "", -1, 0, 0, False)

@@ -83,7 +83,7 @@ class HistoryReader:
         offset = recv.offset + position - recv.position
         size = min(recv.stop, window[1]) - position
         link = chunk.connect, chunk.incarnation
-        for found in self._history.messages.within(link, offset, size, position):
+        for found in self._history.index.messages_within(link, offset, size, position):
             last = messages[-1] if messages else None
             if last is not None and _goes_on(last, found):
                 messages[-1] = last._replace(size=last.size + found.size)

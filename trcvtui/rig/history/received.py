@@ -13,19 +13,19 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any, Final
+from typing import Final
 
 from trcvtui.blocks.environment import JobEnded
 from trcvtui.blocks.framing.frame import Ending
 from trcvtui.blocks.serial_events import BytesArrived, BytesLost, FrameEnded, NoiseDropped, PartDropped
-from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionNote
-from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.net.events import BytesDropped
+from trcvtui.plc.ledger import Event
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.history.records import JobSpan, RecvSpan
-from trcvtui.rig.history.stream_index import Link, SentMessages
+from trcvtui.rig.history.records import JobSpan, Moment, RecvSpan
+from trcvtui.rig.history.stream_index import Job, StreamIndex
 
 _STOP = attrgetter("span.stop")
 _START = attrgetter("span.position")
@@ -134,56 +134,34 @@ NOT_KEPT: Final = "values not kept: more than 512 KiB in one scan"
 OVERWRITTEN: Final = "values not kept: overwritten in the same scan by"
 
 
-@dataclass
-class _Open:
-    """What a job has so far: its recv calls, their positions still 0, and bytes that it has to drop."""
-
-    link: Link = ("", 0)
-    recvs: list[RecvSpan] = field(default_factory=list)
-    drops: list[BytesDropped] = field(default_factory=list)
-
-    def holds(self, link: Link, offset: int) -> bool:
-        """Return whether the byte at `offset` of the connection is one of this job's."""
-        return link == self.link and any(r.offset <= offset < r.offset + r.size for r in self.recvs)
-
-
 class JobHistory:
     """Reads the ledger behind each scan. One stream a CONNECT."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Bench, index: StreamIndex) -> None:
+        self.index = index
         self.streams: dict[str, JobStream] = {}
-        self.messages = SentMessages()
         self.watched = ""  # the CONNECT whose bytes are always kept
         self._bench = bench
         self._seq = 0
         self._order: deque[JobStream] = deque()
         self._bytes = self._recvs = 0
-        self._open: dict[str, _Open] = {}  # by instance
-        self._next: dict[str, tuple[int, int]] = {}  # by CONNECT: incarnation, the byte that comes next
+        self._drops: dict[str, list[BytesDropped]] = {}  # by instance: what its running job has to drop
         self._project: Project | None = None
         self._data: dict[str, str] = {}
-        self._copied = self._scan = self._t_ns = 0
+        self._copied = 0
         self._last: dict[str, JobEnded] = {}  # of this scan: by DATA, whose bytes stand there
-        self._takers: Final[dict[type, Callable[[Any], None]]] = {
-            BytesReceived: self._received,
-            BytesDropped: self._dropped,
-            JobEnded: self._ended,
-            PeerSent: self.messages.sent,
-            ConnectionNote: self.messages.noted,
-        }
+        index.listen({BytesDropped: self._dropped, JobEnded: self._job_ended})
         self._frames = FrameHistory(bench, lambda name, chunk: self._add(self._stream(name), chunk))
 
     def scanned(self) -> None:
         """Take what the scan that has just passed has written into the ledger, and the DATA of its jobs."""
-        ledger, takers = self._bench.runtime.ledger, self._takers
+        ledger = self._bench.runtime.ledger
         if ledger.last_seq == self._seq:
             return
         written = ledger.stamped_since(self._seq)
-        news = [stamped for stamped in written if type(stamped[2]) in takers]
         self._seq, self._copied = ledger.last_seq, 0
-        self._note_last(event for _, _, event in news)
-        for self._scan, self._t_ns, event in news:
-            takers[type(event)](event)
+        self._note_last(event for _, _, event in written)
+        self.index.take(written)
         if self._bench.project.combuffers:
             self._frames.scanned(written, self._end_of)
         while self._bytes > MOST_BYTES or self._recvs > MOST_RECVS or len(self._order) > MOST_JOBS:
@@ -197,39 +175,29 @@ class JobHistory:
 
     # -- the ledger's lines ----------------------------------------------------------------------------
 
-    def _received(self, event: BytesReceived) -> None:
-        span = RecvSpan(0, event.size, event.recv, self._scan, self._t_ns, event.offset)
-        held = self._open.setdefault(event.instance, _Open())
-        held.link = event.connection, event.incarnation
-        held.recvs.append(span)
-        self._next[event.connection] = event.incarnation, event.offset + event.size
+    def _dropped(self, scan: int, t_ns: int, event: BytesDropped) -> None:
+        """Take bytes that never reach DATA; those of a running job stand after what it delivers."""
+        reader = self.index.reader_of((event.connection, event.incarnation), event.offset)
+        if reader is not None:
+            self._drops.setdefault(reader, []).append(event)
+        else:
+            self._add_drop(event, Moment(scan, t_ns))
 
-    def _dropped(self, event: BytesDropped) -> None:
-        """Take bytes that never reach DATA; those of a job stand behind what it delivers."""
-        link = event.connection, event.incarnation
-        for held in self._open.values():
-            if held.holds(link, event.offset):
-                held.drops.append(event)
-                return
-        self._add_drop(event, "", 0, ())
-
-    def _ended(self, event: JobEnded) -> None:
-        held = self._open.pop(event.instance, None) or _Open()
+    def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
+        job = self.index.ended(event.instance)
         if event.done:
-            self._deliver(event, held)
-        for drop in held.drops:
-            self._add_drop(drop, event.instance, event.job, held.recvs)
+            self._deliver(event, job)
+        for drop in self._drops.pop(event.instance, ()):
+            self._add_drop(drop, job.at, event.instance, event.job, job.recvs)
 
-    def _deliver(self, event: JobEnded, held: _Open) -> None:
+    def _deliver(self, event: JobEnded, job: Job) -> None:
         stream = self._stream(event.connection)
         content, reason = self._content(event)
         span = JobSpan(
-            stream.end, event.size, event.instance, event.job, self._scan, self._t_ns, True, reason,
+            stream.end, event.size, event.instance, event.job, job.at.scan, job.at.t_ns, True, reason,
             is_kept=not reason, whole=event.size,
         )  # fmt: skip
-        self._add(
-            stream, Chunk(span, event.connection, event.incarnation, content, _placed(held.recvs, span))
-        )
+        self._add(stream, Chunk(span, *job.link, content, _placed(job.recvs, span)))
 
     def _content(self, event: JobEnded) -> tuple[bytes, str]:
         """Return the job's bytes, or why they are not kept."""
@@ -249,17 +217,25 @@ class JobHistory:
             self._data.update({decl.name: decl.data for decl in self._project.instances if decl.data})
         return self._data[instance]
 
-    def _add_drop(self, event: BytesDropped, instance: str, job: int, recvs: Sequence[RecvSpan]) -> None:
+    def _add_drop(
+        self,
+        event: BytesDropped,
+        at: Moment,
+        instance: str = "",
+        job: int = 0,
+        recvs: Sequence[RecvSpan] = (),
+    ) -> None:
         stream = self._stream(event.connection)
-        incarnation, follows = self._next.get(event.connection, (event.incarnation, 0))
-        offset = event.offset if event.offset >= 0 else follows if incarnation == event.incarnation else 0
+        offset = event.offset
+        if offset < 0:
+            offset = self.index.next_byte(event.connection, event.incarnation)
         size = min(event.size, DROPPED_SHOWN)
         span = JobSpan(
-            stream.end, size, instance, job, self._scan, self._t_ns, False, event.reason,
+            stream.end, size, instance, job, at.scan, at.t_ns, False, event.reason,
             is_kept=False, whole=event.size,
         )  # fmt: skip
         parts = _overlapping(recvs, offset, span)
-        unread = (RecvSpan(stream.end, size, 0, self._scan, self._t_ns, offset),)
+        unread = (RecvSpan(stream.end, size, 0, at.scan, at.t_ns, offset),)
         self._add(stream, Chunk(span, event.connection, event.incarnation, b"", parts or unread))
 
     def _end_of(self, name: str) -> int:

@@ -286,8 +286,8 @@ class Facts:
     job_adhoc: bool = False
     drop: Drop | None = None
     drops: int = 0
-    drop_cuts: bool | None = None  # whether a message goes on behind the last drop
-    behind_drop: Message | None = None  # the message that holds the first byte behind it
+    drop_cuts: bool | None = None  # whether a message goes on after the last drop
+    after_drop: Message | None = None  # the message that holds the first byte after it
     up_since: Moment | None = None
     down_since: Moment | None = None
     failures: tuple[Failures, ...] = ()

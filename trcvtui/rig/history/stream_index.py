@@ -1,59 +1,174 @@
-"""Which message of a peer a received byte belongs to, as the ledger tells both ends of a connection.
+"""Which message, recv call, job and scan holds a byte of a received stream: kept once, asked by everybody.
 
-Rule: two ends can meet again on a later connection; the peer's stream then begins anew with byte 0, and each
-incarnation of the CONNECT has the messages of its own connection only.
+The index reads the lines of the ledger; others that read them along (`listen`) are told each one after it.
+Rule 1: what the ledger did not tell (lines skipped, a partner that is no peer here) is left out, not guessed.
+Rule 2: two ends can meet again on a later connection; the peer's stream then begins with byte 0 again.
+Each incarnation of the CONNECT has the messages of its own connection only.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from typing import Final
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
-from trcvtui.net.events import ConnectionNote, What
-from trcvtui.plc.ledger import PeerSent
-from trcvtui.rig.history.records import MessageSpan
+from trcvtui.blocks.environment import JobEnded, JobStarted
+from trcvtui.net.events import BytesReceived, ConnectionNote, What
+from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.rig.history.records import PAUSE_SCANS, Message, MessageSpan, Moment, RecvSpan, Sizes
 
-MOST_KEPT: Final = 20_000  # messages of one connection; beyond them the older half is forgotten
-MOST_CONNECTIONS: Final = 128
+KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
+KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes
+KEPT_STREAMS: Final = 256  # of peers
+KEPT_LINKS: Final = 1024
+KEPT_SIZES: Final = 40
+KEPT_GAPS: Final = 8
 
-Ends = tuple[str, str]
+Stamped = tuple[int, int, Event]  # scan, time in ns
+Listener = Callable[[int, int, Any], None]
+Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 Link = tuple[str, int]  # CONNECT, incarnation
-_Said = tuple[int, int, int, str]  # offset, size, number, peer
-_BEHIND: Final = (1 << 62, 0, "")
+_Told = tuple[int, int, int, str]  # offset, size, number, peer
+_LAST: Final = (1 << 62, 0, "")
 
 
-class SentMessages:
-    """The messages of every connection, by the byte of the stream with which they begin."""
+class _Sent:
+    """The messages of one peer on one connection, by the byte of the stream with which they begin."""
 
     def __init__(self) -> None:
-        self._said: dict[tuple[Ends, int], list[_Said]] = {}
+        self.told: list[_Told] = []
+        self.forgotten = 0
+
+    def add(self, event: PeerSent, keep: int) -> None:
+        self.told.append((event.offset, event.size, event.message, event.peer))
+        if len(self.told) > keep:
+            del self.told[: keep // 2]
+            self.forgotten += keep // 2
+
+
+class Bursts:
+    """What arrived on one connection between two pauses, whoever sent it."""
+
+    def __init__(self) -> None:
+        self.count = self.size = self.scan = self.t_ns = 0
+        self.last: deque[int] = deque(maxlen=KEPT_SIZES)
+        self.gaps: deque[int] = deque(maxlen=KEPT_GAPS)
+
+    def note(self, scan: int, t_ns: int, size: int) -> None:
+        """Take what one recv call has brought."""
+        if self.scan == scan:
+            self.size += size
+            return
+        if self.size and scan - self.scan <= PAUSE_SCANS:
+            self.size += size
+        else:
+            if self.size:
+                self.last.append(self.size)
+                self.gaps.append(t_ns - self.t_ns)
+            self.count, self.size = self.count + 1, size
+        self.scan, self.t_ns = scan, t_ns
+
+    @property
+    def sizes(self) -> Sizes:
+        """Return the sizes, that of the burst under way included."""
+        last = (*self.last, self.size) if self.size else ()
+        return Sizes(self.count, last[-KEPT_SIZES:])
+
+
+class Job(NamedTuple):
+    """A receive job: what it began or ended with. `at` is the scan of its end, of a running job its start.
+
+    `recvs` are the recv calls that read for it, their `position` not yet known (0).
+    """
+
+    number: int
+    link: Link
+    offset: int
+    size: int
+    adhoc: bool
+    began: Moment
+    at: Moment
+    recvs: Sequence[RecvSpan] = ()
+
+    def pieces(self, is_running: bool) -> list[tuple[int, int]]:
+        """Return (offset, size) of all that it has of the stream: another job may have read in between."""
+        found: list[tuple[int, int]] = []
+        for recv in self.recvs:
+            if found and sum(found[-1]) == recv.offset:
+                found[-1] = found[-1][0], found[-1][1] + recv.size
+            else:
+                found.append((recv.offset, recv.size))
+        missing = self.size - sum(size for _, size in found)
+        if found and missing and is_running:
+            return [*found[:-1], (found[-1][0], found[-1][1] + missing)]
+        return found if found and not missing else [(self.offset, self.size)]  # lines of it were skipped
+
+
+class Origin(NamedTuple):
+    """What is known of one byte; None is not known. `message.first` is its place in the message."""
+
+    job: Job
+    recv: RecvSpan | None
+    message: MessageSpan | None
+
+
+class StreamIndex:
+    """The ledger's lines about bytes, bounded."""
+
+    def __init__(self, kept_messages: int = KEPT_MESSAGES, kept_recvs: int = KEPT_RECVS) -> None:
+        self._kept_messages, self._kept_recvs = kept_messages, kept_recvs
+        self._sent: dict[tuple[Ends, int], _Sent] = {}
         self._newest: dict[Ends, int] = {}  # how many times these ends have met
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
+        self._incarnations: dict[str, int] = {}
+        self._next: dict[str, tuple[int, int]] = {}  # by CONNECT: incarnation, the byte that comes next
+        self._bursts: dict[str, Bursts] = {}
+        self._recvs: dict[str, deque[RecvSpan]] = {}  # by instance, of the running job
+        self._reads: dict[str, Link] = {}  # where it reads these
+        self._started: dict[str, Job] = {}
+        self._running: dict[str, Job] = {}
+        self._ended: dict[str, Job] = {}
+        self._delivered: dict[str, Job] = {}
+        self._listeners: dict[type, list[Listener]] = {
+            PeerSent: [self._message_sent],
+            BytesReceived: [self._bytes_received],
+            JobStarted: [self._job_started],
+            JobEnded: [self._job_ended],
+            ConnectionNote: [self._connection_noted],
+        }
 
-    def sent(self, event: PeerSent) -> None:
-        """Take a message that a peer has begun to send."""
+    def listen(self, listeners: Mapping[type, Listener]) -> None:
+        """Tell these of each event of their type, after the index has it."""
+        for kind, listener in listeners.items():
+            self._listeners.setdefault(kind, []).append(listener)
+
+    # -- what is written --------------------------------------------------------------------------------
+
+    def take(self, stamped: Iterable[Stamped]) -> None:
+        """Read what was written, oldest first."""
+        listeners = self._listeners
+        for scan, t_ns, event in stamped:
+            for listener in listeners.get(type(event), ()):
+                listener(scan, t_ns, event)
+
+    def _message_sent(self, scan: int, t_ns: int, event: PeerSent) -> None:
         ends = event.local, event.remote
         turn = self._newest.get(ends, 0)
-        said = self._said.get((ends, turn))
-        if said and event.offset <= said[-1][0]:
+        sent = self._sent.get((ends, turn))
+        if sent and event.offset <= sent.told[-1][0]:
             turn += 1
-            said = None
-        if said is None:
+            sent = None
+        if sent is None:
             turn = max(turn, self._claimed.get(ends, 0))
-            said = self._begin((ends, turn))
-        said.append((event.offset, event.size, event.message, event.peer))
-        if len(said) > MOST_KEPT:
-            del said[: MOST_KEPT // 2]
+            if len(self._sent) >= KEPT_STREAMS:
+                del self._sent[next(iter(self._sent))]
+            self._newest[ends] = turn
+            sent = self._sent.setdefault((ends, turn), _Sent())
+        sent.add(event, self._kept_messages)
 
-    def _begin(self, key: tuple[Ends, int]) -> list[_Said]:
-        if len(self._said) >= MOST_CONNECTIONS:
-            del self._said[next(iter(self._said))]
-        self._newest[key[0]] = key[1]
-        return self._said.setdefault(key, [])
-
-    def noted(self, event: ConnectionNote) -> None:
-        """Take the note that an incarnation of a CONNECT has its partner."""
+    def _connection_noted(self, scan: int, t_ns: int, event: ConnectionNote) -> None:
         if event.what is not What.CONNECTED:
             return
         ends = event.peer, event.local
@@ -61,19 +176,57 @@ class SentMessages:
         turn = newest if newest > claimed else claimed + 1
         self._claimed[ends] = turn
         self._links[event.connection, event.incarnation] = ends, turn
-        if len(self._links) > MOST_CONNECTIONS:
+        if len(self._links) > KEPT_LINKS:
             del self._links[next(iter(self._links))]
+        self._incarnations[event.connection] = event.incarnation
+        self._bursts[event.connection] = Bursts()
 
-    def within(self, link: Link, offset: int, size: int, position: int) -> list[MessageSpan]:
-        """Return the messages in `size` bytes from `offset` of a connection, placed from `position` on."""
+    def _bytes_received(self, scan: int, t_ns: int, event: BytesReceived) -> None:
+        self._next[event.connection] = event.incarnation, event.offset + event.size
+        bursts = self._bursts.get(event.connection)
+        if bursts is None:
+            bursts = self._bursts[event.connection] = Bursts()
+        bursts.note(scan, t_ns, event.size)
+        recvs = self._recvs.get(event.instance)
+        if recvs is None:
+            recvs = self._recvs[event.instance] = deque(maxlen=self._kept_recvs)
+        recvs.append(RecvSpan(0, event.size, event.recv, scan, t_ns, event.offset))
+        self._reads[event.instance] = event.connection, event.incarnation
+
+    def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
+        at = Moment(scan, t_ns)
+        link = event.connection, event.incarnation
+        job = Job(event.job, link, event.offset, event.length, event.adhoc, at, at)
+        self._started[event.instance] = self._running[event.instance] = job
+        self._recvs.pop(event.instance, None)
+
+    def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
+        at = Moment(scan, t_ns)
+        begun = self._running.pop(event.instance, None)
+        job = Job(
+            event.job, (event.connection, event.incarnation), event.offset, event.size,
+            begun.adhoc if begun else False, begun.began if begun else at, at,
+            self._recvs.pop(event.instance, ()),
+        )  # fmt: skip
+        self._ended[event.instance] = job
+        if event.done:
+            self._delivered[event.instance] = job
+
+    # -- which message holds a byte ---------------------------------------------------------------------
+
+    def _messages(self, link: Link) -> _Sent | None:
         key = self._links.get(link)
-        said = self._said.get(key) if key is not None else None
-        if not said:
-            return []
+        return self._sent.get(key) if key is not None else None
+
+    def messages_within(self, link: Link, offset: int, size: int, position: int) -> list[MessageSpan]:
+        """Return the messages in `size` bytes from `offset` of a connection, placed from `position` on."""
+        sent = self._messages(link)
         found: list[MessageSpan] = []
-        place = max(0, bisect_right(said, (offset, *_BEHIND)) - 1)
-        while place < len(said) and said[place][0] < offset + size:
-            begin, length, number, peer = said[place]
+        if sent is None:
+            return found
+        place = max(0, bisect_right(sent.told, (offset, *_LAST)) - 1)
+        while place < len(sent.told) and sent.told[place][0] < offset + size:
+            begin, length, number, peer = sent.told[place]
             first = max(begin, offset)
             part = min(begin + length, offset + size) - first
             if part > 0:
@@ -82,3 +235,106 @@ class SentMessages:
                 )
             place += 1
         return found
+
+    def message_at(self, link: Link, offset: int) -> Message | None:
+        """Return the message that holds a byte of a connection, None where it is not known."""
+        for span in self.messages_within(link, offset, 1, offset):
+            return Message(span.number, offset - span.first, span.whole)
+        return None
+
+    def sent_on(self, link: Link) -> tuple[str, Sizes]:
+        """Return which peer sends on a connection, and the sizes of its messages."""
+        sent = self._messages(link)
+        if sent is None:
+            return "", Sizes()
+        sizes = tuple(size for _, size, _, _ in sent.told[-KEPT_SIZES:])
+        return sent.told[-1][3], Sizes(sent.forgotten + len(sent.told), sizes)
+
+    # -- what a connection has received -----------------------------------------------------------------
+
+    def next_byte(self, connect: str, incarnation: int) -> int:
+        """Return the offset of the byte that comes next, 0 before the first of this incarnation."""
+        known, offset = self._next.get(connect, (incarnation, 0))
+        return offset if known == incarnation else 0
+
+    def bursts(self, connect: str) -> Bursts:
+        """Return the bursts of the present connection."""
+        return self._bursts.get(connect) or Bursts()
+
+    # -- jobs -------------------------------------------------------------------------------------------
+
+    def started(self, instance: str) -> Job | None:
+        """Return the job that an instance began last, also after its end."""
+        return self._started.get(instance)
+
+    def ended(self, instance: str) -> Job:
+        """Return the job of an instance that ended last."""
+        return self._ended[instance]
+
+    def reader_of(self, link: Link, offset: int) -> str | None:
+        """Return the instance whose running job has a byte of a connection."""
+        for instance, recvs in self._recvs.items():
+            if self._reads[instance] == link and _covering(recvs, offset) is not None:
+                return instance
+        return None
+
+    def _pieces(self, instance: str, of_job: bool) -> tuple[Job, list[tuple[int, int]]] | None:
+        """Return the running job, or the one that filled DATA, and its pieces of the stream."""
+        job = (self._running if of_job else self._delivered).get(instance)
+        if job is None:
+            return None
+        if of_job:
+            job = job._replace(recvs=self._recvs.get(instance, ()))
+        is_known = len(job.recvs) < self._kept_recvs
+        return job, job.pieces(of_job) if is_known else [(job.offset, job.size)]
+
+    def origin(self, instance: str, of_job: bool, byte: int) -> Origin | None:
+        """Return where byte number `byte` of DATA, or of the running job, came from."""
+        known = self._pieces(instance, of_job)
+        if known is None or not 0 <= byte < known[0].size:
+            return None
+        job, pieces = known
+        place = _place(pieces, byte)
+        if not self._is_present(job.link):
+            return Origin(job, None, None)
+        message = next(iter(self.messages_within(job.link, place, 1, byte)), None)
+        return Origin(job, _covering(job.recvs, place), message)
+
+    def messages(self, instance: str, of_job: bool) -> list[MessageSpan]:
+        """Return the peer's messages in DATA, or in the running job; position 0 is the job's first byte.
+
+        A message that goes on in a later piece of the job is told once, where it begins.
+        """
+        known = self._pieces(instance, of_job)
+        found: list[MessageSpan] = []
+        if known is None or not self._is_present(known[0].link):
+            return found
+        before = 0  # bytes of the job before this piece
+        for offset, size in known[1]:
+            spans = self.messages_within(known[0].link, offset, size, before)
+            found += [span for span in spans if span.begins or not before]
+            before += size
+        return found
+
+    def message_starts(self, instance: str, of_job: bool) -> frozenset[int]:
+        """Return the bytes of DATA, or of the running job, with which a peer's message begins."""
+        return frozenset(span.position for span in self.messages(instance, of_job) if span.begins)
+
+    def _is_present(self, link: Link) -> bool:
+        """Return whether this is the connection that stands, or stood last."""
+        return self._incarnations.get(link[0]) == link[1]
+
+
+def _covering(recvs: Iterable[RecvSpan], offset: int) -> RecvSpan | None:
+    return next((recv for recv in recvs if recv.offset <= offset < recv.offset + recv.size), None)
+
+
+def _place(pieces: Iterable[tuple[int, int]], byte: int) -> int:
+    """Return where a byte of a job lies in the stream."""
+    place = 0
+    for offset, size in pieces:
+        if byte < size:
+            return offset + byte
+        byte -= size
+        place = offset + size
+    return place + byte

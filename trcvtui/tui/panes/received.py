@@ -285,7 +285,7 @@ class Received(Vertical):
         self._show_origin()
 
     def _starts(self, of_job: bool) -> frozenset[int]:
-        return self._scene.provenance.message_starts(self._scene.selected, of_job)
+        return self._scene.stream_index.message_starts(self._scene.selected, of_job)
 
     def _show_origin(self) -> None:
         if self._scene.is_frozen and self._scene.instance is not None and not self._scene.has_bytes:
@@ -304,14 +304,14 @@ class Received(Vertical):
     def _origin(self, view: HexView, byte: int) -> str:
         value = view.content[byte]
         text = f"byte {byte} = 16#{value:02X} = {value}"
-        origin = self._scene.provenance.origin(self._scene.selected, view.of_job, byte)
+        origin = self._scene.stream_index.origin(self._scene.selected, view.of_job, byte)
         if origin is None:
             return text
         text += f" · job {origin.job.number}"
         if origin.recv is not None:
             text += f" · recv {origin.recv.number}, scan {origin.recv.scan}"
         if origin.message is not None:
-            text += f" · {plain(origin.message.peer)} #{origin.message.number} byte {origin.message_byte}"
+            text += f" · {plain(origin.message.peer)} #{origin.message.number} byte {origin.message.first}"
         if origin.recv is not None:
             text += f" · {moment(origin.recv.t_ns)} s"
         return text

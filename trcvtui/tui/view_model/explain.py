@@ -9,46 +9,44 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.diagnosis.advice import Advice, advice_on, because
 from trcvtui.rig.diagnosis.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.rig.diagnosis.receive import is_stuck
+from trcvtui.rig.history.records import MessageSpan
+from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.tui.formatting import count, plain
-from trcvtui.tui.view_model.byte_origin import Provenance, Span
 from trcvtui.tui.view_model.view_model import ViewModel
 
 
-def notes_of(instance: InstanceSnapshot, provenance: Provenance) -> list[str]:
+def notes_of(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     """Return what is proven about frames and messages of an instance; nothing where they agree."""
     if instance.adhoc:
         return []
-    return [*_shifted(instance, provenance), *_unfinished(instance, provenance)]
+    return [*_shifted(instance, index), *_unfinished(instance, index)]
 
 
-def _shifted(instance: InstanceSnapshot, provenance: Provenance) -> list[str]:
+def _shifted(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     """A message that begins inside DATA with the end of another one before it: the frames are shifted."""
-    messages = provenance.messages(instance.name, of_job=False)
-    if not messages or messages[-1].offset >= 0:
+    messages = index.messages(instance.name, of_job=False)
+    if not messages or messages[0].begins:
         return []
     if len(messages) == 1:
-        return [_part(messages[0])]
-    first = messages[-2]
-    return [f"{_name(first)} begins at byte {first.offset} of DATA: frames and messages are shifted"]
+        part = messages[0]
+        return [f"DATA begins with byte {part.first} of {_name(part)}: one message fills several frames"]
+    first = messages[1]
+    return [f"{_name(first)} begins at byte {first.position} of DATA: frames and messages are shifted"]
 
 
-def _part(message: Span) -> str:
-    return f"DATA begins with byte {-message.offset} of {_name(message)}: one message fills several frames"
-
-
-def _unfinished(instance: InstanceSnapshot, provenance: Provenance) -> list[str]:
+def _unfinished(instance: InstanceSnapshot, index: StreamIndex) -> list[str]:
     """The newest message is wholly here, and the job still waits for bytes that nobody has sent."""
-    messages = provenance.messages(instance.name, of_job=True)
+    messages = index.messages(instance.name, of_job=True)
     if not messages or not 0 < instance.have < instance.need:
         return []
-    newest = messages[0]
-    if newest.offset + newest.size != instance.have:
+    newest = messages[-1]
+    if newest.position - newest.first + newest.whole != instance.have:
         return []
     missing = count(instance.need - instance.have, "byte")
-    return [f"{_name(newest)}, {newest.size} B, is wholly here and ends {missing} before the frame does"]
+    return [f"{_name(newest)}, {newest.whole} B, is wholly here and ends {missing} before the frame does"]
 
 
-def _name(message: Span) -> str:
+def _name(message: MessageSpan) -> str:
     return f"{plain(message.peer)}'s message {message.number}"
 
 
@@ -78,7 +76,7 @@ class Explainer:
         if evidence is None:
             return Advice(why(instance), ())
         told = advice_on(evidence)
-        checks = told.checks or tuple(notes_of(instance, scene.provenance))
+        checks = told.checks or tuple(notes_of(instance, scene.stream_index))
         swapped = self._swapped(evidence)
         offer = self.offer(evidence)
         shown = (swapped, *checks) if swapped else checks

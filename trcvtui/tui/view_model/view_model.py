@@ -16,10 +16,10 @@ from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.rig.history.pin_waveform import WaveformCache
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow
+from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Answer, Fired, PeerSnapshot
 from trcvtui.tui.formatting import SECOND
-from trcvtui.tui.view_model.byte_origin import Provenance
 
 GLOW_NS: Final = SECOND
 DONE, ERROR = "DONE", "ERROR"
@@ -105,6 +105,14 @@ GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an i
 BYTES_ALONG: Final = 8192  # of their DATA: what is larger does not come along
 
 
+KEPT: Final = 2000  # messages of a connection, recv calls of a job
+
+
+def new_index() -> StreamIndex:
+    """Return an index that keeps less than the engine's: the newest bytes are asked about."""
+    return StreamIndex(KEPT, KEPT)
+
+
 class Index(NamedTuple):
     """The instances and the CONNECTs of a snapshot by name: each pane looks some of them up."""
 
@@ -130,7 +138,7 @@ class ViewModel:
         self._indexed = index_of(None)
         self.history = History()
         self.afterglow = Afterglow()
-        self.provenance = Provenance()
+        self.stream_index = new_index()
         self.waves = WaveformCache()
         self.draws_neighbours = False  # the others of the selected instance's CONNECT over time, too
         self.selected = self.peer = ""
@@ -180,7 +188,7 @@ class ViewModel:
             self._note_skipped(picture.lines[0].seq)
         self.lines.extend(picture.lines)
         for line in picture.lines:
-            self.provenance.note(line)
+            self.stream_index.take(((line.scan, line.t_ns, line.event),))
             if isinstance(line.event, StatusEdge):
                 self.history.note(line, line.event)
                 self.afterglow.note(line.scan, line.t_ns, line.event)
@@ -216,7 +224,7 @@ class ViewModel:
         self.lines.clear()
         self.waves = WaveformCache()
         self.thaw()
-        self.history, self.afterglow, self.provenance = History(), Afterglow(), Provenance()
+        self.history, self.afterglow, self.stream_index = History(), Afterglow(), new_index()
 
     def _take_project(self, project: Project) -> None:
         self.project = project

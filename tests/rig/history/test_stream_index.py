@@ -7,19 +7,20 @@ import pytest
 from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.events import BytesReceived, ConnectionNote, What
-from trcvtui.plc.ledger import Event, Line, PeerSent
-from trcvtui.tui.view_model.byte_origin import KEPT, KEPT_LINKS, MOST_PARTS, Provenance
+from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.rig.history.stream_index import KEPT_STREAMS, StreamIndex
 from trcvtui.tui.view_model.explain import notes_of
 
+KEPT = 2000
 PLC, PEER = "127.0.0.1:2000", "127.0.0.1:51322"
 
 
-def told(*events: Event, scan: int = 40) -> Provenance:
+def told(*events: Event, scan: int = 40) -> StreamIndex:
     """Return what a ledger of these events tells, one scan a line."""
-    provenance = Provenance()
+    index = StreamIndex(kept_messages=KEPT, kept_recvs=KEPT)
     for number, event in enumerate(events):
-        provenance.note(Line(number + 1, scan + number, 0, event))
-    return provenance
+        index.take([(scan + number, 0, event)])
+    return index
 
 
 def connected(incarnation: int = 1) -> ConnectionNote:
@@ -32,7 +33,9 @@ def sent(message: int, offset: int, size: int) -> PeerSent:
     return PeerSent("P1", message, PEER, PLC, offset, size)
 
 
-def taken(recv: int, offset: int, size: int, incarnation: int = 1, instance: str = "") -> BytesReceived:
+def taken(
+    recv: int, offset: int, size: int, incarnation: int = 1, instance: str = "TRCV_C_1"
+) -> BytesReceived:
     """Return a recv call on C1."""
     return BytesReceived("C1", incarnation, recv, offset, size, instance)
 
@@ -51,11 +54,11 @@ def test_a_byte_of_data_knows_job_recv_and_message() -> None:
     ledger = told(
         connected(), started(1, 0), sent(1, 0, 10), taken(1, 0, 10), sent(2, 10, 14), taken(2, 10, 14)
     )
-    ledger.note(Line(9, 50, 0, ended(1, 0, 24)))
+    ledger.take([(50, 0, ended(1, 0, 24))])
     origin = ledger.origin("TRCV_C_1", of_job=False, byte=12)
     assert origin is not None and origin.recv is not None and origin.message is not None
     assert (origin.job.number, origin.recv.number, origin.recv.scan) == (1, 2, 45)
-    assert (origin.message.peer, origin.message.number, origin.message_byte) == ("P1", 2, 2)
+    assert (origin.message.peer, origin.message.number, origin.message.first) == ("P1", 2, 2)
     assert ledger.origin("TRCV_C_1", of_job=False, byte=24) is None
 
 
@@ -75,13 +78,13 @@ def test_bytes_of_another_incarnation_are_not_mixed_in() -> None:
     assert (origin.recv, origin.message) == (None, None)
 
 
-def in_turns() -> Provenance:
+def in_turns() -> StreamIndex:
     """Return two jobs that read in turns: X has bytes 0-3 and 8-11, Y has 4-7; each message has three."""
     x, y = "TRCV_C_1", "TRCV_C_2"
     ledger = told(connected(), *(sent(n + 1, 3 * n, 3) for n in range(4)), started(1, 0, 8))
-    ledger.note(Line(8, 50, 0, JobStarted(y, 1, "C1", 1, 0, 4, False)))
+    ledger.take([(50, 0, JobStarted(y, 1, "C1", 1, 0, 4, False))])
     for recv, (offset, instance) in enumerate(((0, x), (4, y), (8, x)), 1):
-        ledger.note(Line(8 + recv, 50 + recv, 0, taken(recv, offset, 4, instance=instance)))
+        ledger.take([(50 + recv, 0, taken(recv, offset, 4, instance=instance))])
     return ledger
 
 
@@ -89,8 +92,8 @@ def in_turns() -> Provenance:
 def test_jobs_that_read_in_turns_know_their_own_bytes(of_job: bool) -> None:
     ledger = in_turns()
     if not of_job:
-        ledger.note(Line(20, 60, 0, ended(1, 0, 8)))
-        ledger.note(Line(21, 60, 0, JobEnded("TRCV_C_2", 1, "C1", 1, 4, 4, True, "")))
+        ledger.take([(60, 0, ended(1, 0, 8))])
+        ledger.take([(60, 0, JobEnded("TRCV_C_2", 1, "C1", 1, 4, 4, True, ""))])
     found = [ledger.origin("TRCV_C_1", of_job, byte) for byte in range(8)]
     recvs = [origin.recv.number for origin in found if origin is not None and origin.recv is not None]
     assert recvs == [1, 1, 1, 1, 3, 3, 3, 3]
@@ -101,25 +104,25 @@ def test_jobs_that_read_in_turns_know_their_own_bytes(of_job: bool) -> None:
     assert ledger.message_starts("TRCV_C_1", of_job) == {0, 3, 5}
     first = ledger.origin("TRCV_C_2", of_job, 0)
     assert first is not None and first.recv is not None and first.message is not None
-    assert (first.recv.number, first.message.number, first.message_byte) == (2, 2, 1)
+    assert (first.recv.number, first.message.number, first.message.first) == (2, 2, 1)
     assert ledger.message_starts("TRCV_C_2", of_job) == {2}
 
 
 def test_a_job_that_was_cut_very_often_costs_no_more_memory() -> None:
     ledger = told(connected(), started(1, 0, 10_000))
-    for n in range(1000):
-        ledger.note(Line(n, n, 0, taken(n, 2 * n, 1, instance="TRCV_C_1")))
-    assert len(ledger._parts["TRCV_C_1"]) == MOST_PARTS + 1
+    for n in range(2 * KEPT):
+        ledger.take([(n, 0, taken(n, 2 * n, 1, instance="TRCV_C_1"))])
+    assert len(ledger._recvs["TRCV_C_1"]) == KEPT
     assert ledger.origin("TRCV_C_1", of_job=True, byte=5) is not None
 
 
 def test_what_is_remembered_is_bounded() -> None:
     ledger = told(connected())
     for n in range(3 * KEPT):
-        ledger.note(Line(n, n, 0, taken(n, n, 1)))
-        ledger.note(Line(n, n, 0, PeerSent("P1", n, f"10.0.0.1:{n}", PLC, 0, 1)))
-    assert len(ledger._recvs["C1"][1]) == KEPT
-    assert len(ledger._sent) == KEPT_LINKS
+        ledger.take([(n, 0, taken(n, n, 1))])
+        ledger.take([(n, 0, PeerSent("P1", n, f"10.0.0.1:{n}", PLC, 0, 1))])
+    assert len(ledger._recvs["TRCV_C_1"]) == KEPT
+    assert len(ledger._sent) == KEPT_STREAMS
 
 
 def test_frames_that_agree_with_messages_need_no_word() -> None:
@@ -131,7 +134,7 @@ def test_frames_that_agree_with_messages_need_no_word() -> None:
 def test_shifted_frames_are_named_with_their_shift() -> None:
     ledger = told(connected(), started(1, 0), sent(1, 0, 5), sent(2, 5, 24), sent(3, 29, 24))
     for job in (1, 2):
-        ledger.note(Line(9, 50, 0, ended(job, 24 * (job - 1), 24)))
+        ledger.take([(50, 0, ended(job, 24 * (job - 1), 24))])
     assert notes_of(receiving(have=0), ledger) == [
         "P1's message 3 begins at byte 5 of DATA: frames and messages are shifted"
     ]

@@ -11,12 +11,12 @@ from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.check_frames import Checker, frame
 from trcvtui.rig.commands.reader import parse_line
-from trcvtui.rig.snapshots import CheckSnapshot, Tally
+from trcvtui.rig.snapshots import CheckSnapshot, CheckTally
 
 SIZE = 16
 
 
-def judged(*pieces: bytes) -> Tally:
+def judged(*pieces: bytes) -> CheckTally:
     checker = Checker(SIZE)
     for piece in pieces:
         checker.take(piece)
@@ -25,8 +25,8 @@ def judged(*pieces: bytes) -> Tally:
 
 def test_frames_in_order_are_good_however_they_are_cut() -> None:
     stream = b"".join(frame(n, SIZE) for n in range(5))
-    assert judged(stream) == Tally(5, 0, 0, 0, 0)
-    assert judged(*[stream[at : at + 7] for at in range(0, len(stream), 7)]) == Tally(5, 0, 0, 0, 0)
+    assert judged(stream) == CheckTally(5, 0, 0, 0, 0)
+    assert judged(*[stream[at : at + 7] for at in range(0, len(stream), 7)]) == CheckTally(5, 0, 0, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_lost_and_doubled_frames_are_counted(numbers: list[int], lost: int, doub
 
 def test_a_byte_too_many_is_one_shift_and_no_frame_is_lost() -> None:
     stream = frame(0, SIZE) + b"\x00" + frame(1, SIZE)
-    assert judged(*[bytes([byte]) for byte in stream]) == Tally(2, 0, 0, 1, 1)
+    assert judged(*[bytes([byte]) for byte in stream]) == CheckTally(2, 0, 0, 1, 1)
 
 
 def test_a_byte_too_few_costs_that_frame() -> None:
@@ -90,7 +90,7 @@ def test_every_frame_is_found_again_in_data(bench: Bench) -> None:
     run(bench, 50)
     check = checking(bench)
     assert check.sent == 25
-    assert check.data == Tally(25, 0, 0, 0, 0)
+    assert check.data == CheckTally(25, 0, 0, 0, 0)
     bench.close()
 
 
@@ -109,7 +109,7 @@ def test_what_the_plc_sends_back_is_judged_too(bench: Bench) -> None:
     for number in (0, 1, 3):
         say(bench, f"write tx hex {frame(number, SIZE).hex()}", "pulse TSEND_C_1 REQ")
         run(bench, 5)
-    assert checking(bench).echo == Tally(3, 1, 0, 0, 0)
+    assert checking(bench).echo == CheckTally(3, 1, 0, 0, 0)
     say(bench, "peer P1 check off")
     assert bench.peer_snapshots()[0].check is None
     bench.close()

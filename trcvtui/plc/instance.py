@@ -52,7 +52,7 @@ class Outputs:
         return 0 if value is None else value
 
 
-class Shown(NamedTuple):
+class ShownOutcome(NamedTuple):
     """What an outcome looks like: the pins, and the ledger's line when they have changed."""
 
     outputs: Outputs
@@ -86,7 +86,7 @@ class Instance:
         self._stream: StreamFeed | StreamDrain | None = (
             None  # the ComBuffer that this TRCV_C feeds, or this TSEND_C empties
         )
-        self._known: dict[Outcome, Shown] = {}
+        self._known: dict[Outcome, ShownOutcome] = {}
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
@@ -219,7 +219,7 @@ class Instance:
             self._bound.connection.readers.pop(self.name, None)
         self._block.leave(reason)
 
-    def _show(self, outcome: Outcome) -> Shown:
+    def _show(self, outcome: Outcome) -> ShownOutcome:
         """Return what an outcome looks like, made once for outcomes that come again."""
         if len(self._known) >= KNOWN_OUTCOMES:
             self._known.clear()
@@ -237,7 +237,7 @@ class Instance:
         byte = outcome.byte if "byte" in self._has else None
         outputs = Outputs(*named, rx_timeout, byte, outcome.cause if outcome.error else None)
         told = str(outcome.condition), outcome.cause, rx_timeout, outputs.byte
-        shown = Shown(outputs, StatusEdge(*named, *told))
+        shown = ShownOutcome(outputs, StatusEdge(*named, *told))
         self._known[outcome] = shown
         return shown
 

@@ -17,7 +17,7 @@ class ReplySnapshot:
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class CheckTally:
     """What a receiver of checked frames has seen; `shifts` are places where the stream lost its beat."""
 
     frames: int
@@ -37,8 +37,8 @@ class CheckSnapshot:
     """Self-checking traffic: frames sent, what DATA has shown of them, and what has come back."""
 
     sent: int
-    data: Tally | None
-    echo: Tally
+    data: CheckTally | None
+    echo: CheckTally
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.local_driver import LocalDriver
 from trcvtui.rig.picture import Picture
-from trcvtui.rig.snapshots import CheckSnapshot, ReplySnapshot, Tally
+from trcvtui.rig.snapshots import CheckSnapshot, CheckTally, ReplySnapshot
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import MS
 from trcvtui.tui.panes.composer import Splits, splits_of
@@ -319,8 +319,8 @@ async def test_a_message_or_a_sequence_is_picked_from_the_library() -> None:
 
 async def test_self_checking_traffic_stands_on_the_line_of_its_peer() -> None:
     one, two = peers()
-    good = CheckSnapshot(120, Tally(119, 0, 0, 0, 0), Tally(0, 0, 0, 0, 0))
-    bad = CheckSnapshot(120, Tally(110, 4, 0, 2, 9), Tally(100, 0, 3, 0, 0))
+    good = CheckSnapshot(120, CheckTally(119, 0, 0, 0, 0), CheckTally(0, 0, 0, 0, 0))
+    bad = CheckSnapshot(120, CheckTally(110, 4, 0, 2, 9), CheckTally(100, 0, 3, 0, 0))
     checked = replace(picture(), peers=(replace(one, check=good), replace(two, check=bad)))
     async with looking(WIDE, checked) as looker:
         await looker.press("7")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import zlib
 from typing import Final
 
-from trcvtui.rig.snapshots import Tally
+from trcvtui.rig.snapshots import CheckTally
 
 MARK: Final = b"\xc5\x5c"
 NUMBER_END: Final = len(MARK) + 4
@@ -71,6 +71,6 @@ class Checker:
         self._lost += number - self._next
         self._next = number + 1
 
-    def tally(self) -> Tally:
+    def tally(self) -> CheckTally:
         """Return the counters."""
-        return Tally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
+        return CheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)

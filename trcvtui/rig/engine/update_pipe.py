@@ -20,7 +20,7 @@ from typing import Any, Final
 
 from trcvtui.plc.ledger import Line
 from trcvtui.rig import clock
-from trcvtui.rig.history.pin_waveform import Change, WaveformDelta
+from trcvtui.rig.history.pin_waveform import PinChange, WaveformDelta
 from trcvtui.rig.picture import Picture
 
 LINES_A_PIECE: Final = 32
@@ -141,7 +141,7 @@ def _unpack(
 def _wave(pieces: list[bytes]) -> WaveformDelta:
     bare: WaveformDelta = pickle.loads(pieces[0])
     changes = chain.from_iterable(map(pickle.loads, pieces[1:]))
-    return replace(bare, changes=tuple(starmap(Change, changes)))
+    return replace(bare, changes=tuple(starmap(PinChange, changes)))
 
 
 def _plain(line: Line) -> tuple[int, int, int, Any, Any]:

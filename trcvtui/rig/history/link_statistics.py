@@ -21,12 +21,12 @@ from trcvtui.net.layers.shared_listener import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.rig.history.records import (
     NOT_BUILT,
-    Attempt,
     Drop,
     Dropped,
     Facts,
+    FailedAttempt,
     Failures,
-    Loss,
+    LastLoss,
     Moment,
     Sizes,
     TurnedAway,
@@ -42,7 +42,7 @@ ENDINGS: Final = frozenset(
 TURNED_AWAY: Final = {What.WRONG_PARTNER: "wrong_partner", What.SECOND_CLIENT: "second_client"}
 
 
-class _Link:
+class _LinkFacts:
     """One CONNECT."""
 
     def __init__(self) -> None:
@@ -51,11 +51,11 @@ class _Link:
         self.down_since: Moment | None = None
         self.failures: dict[str, Failures] = {}
         self.listening = ""  # where it listens, shared or not
-        self.attempt: Attempt | None = None
+        self.attempt: FailedAttempt | None = None
         self.dropped: Dropped | None = None
         self.said: Dropped | None = None  # of the handshake that ends next
         self.turned: dict[str, TurnedAway] = {}
-        self.loss: Loss | None = None
+        self.loss: LastLoss | None = None
         self.losses = 0
         self.datagrams: _Datagrams | None = None  # where the CONFIG is one of UDP
         self.drop: Drop | None = None
@@ -93,7 +93,7 @@ class LinkStatistics:
 
     def __init__(self, index: StreamIndex) -> None:
         self._index = index
-        self._links: dict[str, _Link] = {}
+        self._links: dict[str, _LinkFacts] = {}
         self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
         self._idle: set[str] = set()
         self._asked: dict[str, Moment] = {}  # since when each instance has not been idle
@@ -152,7 +152,7 @@ class LinkStatistics:
             link.down_since = link.down_since or at
             link.is_built()
 
-    def _ended(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
+    def _ended(self, link: _LinkFacts, at: Moment, event: ConnectionNote) -> None:
         if event.what in (What.DISCONNECTED, What.STOPPED):
             link.down_since, link.listening = None, ""
         if link.up_since is None:
@@ -160,12 +160,12 @@ class LinkStatistics:
         fault = event.fault
         up_ns = at.t_ns - link.up_since.t_ns
         error, injected = (fault.error, fault.injected) if fault else ("", False)
-        link.loss = Loss(at, str(event.what), event.peer, error, injected, up_ns)
+        link.loss = LastLoss(at, str(event.what), event.peer, error, injected, up_ns)
         link.losses += 1
         goes_on = event.what not in (What.DISCONNECTED, What.STOPPED)
         link.up_since, link.down_since = None, at if goes_on else None
 
-    def _failed(self, link: _Link, at: Moment, event: ConnectionNote) -> None:
+    def _failed(self, link: _LinkFacts, at: Moment, event: ConnectionNote) -> None:
         link.down_since = link.down_since or at
         fault = event.fault
         error = f"{fault.call} {fault.error}" if fault else str(event.what)
@@ -180,7 +180,7 @@ class LinkStatistics:
             said = None
         peer = event.peer or (said.peer if said else "")
         cause = cause_of(fault, peer) if fault else Cause(Why.WAITING, str(event.what), peer=peer)
-        link.attempt = Attempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
+        link.attempt = FailedAttempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
         link.dropped = None
 
     def _note(self, scan: int, t_ns: int, event: BenchNote) -> None:
@@ -206,10 +206,10 @@ class LinkStatistics:
             self._idle.discard(event.instance)
             self._asked[event.instance] = Moment(scan, t_ns)
 
-    def _link(self, connect: str) -> _Link:
+    def _link(self, connect: str) -> _LinkFacts:
         link = self._links.get(connect)
         if link is None:
-            link = self._links[connect] = _Link()
+            link = self._links[connect] = _LinkFacts()
         return link
 
     # -- what is read -----------------------------------------------------------------------------------
@@ -240,7 +240,7 @@ class LinkStatistics:
         )
         return self._with_messages(self._with_job(known, link, instance), link, connect)
 
-    def _attempt(self, link: _Link, instance: str) -> Attempt | None:
+    def _attempt(self, link: _LinkFacts, instance: str) -> FailedAttempt | None:
         """Return the last attempt that failed, with the code that the instance showed for it."""
         attempt, shown = link.attempt, self._refusals.get(instance)
         if attempt is None or link.up_since is not None:
@@ -253,13 +253,13 @@ class LinkStatistics:
         cause = replace(attempt.cause, peer=attempt.cause.peer or shown.cause.peer)
         return replace(attempt, cause=cause, status=shown.status, condition=shown.condition)
 
-    def _with_job(self, known: Facts, link: _Link, instance: str) -> Facts:
+    def _with_job(self, known: Facts, link: _LinkFacts, instance: str) -> Facts:
         job = self._index.started(instance)
         if job is None or job.link[1] != link.incarnation:
             return known
         return replace(known, job_offset=job.offset, job_began=job.began, job_adhoc=job.adhoc)
 
-    def _with_messages(self, known: Facts, link: _Link, connect: str) -> Facts:
+    def _with_messages(self, known: Facts, link: _LinkFacts, connect: str) -> Facts:
         place = connect, link.incarnation
         sender, sizes = self._index.sent_on(place)
         if not sizes.count:

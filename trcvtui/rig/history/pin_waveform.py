@@ -170,19 +170,19 @@ NO_PINS: Final[PinValues] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class PinsAre:
+class KnownPins:
     """What these pins are from now on, without an edge of their own; None: nobody can say."""
 
     values: PinValues
 
 
-class Change(NamedTuple):
+class PinChange(NamedTuple):
     """What changed in one scan; `seq` is the ledger's, of several in one scan the later one stands."""
 
     seq: int
     scan: int
     t_ns: int
-    event: StatusEdge | InputEdge | PinsAre
+    event: StatusEdge | InputEdge | KnownPins
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +197,7 @@ class WaveformDelta:
     before_scan: int
     before_ns: int
     before: PinValues
-    changes: tuple[Change, ...]
+    changes: tuple[PinChange, ...]
     until_scan: int
     until_ns: int
 
@@ -212,11 +212,11 @@ def up_to(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
     return replace(news, changes=changes, until_scan=scan, until_ns=t_ns)
 
 
-def pins_of(event: StatusEdge | InputEdge | PinsAre) -> PinValues:
+def pins_of(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
     """Return the pins that an event tells, BOOLs as 0 and 1."""
     if isinstance(event, InputEdge):
         return ((event.pin, int(event.value)),)
-    if isinstance(event, PinsAre):
+    if isinstance(event, KnownPins):
         return event.values
     if event.block in OUTPUTS:
         shown = ((pin, getattr(event, field)) for pin, field in OUTPUTS[event.block])
@@ -282,7 +282,7 @@ class Waveform:
             if len(self._anchors) > 2 * KEPT:
                 del self._anchors[:KEPT]
 
-    def _note(self, change: Change, edge: StatusEdge) -> None:
+    def _note(self, change: PinChange, edge: StatusEdge) -> None:
         self.edges.append(Line(change.seq, change.scan, change.t_ns, edge))
         self.edge_scans.append(change.scan)
         if len(self.edges) > 2 * KEPT:

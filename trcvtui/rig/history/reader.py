@@ -6,7 +6,7 @@ from bisect import bisect_right
 from operator import attrgetter
 from typing import Final
 
-from trcvtui.rig.history.received import Chunk, JobHistory, JobStream
+from trcvtui.rig.history.received import JobHistory, JobStream, ReceivedChunk
 from trcvtui.rig.history.records import (
     END,
     MOST_SPANS,
@@ -76,7 +76,7 @@ class HistoryReader:
         return jobs, recvs, messages, stop
 
     def _add_messages(
-        self, messages: list[MessageSpan], chunk: Chunk, recv: RecvSpan, window: tuple[int, int]
+        self, messages: list[MessageSpan], chunk: ReceivedChunk, recv: RecvSpan, window: tuple[int, int]
     ) -> None:
         """Append the messages that a recv call has brought; a message goes on over several of them."""
         position = max(recv.position, window[0])

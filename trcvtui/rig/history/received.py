@@ -25,7 +25,7 @@ from trcvtui.plc.ledger import Event
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.history.records import JobSpan, Moment, RecvSpan
-from trcvtui.rig.history.stream_index import Job, StreamIndex
+from trcvtui.rig.history.stream_index import JobRecord, StreamIndex
 
 _STOP = attrgetter("span.stop")
 _START = attrgetter("span.position")
@@ -34,7 +34,7 @@ _MOST_STEPS: Final = 256  # back to the job before: one instance among very many
 
 
 @dataclass(frozen=True, slots=True)
-class Chunk:
+class ReceivedChunk:
     """One job, or one stretch of dropped bytes. `content` is empty where the values are not kept."""
 
     span: JobSpan
@@ -49,7 +49,7 @@ class JobStream:
 
     def __init__(self) -> None:
         self.end = 0
-        self._chunks: list[Chunk] = []
+        self._chunks: list[ReceivedChunk] = []
         self._first = 0
 
     @property
@@ -57,12 +57,12 @@ class JobStream:
         """Return the position of the oldest byte that is kept."""
         return self._chunks[self._first].span.position if self._first < len(self._chunks) else self.end
 
-    def add(self, chunk: Chunk) -> None:
+    def add(self, chunk: ReceivedChunk) -> None:
         """Append a chunk at the end."""
         self._chunks.append(chunk)
         self.end = chunk.span.stop
 
-    def forget_oldest(self) -> Chunk:
+    def forget_oldest(self) -> ReceivedChunk:
         """Drop the oldest chunk."""
         oldest = self._chunks[self._first]
         self._first += 1
@@ -71,24 +71,24 @@ class JobStream:
             self._first = 0
         return oldest
 
-    def from_position(self, position: int) -> Iterator[Chunk]:
+    def from_position(self, position: int) -> Iterator[ReceivedChunk]:
         """Return the chunk that holds a position and those behind it."""
         place = bisect_right(self._chunks, position, lo=self._first, key=_STOP)
         for number in range(place, len(self._chunks)):
             yield self._chunks[number]
 
-    def at(self, position: int) -> Chunk | None:
+    def at(self, position: int) -> ReceivedChunk | None:
         """Return the chunk that holds a position."""
         chunk = next(self.from_position(position), None)
         return chunk if chunk is not None and chunk.span.position <= position else None
 
-    def newest_first(self, position: int) -> Iterator[Chunk]:
+    def newest_first(self, position: int) -> Iterator[ReceivedChunk]:
         """Return the chunks that begin before a position, the newest first."""
         place = bisect_left(self._chunks, position, lo=self._first, key=_START)
         for number in range(place - 1, self._first - 1, -1):
             yield self._chunks[number]
 
-    def job_before(self, position: int, instance: str) -> Chunk | None:
+    def job_before(self, position: int, instance: str) -> ReceivedChunk | None:
         """Return the job of an instance that ended with DONE before the chunk at `position`."""
         for steps, chunk in enumerate(self.newest_first(position)):
             if chunk.span.done and chunk.span.instance == instance:
@@ -190,14 +190,14 @@ class JobHistory:
         for drop in self._drops.pop(event.instance, ()):
             self._add_drop(drop, job.at, event.instance, event.job, job.recvs)
 
-    def _deliver(self, event: JobEnded, job: Job) -> None:
+    def _deliver(self, event: JobEnded, job: JobRecord) -> None:
         stream = self._stream(event.connection)
         content, reason = self._content(event)
         span = JobSpan(
             stream.end, event.size, event.instance, event.job, job.at.scan, job.at.t_ns, True, reason,
             is_kept=not reason, whole=event.size,
         )  # fmt: skip
-        self._add(stream, Chunk(span, *job.link, content, _placed(job.recvs, span)))
+        self._add(stream, ReceivedChunk(span, *job.link, content, _placed(job.recvs, span)))
 
     def _content(self, event: JobEnded) -> tuple[bytes, str]:
         """Return the job's bytes, or why they are not kept."""
@@ -236,7 +236,7 @@ class JobHistory:
         )  # fmt: skip
         parts = _overlapping(recvs, offset, span)
         unread = (RecvSpan(stream.end, size, 0, at.scan, at.t_ns, offset),)
-        self._add(stream, Chunk(span, event.connection, event.incarnation, b"", parts or unread))
+        self._add(stream, ReceivedChunk(span, event.connection, event.incarnation, b"", parts or unread))
 
     def _end_of(self, name: str) -> int:
         return self._stream(name).end
@@ -246,7 +246,7 @@ class JobHistory:
     def _stream(self, connect: str) -> JobStream:
         return self.streams.setdefault(connect, JobStream())
 
-    def _add(self, stream: JobStream, chunk: Chunk) -> None:
+    def _add(self, stream: JobStream, chunk: ReceivedChunk) -> None:
         stream.add(chunk)
         self._order.append(stream)
         self._bytes += len(chunk.content)
@@ -295,7 +295,7 @@ NOTES: Final = (BytesArrived, FrameEnded, NoiseDropped, PartDropped, BytesLost)
 class FrameHistory:
     """Hands each frame and each stretch of dropped bytes to `add`, with the name of its ComBuffer."""
 
-    def __init__(self, bench: Bench, add: Callable[[str, Chunk], None]) -> None:
+    def __init__(self, bench: Bench, add: Callable[[str, ReceivedChunk], None]) -> None:
         self._bench = bench
         self._add = add
         self._arrived: dict[str, deque[RecvSpan]] = {}  # the newest chunks of each line, in its own offsets
@@ -342,7 +342,7 @@ class FrameHistory:
             is_frame=True,
         )  # fmt: skip
         recvs = self._taken(event.buffer, event.size, position, event.size)
-        self._add(event.buffer, Chunk(span, event.buffer, 0, content, recvs))
+        self._add(event.buffer, ReceivedChunk(span, event.buffer, 0, content, recvs))
 
     def _content(self, event: FrameEnded) -> bytes:
         decl = self._bench.project.instance(event.instance)
@@ -373,7 +373,7 @@ class FrameHistory:
             position, shown, instance, 0, *when, False, reason, is_kept=bool(content), whole=size,
         )  # fmt: skip
         recvs = self._taken(buffer, size, position, shown) if in_line else ()
-        self._add(buffer, Chunk(span, buffer, 0, content, recvs))
+        self._add(buffer, ReceivedChunk(span, buffer, 0, content, recvs))
 
     def _taken(self, buffer: str, size: int, position: int, shown: int) -> tuple[RecvSpan, ...]:
         """Return the arrivals of the next `size` bytes, the last `shown` of them from `position` on."""

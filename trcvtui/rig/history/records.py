@@ -178,7 +178,7 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class SentMessage:
     """One message of a peer: where it lies in the stream that this CONNECT receives, in bytes."""
 
     number: int
@@ -223,7 +223,7 @@ class Failures:
 
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class FailedAttempt:
     """The last attempt that failed since the connection was last up, or since it began to listen.
 
     `status` and `condition`: what the instance showed of it, 0 and "" where it showed none of its own.
@@ -256,7 +256,7 @@ class TurnedAway:
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
+class LastLoss:
     """The last time that a connection ended: in which word of the ledger, with which partner and error."""
 
     at: Moment
@@ -277,7 +277,7 @@ class Facts:
 
     sender: str = ""
     messages: Sizes = Sizes()
-    begins_in: Message | None = None  # the message that holds the first byte of the running job
+    begins_in: SentMessage | None = None  # the message that holds the first byte of the running job
     bursts: Sizes = Sizes()
     longest_gap_ns: int = 0  # between the last bursts
     received: int = 0  # bytes of the stream so far
@@ -287,15 +287,15 @@ class Facts:
     drop: Drop | None = None
     drops: int = 0
     drop_cuts: bool | None = None  # whether a message goes on after the last drop
-    after_drop: Message | None = None  # the message that holds the first byte after it
+    after_drop: SentMessage | None = None  # the message that holds the first byte after it
     up_since: Moment | None = None
     down_since: Moment | None = None
     failures: tuple[Failures, ...] = ()
-    attempt: Attempt | None = None
+    attempt: FailedAttempt | None = None
     dropped: Dropped | None = None
     wrong_partner: TurnedAway | None = None
     second_client: TurnedAway | None = None
-    loss: Loss | None = None
+    loss: LastLoss | None = None
     losses: int = 0
     datagrams: Sizes = Sizes()  # of a UDP socket, whoever sent them, as long as they were on the wire
     open_since: Moment | None = None  # that socket

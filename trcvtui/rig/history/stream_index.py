@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.events import BytesReceived, ConnectionNote, What
 from trcvtui.plc.ledger import Event, PeerSent
-from trcvtui.rig.history.records import PAUSE_SCANS, Message, MessageSpan, Moment, RecvSpan, Sizes
+from trcvtui.rig.history.records import PAUSE_SCANS, MessageSpan, Moment, RecvSpan, SentMessage, Sizes
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten
 KEPT_RECVS: Final = 65_536  # of one job: as many as it can have bytes
@@ -47,7 +47,7 @@ class _Sent:
             self.forgotten += keep // 2
 
 
-class Bursts:
+class StreamBursts:
     """What arrived on one connection between two pauses, whoever sent it."""
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ class Bursts:
         return Sizes(self.count, last[-KEPT_SIZES:])
 
 
-class Job(NamedTuple):
+class JobRecord(NamedTuple):
     """A receive job: what it began or ended with. `at` is the scan of its end, of a running job its start.
 
     `recvs` are the recv calls that read for it, their `position` not yet known (0).
@@ -108,7 +108,7 @@ class Job(NamedTuple):
 class Origin(NamedTuple):
     """What is known of one byte; None is not known. `message.first` is its place in the message."""
 
-    job: Job
+    job: JobRecord
     recv: RecvSpan | None
     message: MessageSpan | None
 
@@ -124,13 +124,13 @@ class StreamIndex:
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
         self._next: dict[str, tuple[int, int]] = {}  # by CONNECT: incarnation, the byte that comes next
-        self._bursts: dict[str, Bursts] = {}
+        self._bursts: dict[str, StreamBursts] = {}
         self._recvs: dict[str, deque[RecvSpan]] = {}  # by instance, of the running job
         self._reads: dict[str, Link] = {}  # where it reads these
-        self._started: dict[str, Job] = {}
-        self._running: dict[str, Job] = {}
-        self._ended: dict[str, Job] = {}
-        self._delivered: dict[str, Job] = {}
+        self._started: dict[str, JobRecord] = {}
+        self._running: dict[str, JobRecord] = {}
+        self._ended: dict[str, JobRecord] = {}
+        self._delivered: dict[str, JobRecord] = {}
         self._listeners: dict[type, list[Listener]] = {
             PeerSent: [self._message_sent],
             BytesReceived: [self._bytes_received],
@@ -179,13 +179,13 @@ class StreamIndex:
         if len(self._links) > KEPT_LINKS:
             del self._links[next(iter(self._links))]
         self._incarnations[event.connection] = event.incarnation
-        self._bursts[event.connection] = Bursts()
+        self._bursts[event.connection] = StreamBursts()
 
     def _bytes_received(self, scan: int, t_ns: int, event: BytesReceived) -> None:
         self._next[event.connection] = event.incarnation, event.offset + event.size
         bursts = self._bursts.get(event.connection)
         if bursts is None:
-            bursts = self._bursts[event.connection] = Bursts()
+            bursts = self._bursts[event.connection] = StreamBursts()
         bursts.note(scan, t_ns, event.size)
         recvs = self._recvs.get(event.instance)
         if recvs is None:
@@ -196,14 +196,14 @@ class StreamIndex:
     def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
         at = Moment(scan, t_ns)
         link = event.connection, event.incarnation
-        job = Job(event.job, link, event.offset, event.length, event.adhoc, at, at)
+        job = JobRecord(event.job, link, event.offset, event.length, event.adhoc, at, at)
         self._started[event.instance] = self._running[event.instance] = job
         self._recvs.pop(event.instance, None)
 
     def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
         at = Moment(scan, t_ns)
         begun = self._running.pop(event.instance, None)
-        job = Job(
+        job = JobRecord(
             event.job, (event.connection, event.incarnation), event.offset, event.size,
             begun.adhoc if begun else False, begun.began if begun else at, at,
             self._recvs.pop(event.instance, ()),
@@ -236,10 +236,10 @@ class StreamIndex:
             place += 1
         return found
 
-    def message_at(self, link: Link, offset: int) -> Message | None:
+    def message_at(self, link: Link, offset: int) -> SentMessage | None:
         """Return the message that holds a byte of a connection, None where it is not known."""
         for span in self.messages_within(link, offset, 1, offset):
-            return Message(span.number, offset - span.first, span.whole)
+            return SentMessage(span.number, offset - span.first, span.whole)
         return None
 
     def sent_on(self, link: Link) -> tuple[str, Sizes]:
@@ -257,17 +257,17 @@ class StreamIndex:
         known, offset = self._next.get(connect, (incarnation, 0))
         return offset if known == incarnation else 0
 
-    def bursts(self, connect: str) -> Bursts:
+    def bursts(self, connect: str) -> StreamBursts:
         """Return the bursts of the present connection."""
-        return self._bursts.get(connect) or Bursts()
+        return self._bursts.get(connect) or StreamBursts()
 
     # -- jobs -------------------------------------------------------------------------------------------
 
-    def started(self, instance: str) -> Job | None:
+    def started(self, instance: str) -> JobRecord | None:
         """Return the job that an instance began last, also after its end."""
         return self._started.get(instance)
 
-    def ended(self, instance: str) -> Job:
+    def ended(self, instance: str) -> JobRecord:
         """Return the job of an instance that ended last."""
         return self._ended[instance]
 
@@ -278,7 +278,7 @@ class StreamIndex:
                 return instance
         return None
 
-    def _pieces(self, instance: str, of_job: bool) -> tuple[Job, list[tuple[int, int]]] | None:
+    def _pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
         """Return the running job, or the one that filled DATA, and its pieces of the stream."""
         job = (self._running if of_job else self._delivered).get(instance)
         if job is None:

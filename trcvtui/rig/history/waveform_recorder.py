@@ -15,7 +15,7 @@ from typing import Final
 from trcvtui.blocks.parameters import SHOWS, Direction
 from trcvtui.plc.ledger import BenchNote, InputEdge, Ledger, StatusEdge
 from trcvtui.project.project import InstanceDecl, Project
-from trcvtui.rig.history.pin_waveform import NO_PINS, Change, PinsAre, PinValues, WaveformDelta, pins_of
+from trcvtui.rig.history.pin_waveform import NO_PINS, KnownPins, PinChange, PinValues, WaveformDelta, pins_of
 
 KEPT_CHANGES: Final = 32_768  # of one instance, where there are few: 7 MB
 KEPT_IN_ALL: Final = 500_000
@@ -33,9 +33,9 @@ class _Record:
         self.before_at = 0, 0  # scan and time
         self.total = 0
         self._keep = keep
-        self._changes: deque[Change] = deque()
+        self._changes: deque[PinChange] = deque()
 
-    def add(self, change: Change) -> None:
+    def add(self, change: PinChange) -> None:
         self.total += 1
         self._changes.append(change)
         if len(self._changes) > self._keep:
@@ -46,7 +46,7 @@ class _Record:
     def pins(self) -> list[str]:
         return list(self.before)
 
-    def since(self, number: int, most: int) -> tuple[int, tuple[Change, ...]]:
+    def since(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:
         """Return the oldest `most` changes after `number`, and the number of the first of them."""
         dropped = self.total - len(self._changes)
         skip = min(len(self._changes), max(0, number - dropped))
@@ -78,13 +78,13 @@ class WaveformRecorder:
         fresh = ledger.stamped_since(seen)
         if self._seen - len(fresh) > seen:
             self._lose(self._seen - len(fresh))
-        renewed: dict[str, Change] = {}
+        renewed: dict[str, PinChange] = {}
         for number, (scan, t_ns, event) in enumerate(fresh, self._seen - len(fresh) + 1):
             kind = type(event)
             if kind is StatusEdge or kind is InputEdge:
                 record = self._records.get(event.instance)  # type: ignore[union-attr]
                 if record is not None:
-                    record.add(Change(number, scan, t_ns, event))  # type: ignore[arg-type]
+                    record.add(PinChange(number, scan, t_ns, event))  # type: ignore[arg-type]
                     if renewed and kind is StatusEdge:
                         renewed.pop(event.instance, None)  # type: ignore[union-attr]
             elif kind is BenchNote and event.what in NOTED:  # type: ignore[union-attr]
@@ -99,27 +99,27 @@ class WaveformRecorder:
         t_ns: int,
         note: BenchNote,
         project: Project,
-        renewed: dict[str, Change],
+        renewed: dict[str, PinChange],
     ) -> None:
         """An instance begins, ends, or is new: no edge tells its pins, unless it is called at once."""
         name, decl = note.subject, project.instance(note.subject)
         if note.what == CREATED and decl is not None:
             first = _first_pins(decl, project)
             record = self._records.setdefault(name, _Record(_unknown(dict(first)), self._keep))
-            record.add(Change(number, scan, t_ns, PinsAre(first)))
+            record.add(PinChange(number, scan, t_ns, KnownPins(first)))
         elif name in self._records:
             record = self._records[name]
             if note.what == DELETED:
-                record.add(Change(number, scan, t_ns, PinsAre(_unknown(record.pins()))))
+                record.add(PinChange(number, scan, t_ns, KnownPins(_unknown(record.pins()))))
             else:
                 dark = tuple((pin, 0) for pin in record.pins() if pin in SHOWS)
-                renewed[name] = Change(number, scan, t_ns, PinsAre(dark))
+                renewed[name] = PinChange(number, scan, t_ns, KnownPins(dark))
 
     def _lose(self, seq: int) -> None:
         """More came in one scan than the ledger keeps: nobody can say what the pins did."""
         for record in self._records.values():
-            unknown = PinsAre(_unknown(record.pins()))
-            record.add(Change(seq, self._ledger.scan, self._ledger.t_ns, unknown))
+            unknown = KnownPins(_unknown(record.pins()))
+            record.add(PinChange(seq, self._ledger.scan, self._ledger.t_ns, unknown))
 
     def news(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS

@@ -268,7 +268,7 @@ class ScanRange(NamedTuple):
 
 
 def vcd_text(waves: Sequence[Waveform], span: ScanRange) -> str:
-    """Return the waves as a Value Change Dump: 1 ns, a scope for each instance, x where nobody knows.
+    """Return the waves as a Value PinChange Dump: 1 ns, a scope for each instance, x where nobody knows.
 
     Several changes of one pin in one scan stand 1 ns apart, so that none of them is lost.
     """

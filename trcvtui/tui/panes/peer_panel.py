@@ -12,7 +12,7 @@ from textual.content import Content
 from textual.widget import Widget
 from textual.widgets import Input
 
-from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot, Tally
+from trcvtui.rig.snapshots import CheckSnapshot, CheckTally, PeerSnapshot
 from trcvtui.tui.formatting import cells, clip, count, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
 from trcvtui.tui.panes.composer import Composer
@@ -135,7 +135,7 @@ def check_text(check: CheckSnapshot) -> Part:
     return f"{'✓' if is_good else '✗'} check {check.sent}: {told}", "done" if is_good else "error"
 
 
-def _tally(tally: Tally) -> str:
+def _tally(tally: CheckTally) -> str:
     wrong = (("lost", tally.lost), ("double", tally.doubled), ("shift", tally.shifts))
     return " ".join([str(tally.frames), *(f"{word} {number}" for word, number in wrong if number)])
 

@@ -15,9 +15,10 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Endpoint
-from trcvtui.project.descriptions import keys_of_iso
 from trcvtui.project.file import read_project
+from trcvtui.project.keys import keys_of
 from trcvtui.project.layers import db_bytes, either_way, parse_selector
+from trcvtui.project.project import PeerDecl
 
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"
 
@@ -212,7 +213,7 @@ def test_a_tsap_that_could_be_hex_or_text_is_refused_with_both(text: str, wanted
 
 @given(st.binary(min_size=1, max_size=32))
 def test_a_tsap_of_any_bytes_is_written_so_that_it_reads_back_the_same(tsap: bytes) -> None:
-    written = dict(keys_of_iso(IsoSettings(tsap, tsap, 8192)))
+    written = dict(keys_of(PeerDecl("P1", True, "@C1", session=IsoSettings(tsap, tsap, 8192))))
     assert parse_selector(str(written["local_tsap"])) == parse_selector(str(written["remote_tsap"])) == tsap
 
 

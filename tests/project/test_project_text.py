@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.project.edit import names_of, read_entry, with_entry
+from trcvtui.project.edit import read_entry, with_entry
 from trcvtui.project.file import read_project
-from trcvtui.project.keys import KIND_OF, keys_of
+from trcvtui.project.keys import keys_of, kind_name, names_of
 from trcvtui.project.project import DataDecl, Declaration, MessageDecl, Project
 from trcvtui.project.text import with_entries, with_files_from
 
@@ -115,7 +115,7 @@ def test_whatever_is_added_loads_again_and_the_text_before_stays(data: st.DataOb
 def test_the_keys_of_an_entry_are_read_as_that_entry_again(data: st.DataObject) -> None:
     project = load(PLAIN)
     for decl in data.draw(additions(project)):
-        again = read_entry(KIND_OF[type(decl)], {"name": decl.name, **dict(keys_of(decl))}, project, "w")
+        again = read_entry(kind_name(decl), {"name": decl.name, **dict(keys_of(decl))}, project, "w")
         if isinstance(decl, DataDecl) and isinstance(again, DataDecl):
             assert (again.name, again.type_name, again.size) == (decl.name, decl.type_name, decl.size)
         else:

@@ -12,8 +12,9 @@ from tests.rig.test_project_save import driven, say
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.file import load_project
+from trcvtui.project.keys import OFFERED as KINDS
 from trcvtui.project.project import Project
-from trcvtui.tui.forms.fields import KINDS, fields_of, first_name, line_of
+from trcvtui.tui.forms.fields import fields_of, first_name, line_of
 
 BENCH = 'dialect = "{}"\n[[data]]\nname = "rx"\ntype = "ARRAY[0..3] OF BYTE"\n'
 DESCRIBED = (
@@ -113,7 +114,7 @@ def test_the_form_offers_a_connection_what_its_dialect_takes(dialect: str, tmp_p
     for kind in KINDS:
         if kind in ("connect", "addr", "peer"):
             first = {field.key: field.first for field in fields_of(kind, project)}
-            saved(file, (line_of(kind, first_name(kind, load_project(file)), first),))
+            saved(file, (line_of(kind, first_name(kind, load_project(file)), first, project),))
 
 
 @pytest.mark.parametrize("written", ["E002", '"E0 02"'])

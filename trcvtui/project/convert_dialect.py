@@ -20,7 +20,8 @@ from trcvtui.net.connection.tcon_param import as_param
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import Endpoint
-from trcvtui.project.descriptions import LOOPBACK, read_described
+from trcvtui.project.descriptions import LOOPBACK
+from trcvtui.project.keys import around_of, read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import Table
 from trcvtui.udt.layout.layout import lay_out
@@ -162,7 +163,7 @@ def _described(config: ConnectConfig, number: int, other: Project, notes: list[s
         notes.append(f"{config.name}: SendDelayOpt is left out: a description has no such field")
     problems: list[Problem] = []
     table = Table(record, f"{other.dialect.name}: connect {config.name}", problems)
-    described = read_described(table, number, other.rules, structures=other.dialect.structures)
+    described: ConnectConfig | None = read_table("connect", table, around_of(other), number)
     if problems or described is None:
         raise UserError(problems)
     return described

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any, Final
 
 from trcvtui.blocks.rules import Rules
@@ -40,16 +39,14 @@ from trcvtui.net.connection.ipv4 import is_loopback, octets
 from trcvtui.net.connection.tcon_param import as_param
 from trcvtui.net.connection.udp_config import TADDR_PARAM, AddrParam
 from trcvtui.net.layer import Settings
-from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
+from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import Endpoint
-from trcvtui.project.layers import DB_BYTES, TSAP, UNSAFE, VERIFY, db_bytes, is_secure, secure
+from trcvtui.project.layers import DB_BYTES, TSAP, UNSAFE, db_bytes, is_secure, secure
 from trcvtui.project.names import expected_name, parse_reference
 from trcvtui.project.project import Certificates
 from trcvtui.project.tables import (
     ADDRESS,
-    NAME,
-    PORT,
     PORT_OR_NAME,
     TEXT,
     TRUTH,
@@ -71,9 +68,8 @@ def is_structure(table: Table) -> bool:
     return any(table.has(key) for key in ("type", "bytes", *_ADDR_FIELDS))
 
 
-def read_described_addr(table: Table) -> AddrParam | None:
-    """Return one ADDR that is written as a structure."""
-    name = table.must("name", NAME)
+def read_addr_structure(table: Table) -> dict[str, Any] | None:
+    """Return what a structure says of an ADDR, None where it cannot be read."""
     type_name = table.read("type", TEXT)
     if type_name is not None and type_name not in STRUCTURES:
         table.wrong("type", shown(type_name), expected_name(type_name, ADDRESSES, "structure"))
@@ -85,11 +81,10 @@ def read_described_addr(table: Table) -> AddrParam | None:
     else:
         found = _addr_of_fields(table, STRUCTURES[type_name or TADDR_PARAM.name])
     port = table.read("RemotePort", UDP_PORT_OR_NAME) if table.has("bytes") else None
-    table.finish()
-    if name is None or found is None:
+    if found is None:
         return None
     description, said = found
-    return _addr(name, description, port if port is not None else said)
+    return _addr(description, port if port is not None else said)
 
 
 def _addr_of_bytes(raw: bytes, type_name: str | None) -> tuple[Description, int | str | None]:
@@ -111,16 +106,15 @@ def _addr_of_fields(table: Table, structure: Structure) -> tuple[Description, in
     return Description(structure, pack(structure, values)), port
 
 
-def _addr(name: str, description: Description, port: int | str | None) -> AddrParam:
-    """Return an ADDR with what its bytes say; a TADDR_RCV_IP is for a receiver to write."""
+def _addr(description: Description, port: int | str | None) -> dict[str, Any]:
+    """Return what the bytes of an ADDR say; a TADDR_RCV_IP is for a receiver to write."""
     is_param = description.structure == TADDR_PARAM
     address = description.text("rem_ip_addr") if is_param else ANY_ADDRESS
     if port is None:
         port = description.number("rem_port_nr")
-    return AddrParam(name, address, port, description)
+    return {"remote_address": address, "remote_port": port, "description": description}
 
 
-NO_CERTIFICATES: Final[Certificates] = MappingProxyType({})
 LOOPBACK: Final = "127.0.0.1"
 ISO_PORT: Final = 102
 DEFAULT_TYPE: Final = "TCON_IP_v4"
@@ -176,7 +170,7 @@ def _kind(field: Field) -> Kind[Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Written:
+class Written:
     """A description as it stands in the file; `reference` is a RemotePort `@NAME`."""
 
     description: Description
@@ -186,7 +180,7 @@ class _Written:
 
 
 @dataclass(frozen=True, slots=True)
-class _Bench:
+class BenchKeys:
     """The bench's own keys."""
 
     address: str | None
@@ -197,38 +191,9 @@ class _Bench:
     is_unverified: bool
 
 
-def read_described(
-    table: Table,
-    number: int,
-    rules: Rules,
-    certificates: Certificates = NO_CERTIFICATES,
-    structures: tuple[str, ...] = (),
-) -> ConnectConfig | None:
-    """Return one CONNECT; `number` is its place in the file, and its ID where none is written.
-
-    `structures` are what the instructions take, () all.
-    """
-    name = table.must("name", NAME)
-    written = _read_written(table, number, structures)
-    bench = _Bench(
-        address=table.read("LocalAddress", ADDRESS),
-        listen_port=table.read("ListenPort", PORT),
-        iso_port=table.get("IsoPort", PORT_OR_NAME, ISO_PORT),
-        dns_answer=table.read("DnsAnswer", DNS_ANSWER),
-        keep_alive=table.get("KeepAliveTimeInterval", UINT, 0),
-        is_unverified=table.read("verify", VERIFY) is not None,
-    )
-    table.finish()
-    if name is None or written is None:
-        return None
-    says = meaning(written.description)
-    _check_own_keys(table, written.description, says)
-    session = _session(written.description, says, bench, rules, certificates)
-    return _config(name, written, says, bench, session, structures, rules.policy.narrow_tsaps)
-
-
-def _check_own_keys(table: Table, description: Description, says: Meaning) -> None:
+def check_own_keys(table: Table, description: Description) -> None:
     """Refuse a key of the bench that would have no effect here."""
+    says = meaning(description)
     iso_port, is_iso = table.text("IsoPort"), says.protocol is Protocol.ISO
     may_be_iso = is_iso or (says.protocol is Protocol.UNKNOWN and speaks_iso(description.structure.name))
     useless = (
@@ -249,7 +214,8 @@ def _check_own_keys(table: Table, description: Description, says: Meaning) -> No
             return
 
 
-def _read_written(table: Table, number: int, structures: tuple[str, ...]) -> _Written | None:
+def read_written(table: Table, number: int, structures: tuple[str, ...]) -> Written | None:
+    """Return the description of a table, by its fields or as bytes; `number`: its ID where it has none."""
     type_name = table.read("type", STRUCTURE)
     if type_name is not None and type_name not in CONNECTIONS:
         table.wrong("type", shown(type_name), expected_name(type_name, CONNECTIONS, "structure"))
@@ -271,23 +237,23 @@ def _default_type(table: Table, structures: tuple[str, ...]) -> str:
     return own[0] if own else DEFAULT_TYPE
 
 
-def _in_param(written: _Written) -> _Written:
+def _in_param(written: Written) -> Written:
     """Return a plain CONNECT as the instructions take it."""
     description = written.description
     found = as_param(meaning(description), has_interface=bool(description.number("InterfaceId")))
     return replace(written, description=found) if found is not None else written
 
 
-def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> _Written:
+def _of_bytes(raw: bytes, type_name: str | None, reference: str | None) -> Written:
     structure = CONNECTIONS[type_name] if type_name else structure_of(raw)
     if structure is None:
         text = f"{len(raw)} bytes are no connection description"
         flaw = Finding(Flaw.NO_DESCRIPTION, "", text)
-        return _Written(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
-    return _Written(Description(structure, raw), reference)
+        return Written(Description(CONNECTIONS[DEFAULT_TYPE], raw), flaw=flaw)
+    return Written(Description(structure, raw), reference)
 
 
-def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> _Written:
+def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) -> Written:
     read = {field.name: table.read(field.name, _kind(field)) for field in structure.fields}
     port = read.get("RemotePort")
     reference = port if isinstance(port, str) else None
@@ -297,7 +263,7 @@ def _of_fields(table: Table, structure: Structure, number: int, is_plain: bool) 
         reference = table.read("RemotePort", REFERENCE)
     given: dict[str, Value] = {name: value for name, value in read.items() if value is not None}
     data = pack(structure, _usual(structure, number, given) | given)
-    return _Written(Description(structure, data), reference, is_plain=is_plain)
+    return Written(Description(structure, data), reference, is_plain=is_plain)
 
 
 def _usual(structure: Structure, number: int, given: dict[str, Value]) -> dict[str, Value]:
@@ -321,15 +287,16 @@ def _has_name(description: Description) -> bool:
     return description.structure.field("RemoteQDN") is not None
 
 
-def _config(
-    name: str,
-    written: _Written,
-    says: Meaning,
-    bench: _Bench,
-    session: Settings | Finding | None,
+def config_fields(
+    written: Written,
+    bench: BenchKeys,
+    rules: Rules,
+    certificates: Certificates,
     structures: tuple[str, ...],
-    narrow_tsaps: bool,
-) -> ConnectConfig:
+) -> dict[str, Any]:
+    """Return a CONNECT but for its name; `structures` are what the instructions take, () all."""
+    says = meaning(written.description)
+    session = _session(written.description, says, bench, rules, certificates)
     remote, name_flaw = _remote_address(written, says, bench)
     any_local = says.is_active and bench.address is None and not is_loopback(remote)
     address = bench.address or LOOPBACK
@@ -341,26 +308,26 @@ def _config(
         takes_free_port,
         remote_is_known=written.reference is not None,
         structures=structures,
-        narrow_tsaps=narrow_tsaps,
+        narrow_tsaps=rules.policy.narrow_tsaps,
     )
     local_port, remote_port = _ports(written, says, bench)
-    return ConnectConfig(
-        name=name,
-        active=says.is_active,
-        local=Endpoint(ANY_ADDRESS if any_local else address, local_port),
-        remote_address=remote,
-        remote_port=remote_port,
-        keep_alive_interval_s=bench.keep_alive,
-        session=None if isinstance(session, Finding) else session,
-        description=written.description,
-        flaw=written.flaw or judge(asked) or name_flaw or (session if isinstance(session, Finding) else None),
-        any_local=any_local,
-        remote_name=says.remote_name if bench.dns_answer is None else "",
-        is_datagram=says.protocol is Protocol.UDP,
-    )
+    of_session = session if isinstance(session, Finding) else None
+    return {
+        "active": says.is_active,
+        "local": Endpoint(ANY_ADDRESS if any_local else address, local_port),
+        "remote_address": remote,
+        "remote_port": remote_port,
+        "keep_alive_interval_s": bench.keep_alive,
+        "session": None if isinstance(session, Finding) else session,
+        "description": written.description,
+        "flaw": written.flaw or judge(asked) or name_flaw or of_session,
+        "any_local": any_local,
+        "remote_name": says.remote_name if bench.dns_answer is None else "",
+        "is_datagram": says.protocol is Protocol.UDP,
+    }
 
 
-def _ports(written: _Written, says: Meaning, bench: _Bench) -> tuple[int, int | str]:
+def _ports(written: Written, says: Meaning, bench: BenchKeys) -> tuple[int, int | str]:
     """Return the port on this side and the partner's."""
     if says.protocol is Protocol.ISO and says.is_active:
         return 0, bench.iso_port
@@ -370,7 +337,7 @@ def _ports(written: _Written, says: Meaning, bench: _Bench) -> tuple[int, int | 
     return own, written.reference or says.remote_port
 
 
-def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[str, Finding | None]:
+def _remote_address(written: Written, says: Meaning, bench: BenchKeys) -> tuple[str, Finding | None]:
     """Return where the partner is; a name is asked of the bench's DNS server."""
     if not _has_name(written.description) or not says.remote_name:
         return says.remote_address, None
@@ -385,7 +352,7 @@ def _remote_address(written: _Written, says: Meaning, bench: _Bench) -> tuple[st
 
 
 def _session(
-    description: Description, says: Meaning, bench: _Bench, rules: Rules, certificates: Certificates
+    description: Description, says: Meaning, bench: BenchKeys, rules: Rules, certificates: Certificates
 ) -> Settings | Finding | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)
@@ -398,69 +365,79 @@ def _session(
 Keys = list[tuple[str, bool | int | float | str | list[str]]]
 
 
-def keys_of_description(config: ConnectConfig, description: Description) -> Keys:
-    """Return the keys behind `name`; read again they give the same CONNECT."""
-    says = meaning(description)
+def head_as_bytes(config: ConnectConfig) -> Keys:
+    """Return structure and bytes; with the keys of the bench they are read as the same CONNECT."""
+    description = _description(config)
     is_known = config.flaw is None or config.flaw.flaw is not Flaw.NO_DESCRIPTION
     keys: Keys = [("type", description.structure.name)] if is_known else []
     keys.append(("bytes", description.data.hex(" ")))
-    if isinstance(config.remote_port, str) and says.protocol is not Protocol.ISO:
+    if isinstance(config.remote_port, str) and meaning(description).protocol is not Protocol.ISO:
         keys.append(("RemotePort", config.remote_port))
-    return keys + _of_the_bench(config, says)
+    return keys
 
 
-def field_keys(config: ConnectConfig, description: Description) -> Keys:
-    """Return the same CONNECT by the names of its fields, as somebody writes it who changes one of them."""
+def head_as_fields(config: ConnectConfig) -> Keys:
+    """Return the same by the names of the fields, as somebody writes it who changes one of them."""
+    description = _description(config)
     keys: Keys = [("type", description.structure.name)]
     for field in description.structure.fields:
         is_named = field.name == "RemotePort" and isinstance(config.remote_port, str)
         value = config.remote_port if is_named else description.value(field.name)
         keys.append((field.name, f"hex {value.hex(' ')}" if isinstance(value, bytes) else value))
-    return [(key, value) for key, value in keys if value != "hex "] + _of_the_bench(
-        config, meaning(description)
-    )
+    return [(key, value) for key, value in keys if value != "hex "]
 
 
-def plain_keys(config: ConnectConfig, description: Description) -> Keys:
+def plain_keys(config: ConnectConfig) -> Keys:
     """Return a CONNECT of plain TCP as one is written that names no structure."""
-    says = meaning(description)
+    description = _description(config)
     keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
     keys += [("ActiveEstablished", config.active), ("LocalPort", config.local.port)]
-    keys += [
-        ("RemoteAddress", config.remote_address),
-        ("RemotePort", config.remote_port),
-        ("ID", says.identity),
-    ]
-    interface = description.number("InterfaceId")
-    keys += [("InterfaceId", interface)] if interface else []
-    return keys + [("KeepAliveTimeInterval", config.keep_alive_interval_s)] * bool(
-        config.keep_alive_interval_s
+    keys += [("RemoteAddress", config.remote_address), ("RemotePort", config.remote_port)]
+    keys.append(("ID", meaning(description).identity))
+    optional = (
+        ("InterfaceId", description.number("InterfaceId")),
+        ("KeepAliveTimeInterval", config.keep_alive_interval_s),
     )
+    return keys + [(key, value) for key, value in optional if value]
 
 
-def _of_the_bench(config: ConnectConfig, says: Meaning) -> Keys:
-    keys: Keys = [] if config.any_local else [("LocalAddress", config.local.address)]
-    if says.protocol is Protocol.ISO:
-        keys.append(("IsoPort", config.remote_port if config.active else config.local.port))
-    elif not config.active and (config.local.port != says.local_port or _takes_free_port(config)):
-        keys.append(("ListenPort", config.local.port))
-    if says.remote_name and not config.remote_name:
-        no_server = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER
-        keys.append(("DnsAnswer", NO_SERVER if no_server else config.remote_address))
-    if isinstance(config.session, TlsSettings) and config.session.is_unverified:
-        keys.append(("verify", UNSAFE))
-    if config.keep_alive_interval_s:
-        keys.append(("KeepAliveTimeInterval", config.keep_alive_interval_s))
-    return keys
+def _description(config: ConnectConfig) -> Description:
+    assert config.description is not None
+    return config.description
 
 
-def _takes_free_port(config: ConnectConfig) -> bool:
-    return not config.local.port and config.flaw is None
+def iso_port_of(config: ConnectConfig) -> int | str | None:
+    """Return IsoPort, None where ISO-on-TCP is not spoken."""
+    if meaning(_description(config)).protocol is not Protocol.ISO:
+        return None
+    return config.remote_port if config.active else config.local.port
 
 
-def keys_of_iso(session: IsoSettings) -> Keys:
-    """Return what a peer's table says about ISO-on-TCP."""
-    tsaps = (("local_tsap", session.local), ("remote_tsap", session.remote))
-    keys: Keys = [("iso", True)]
-    keys += [(key, f"16#{tsap.hex().upper()}") for key, tsap in tsaps if tsap]
-    return keys + ([("tpdu", 1 << session.size_code)] if session.size_code != OWN_SIZE_CODE else [])
+def listen_port_of(config: ConnectConfig) -> int | None:
+    """Return ListenPort, None where the port of the description is listened on."""
+    says, port = meaning(_description(config)), config.local.port
+    if says.protocol is Protocol.ISO or config.active:
+        return None
+    takes_free_port = not port and config.flaw is None
+    return port if port != says.local_port or takes_free_port else None
+
+
+def dns_answer_of(config: ConnectConfig) -> str | None:
+    """Return DnsAnswer, None where the network is asked."""
+    if not meaning(_description(config)).remote_name or config.remote_name:
+        return None
+    is_without = config.flaw is not None and config.flaw.flaw is Flaw.NO_RESOLVER
+    return NO_SERVER if is_without else config.remote_address
+
+
+def verify_of(config: ConnectConfig) -> str | None:
+    """Return what switches the check of certificates off, None where it is on."""
+    is_off = isinstance(config.session, TlsSettings) and config.session.is_unverified
+    return UNSAFE if is_off else None
+
+
+def addr_keys(addr: AddrParam) -> Keys:
+    """Return the keys of an ADDR that is a structure."""
+    assert addr.description is not None
+    keys: Keys = [("type", addr.description.structure.name), ("bytes", addr.description.data.hex(" "))]
+    return keys + ([("RemotePort", addr.remote_port)] if isinstance(addr.remote_port, str) else [])

@@ -5,29 +5,33 @@ Rule: these are the loader's own readers, so what a file may not say, nobody may
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import PINS
 from trcvtui.errors import Problem, UserError
-from trcvtui.net.connection.description import CONNECTIONS
-from trcvtui.project.file import WORDS, Head, Names, Reader, find_duplicates
-from trcvtui.project.keys import (
-    KIND_OF,
-    entry_of,
+from trcvtui.project.file import (
+    WORDS,
+    Names,
+    all_names,
+    check_names,
+    find_duplicates,
     find_shared_ends,
-    forms_of,
     joined_up,
-    keys_of,
-    read_combuffer,
-    read_instance,
-    read_message,
-    read_peer,
-    read_sequence,
-    read_udp_config,
 )
-from trcvtui.project.layers import read_certificates
+from trcvtui.project.keys import (
+    EDITED,
+    TABLES,
+    around_of,
+    entries_of,
+    entry_of,
+    forms_of,
+    keys_of,
+    kind_name,
+    names_of,
+    read_table,
+    sharing,
+)
 from trcvtui.project.project import (
     CertificateDecl,
     ComBufferDecl,
@@ -39,28 +43,6 @@ from trcvtui.project.project import (
 )
 from trcvtui.project.tables import Given, Table
 
-# Where the entries of a kind stand in a Project, and which kinds share their names with it.
-FIELDS: Final = {
-    "connect": "connects",
-    "udp_config": "udp_configs",
-    "addr": "addrs",
-    "data": "data",
-    "instance": "instances",
-    "peer": "peers",
-    "message": "messages",
-    "sequence": "sequences",
-    "combuffer": "combuffers",
-    "certificate": "certificates",
-}
-SHARED_NAMES: Final = (("data", "instance"), ("connect", "udp_config", "peer", "combuffer"))
-CHECKS: Final[dict[str, Callable[[Names, Table], None]]] = {
-    "connect": Names.check_connect,
-    "addr": Names.check_addr,
-    "combuffer": Names.check_combuffer,
-    "instance": Names.check_instance,
-    "peer": Names.check_peer,
-    "message": Names.check_message,
-}
 _GIVEN: Final = "--set "
 CERTIFICATE: Final = "certificate"
 CERTIFICATE_REFS: Final = ("TLSServerCertRef", "TLSClientCertRef")
@@ -77,85 +59,33 @@ def read_entry(
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)
-    for other in _sharing(kind):
+    for other in sharing(kind) if kind != CERTIFICATE else ():
         known = [Table({"name": name}, "", problems) for name in names_of(other, project)]
-        find_duplicates([(other, known), (kind, [table])], reserved=WORDS if kind in SHARED_NAMES[0] else ())
+        reserved = WORDS if "data" in sharing(kind) else ()
+        find_duplicates([(other, known), (kind, [table])], reserved=reserved)
         if problems:
             break
-    if kind in CHECKS:
-        CHECKS[kind](_names(project), table)
+    around = around_of(project)
+    check_names(kind, table, _names(project), around)
     if kind == "combuffer":
         known = [Table(dict(entry_of(b)), "", problems) for b in project.combuffers]
         find_shared_ends([*known, table])
-    decl = _read(kind, table, project, number or len(entries_of(kind, project)) + 1)
+    decl = read_table(kind, table, around, number or len(entries_of(kind, project)) + 1)
+    if isinstance(decl, ComBufferDecl):
+        decl = joined_up((decl,), project.instances)[0]
+    elif isinstance(decl, CertificateDecl) and decl.number in project.certificates:
+        table.wrong("number", f"{decl.number}, which is there already", "a number of its own")
     if problems or decl is None:
         raise UserError(dict.fromkeys(_placed(problem, where) for problem in problems))
-    return decl
-
-
-def _sharing(kind: str) -> tuple[str, ...]:
-    return next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
-
-
-def _names(project: Project) -> Names:
-    kinds = ("data", "connect", "peer", "udp_config", "addr", "combuffer")
-    of_block = {block: _instances(block, project) for block in ("TRCV_C", "TSEND_C")}
-    ports = tuple([buffer.name for buffer in project.combuffers if buffer.serial is not None])
-    known = [*(names_of(kind, project) for kind in kinds), of_block["TRCV_C"], ports, of_block["TSEND_C"]]
-    tasks = tuple(task.name for task in project.tasks)
-    return Names(tasks, *known, describes=project.dialect.describes_connects)
-
-
-def _instances(block: str, project: Project) -> tuple[str, ...]:
-    return tuple([each.name for each in project.instances if each.block == block])
-
-
-def _read(kind: str, table: Table, project: Project, number: int) -> Declaration | None:
-    reader = Reader({}, table.where, project.base, table.problems)
-    match kind:
-        case "data":
-            return reader.data(table, project.types, _head(project))
-        case "instance":
-            blocks = tuple(block for block in project.dialect.blocks if block in PINS)
-            reader.check_pins(table, _head(project))
-            return read_instance(table, blocks, project.tasks[0].name, project.rules)
-        case "connect":
-            return reader.connect(table, number, _head(project), project.certificates)
-        case "combuffer":
-            buffer = read_combuffer(table)
-            return buffer and joined_up((buffer,), project.instances)[0]
-        case "addr":
-            return reader.addr(table, _head(project))
-        case "certificate":
-            return _certificate(table, project)
-        case "peer":
-            return read_peer(table, project.certificates)
-        case _:
-            return _READERS[kind](table)
-
-
-def _certificate(table: Table, project: Project) -> CertificateDecl | None:
-    """Return one certificate; its number is its name, in the line that adds it."""
-    found = next(iter(read_certificates([table], project.base).values()), None)
-    if found is not None and found.number in project.certificates:
-        table.wrong("number", f"{found.number}, which is there already", "a number of its own")
+    found: Declaration = decl
     return found
 
 
-def structures_of(project: Project) -> tuple[str, ...]:
-    """Return the connection descriptions that the instructions of this PLC take."""
-    return project.dialect.structures or tuple(CONNECTIONS)
-
-
-_READERS: Final[dict[str, Callable[[Table], Declaration | None]]] = {
-    "udp_config": read_udp_config,
-    "message": read_message,
-    "sequence": read_sequence,
-}
-
-
-def _head(project: Project) -> Head:
-    return Head(project.dialect, project.model, dict(project.options), project.layout)
+def _names(project: Project) -> Names:
+    blocks = [(each.name, each.block) for each in project.instances]
+    ports = tuple([buffer.name for buffer in project.combuffers if buffer.serial is not None])
+    names = {kind: names_of(kind, project) for kind in TABLES}
+    return all_names(names, blocks, ports, project.dialect.describes_connects)
 
 
 def _placed(problem: Problem, where: str) -> Problem:
@@ -170,17 +100,6 @@ def given(pairs: Iterable[tuple[str, str]]) -> dict[str, Given]:
     return {key: Given(key, text) for key, text in pairs}
 
 
-def names_of(kind: str, project: Project) -> tuple[str, ...]:
-    """Return the names of a project's entries of one kind."""
-    return tuple([entry.name for entry in entries_of(kind, project)])
-
-
-def entries_of(kind: str, project: Project) -> tuple[Declaration, ...]:
-    """Return a project's entries of one kind."""
-    found = getattr(project, FIELDS[kind])
-    return tuple(found.values()) if isinstance(found, Mapping) else found
-
-
 def entry(kind: str, name: str, project: Project) -> Declaration | None:
     """Return the entry of a kind that has this name."""
     return next((each for each in entries_of(kind, project) if each.name == name), None)
@@ -188,7 +107,7 @@ def entry(kind: str, name: str, project: Project) -> Declaration | None:
 
 def kinds_named(name: str, project: Project) -> tuple[str, ...]:
     """Return the kinds of which an entry has this name; a certificate has a number."""
-    return tuple([kind for kind in FIELDS if kind != CERTIFICATE and name in names_of(kind, project)])
+    return tuple([kind for kind in EDITED if kind != CERTIFICATE and name in names_of(kind, project)])
 
 
 # -- edits -----------------------------------------------------------------------------------------------
@@ -196,13 +115,13 @@ def kinds_named(name: str, project: Project) -> tuple[str, ...]:
 
 def adding(decl: Declaration, project: Project) -> Edit:
     """Return the edit that adds an entry as the last of its kind."""
-    kind = KIND_OF[type(decl)]
+    kind = kind_name(decl)
     return Edit(kind, None, decl, len(entries_of(kind, project)))
 
 
 def changing(before: Declaration, after: Declaration | None, project: Project) -> Edit:
     """Return the edit that puts `after` in the place of an entry; None takes the entry away."""
-    kind = KIND_OF[type(before)]
+    kind = kind_name(before)
     return Edit(kind, before, after, names_of(kind, project).index(before.name))
 
 
@@ -215,7 +134,7 @@ def with_edits(project: Project, edits: Edits) -> Project:
         kept: Any = tuple(found)
         if edit.kind == CERTIFICATE:
             kept = {each.number: each for each in found if isinstance(each, CertificateDecl)}
-        changed: dict[str, Any] = {FIELDS[edit.kind]: kept}
+        changed: dict[str, Any] = {TABLES[edit.kind].field: kept}
         project = replace(project, **changed)
     return replace(project, combuffers=joined_up(project.combuffers, project.instances))
 
@@ -296,7 +215,7 @@ def same(decl: Declaration, other: Declaration) -> bool:
 def difference(before: Project, after: Project) -> Edits:
     """Return the edits that make the entries of one project those of another."""
     found: list[Edit] = []
-    for kind in FIELDS:
+    for kind in EDITED:
         old = {each.name: each for each in entries_of(kind, before)}
         new = {each.name: each for each in entries_of(kind, after)}
         found += [changing(each, None, before) for name, each in old.items() if name not in new]
@@ -312,7 +231,7 @@ def users_left(edits: Edits, project: Project) -> list[tuple[Declaration, UserEr
     after = with_edits(project, edits)
     gone = {(edit.kind, edit.name) for edit in edits}
     found = _of_certificates(edits, after)
-    for kind in FIELDS:
+    for kind in EDITED:
         for place, each in enumerate(entries_of(kind, after), 1):
             if (kind, each.name) in gone or not _mentions(each, [edit.name for edit in edits]):
                 continue

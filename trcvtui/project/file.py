@@ -1,71 +1,44 @@
-"""A project file read into a Project (contract 4.2): all of its mistakes together, or none."""
+"""A project file read into a Project (contract 4.2): all of its mistakes together, or none.
+
+Rule 1: refused is only what cannot be typed; every value that a pin or a CONNECT can hold goes to the block.
+Rule 2: instances and DATA share their names, because `expect NAME` means either; so do CONNECTs, UDP_CONFIGs
+and peers, because `@NAME` means any of them. `peer` is a word of the bench commands and no name for an
+instance or DATA.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import chain
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN, PINS, POINTERS
-from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.dialects.switches import read_switches
 from trcvtui.errors import Problem, UserError
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
-from trcvtui.project.descriptions import is_structure, read_described, read_described_addr
-from trcvtui.project.keys import (
-    entries,
-    find_shared_ends,
-    joined_up,
-    read_addr,
-    read_choice,
-    read_combuffer,
-    read_connect,
-    read_constants,
-    read_instance,
-    read_message,
-    read_peer,
-    read_sequence,
-    read_sim,
-    read_task,
-    read_udp_config,
-)
-from trcvtui.project.layers import read_certificates
-from trcvtui.project.names import expected_name, parse_reference
-from trcvtui.project.project import (
-    SERIAL,
-    SIMULATED,
-    Certificates,
-    ComBufferDecl,
-    DataDecl,
-    InstanceDecl,
-    MessageDecl,
-    PeerDecl,
-    Project,
-    SequenceDecl,
-    SimDecl,
-    Task,
-)
-from trcvtui.project.tables import FILE, NAME, TEXT, TRUTH, Given, Table, read_toml, shown
-from trcvtui.udt.layout.layout import Layout, lay_out
-from trcvtui.udt.layout.rules import LayoutRules, rules_for
-from trcvtui.udt.sources import parse_type, read_files
+from trcvtui.project.keys import SIM, TABLES, TOP, UDT, Around, read_table, sharing, table_row
+from trcvtui.project.names import expected_name, is_identifier, parse_reference
+from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task
+from trcvtui.project.tables import LINT, TEXT, Given, Table, read_toml, shown
+from trcvtui.udt.layout.rules import rules_for
+from trcvtui.udt.sources import read_files
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, join
-from trcvtui.udt.types import Type
 
-# Rule: instances and DATA share their names, because `expect NAME` means either; so do CONNECTs, UDP_CONFIGs
-# and peers, because `@NAME` means any of them. `peer` is a word of the bench commands and no name for an
-# instance or DATA.
-
+DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 WORDS: Final = ("peer",)
-Named = tuple[str, Sequence[Table]]  # kind of table, its tables
+Names = Mapping[str, tuple[str, ...]]  # names by kind, and by what some of a kind are for
+
+# What one ComBuffer alone may name: what the one has in it, and what the other has to name.
+ENDS: Final = (
+    ("source", "whose bytes go to {}", "a source of its own: each byte goes to one ComBuffer"),
+    ("line", "over which {} goes out", "a line of its own: one ComBuffer goes out over it"),
+    ("port", "the port of {}", "a port of its own"),
+)
 
 
-def find_duplicates(kinds: Iterable[Named], reserved: Iterable[str] = ()) -> None:
+def find_duplicates(kinds: Iterable[tuple[str, Sequence[Table]]], reserved: Iterable[str] = ()) -> None:
     """Record every name that an earlier table of these kinds has, or that is reserved."""
     seen = dict.fromkeys(reserved, "a word of the bench commands")
     for kind, tables in kinds:
@@ -78,101 +51,73 @@ def find_duplicates(kinds: Iterable[Named], reserved: Iterable[str] = ()) -> Non
             seen.setdefault(name, f"the name of another {kind}")
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
-    """The declared names of a project, asked by those who use them."""
+def all_names(
+    names: Mapping[str, tuple[str, ...]],
+    blocks: Iterable[tuple[str, str]],
+    ports: tuple[str, ...],
+    describes: bool,
+) -> Names:
+    """Return the names that keys may refer to, by kind and by what some of a kind are for.
 
-    tasks: tuple[str, ...]
-    data: tuple[str, ...]
-    connects: tuple[str, ...]
-    peers: tuple[str, ...]
-    udp_configs: tuple[str, ...] = ()
-    addrs: tuple[str, ...] = ()
-    combuffers: tuple[str, ...] = ()
-    receivers: tuple[str, ...] = ()  # instances of TRCV_C
-    serial_lines: tuple[str, ...] = ()  # ComBuffers with a port
-    senders: tuple[str, ...] = ()  # instances of TSEND_C
-    describes: bool = field(default=False, kw_only=True)  # a CONNECT is a connection description
-
-    def check_connect(self, table: Table) -> None:
-        """Record a RemotePort, or an IsoPort, that names nothing."""
-        for key in ("RemotePort", "IsoPort"):
-            name = parse_reference(table.text(key))
-            if name is not None:
-                _check(table, key, name, (*self.peers, *self.connects), "peer or CONNECT")
-
-    def check_addr(self, table: Table) -> None:
-        """Record a RemotePort that names nothing that speaks UDP."""
-        for key in ("RemotePort", "rem_port_nr"):
-            name = parse_reference(table.text(key))
-            if name is not None:
-                _check(table, key, name, (*self.peers, *self._udp_ends()), "peer or UDP_CONFIG")
-
-    def check_peer(self, table: Table) -> None:
-        """Record a remote that names no CONNECT; with `udp`, no UDP_CONFIG."""
-        name = parse_reference(table.text("remote"))
-        if name is None:
-            return
-        if _is_true(table.peek("udp")):
-            _check(table, "remote", name, self._udp_ends(), "UDP_CONFIG")
-        else:
-            _check(table, "remote", name, self.connects, "CONNECT")
-
-    def check_combuffer(self, table: Table) -> None:
-        """Record a source that is nothing from which bytes can come."""
-        known = (SIMULATED, SERIAL, *self.receivers, *(n for n in self.combuffers if n != table.peek("name")))
-        name = table.text("source")
-        if name is not None:
-            _check(table, "source", name, known, "source")
-        line = table.text("line")
-        if line is not None:
-            what = 'TSEND_C, or ComBuffer with source = "serial"'
-            _check(table, "line", line, (*self.serial_lines, *self.senders), what)
-
-    def _udp_ends(self) -> tuple[str, ...]:
-        """Return what may receive datagrams: a CONNECT can be of UDP, where it is a description."""
-        return (*self.udp_configs, *self.connects) if self.describes else self.udp_configs
-
-    def check_message(self, table: Table) -> None:
-        """Record a peer that does not exist."""
-        name = table.text("peer")
-        if name:
-            _check(table, "peer", name, self.peers, "peer")
-
-    def check_instance(self, table: Table) -> None:
-        """Record a CONNECT, DATA or task that does not exist."""
-        uses = (
-            ("connect", self.connects, "CONNECT"),
-            ("config", self.udp_configs, "UDP_CONFIG"),
-            ("addr", self.addrs, "ADDR"),
-            ("data", self.data, "DATA"),
-            *((key, self.combuffers, "ComBuffer") for key in sorted(set(BUFFER_PIN.values()))),
-            *((key, self.data, "DATA") for key in sorted(set(chain(*POINTERS.values())))),
-            ("task", self.tasks or ("MAIN",), "task"),
-        )
-        for key, names, what in uses:
-            name = table.text(key)
-            if name is not None:
-                _check(table, key, name, names, what)
+    `blocks`: names of instances with their blocks. `ports`: ComBuffers with a port. `udp_end`: what may
+    receive datagrams; a CONNECT can be of UDP, where it is a description.
+    """
+    instances = list(blocks)
+    found = {block: tuple([n for n, of in instances if of == block]) for block in ("TRCV_C", "TSEND_C")}
+    ends = (*names["udp_config"], *(names["connect"] if describes else ()))
+    return {**names, **found, "port": ports, "udp_end": ends, "task": names["task"] or ("MAIN",)}
 
 
-def _is_true(value: object) -> bool:
-    return bool(TRUTH.from_text(value.text) if isinstance(value, Given) else TRUTH.read(value))
+def check_names(kind: str, table: Table, names: Names, around: Around) -> None:
+    """Record every key of a table that names nothing."""
+    rows = table_row(kind, around.dialect).keys
+    own = table.peek("name") if kind == "combuffer" else None
+    asked = [(row.name, row.refers) for row in rows if row.refers and row.only(table, around)]
+    for key, refers in dict.fromkeys(asked):
+        text = table.text(key)
+        name = parse_reference(text) if refers.by_at else text
+        if name is None or (refers.or_none and not name):
+            continue
+        known = [*refers.words, *(each for of in refers.kinds for each in names[of] if each != own)]
+        if name not in known:
+            table.wrong(key, shown(name), expected_name(name, known, refers.what))
 
 
-def _check(table: Table, key: str, name: str, names: Sequence[str], what: str) -> None:
-    if name not in names:
-        table.wrong(key, shown(name), expected_name(name, names, what))
+def find_shared_ends(tables: Sequence[Table]) -> None:
+    """Record every source, line and port that an earlier ComBuffer has, and a cable from one with a line.
+
+    Of a URL each opening is a connection of its own.
+    """
+    for key, has, expected in ENDS:
+        seen: dict[str, str] = {}
+        for table in tables:
+            end, name = table.text(key), table.text("name")
+            if not end or not name or end in (SIMULATED, SERIAL) or (key == "port" and "://" in end):
+                continue
+            if end in seen:
+                table.wrong(key, f"{shown(end)}, {has.format(seen[end])}", expected)
+            seen.setdefault(end, name)
+    lines = {table.text("name"): table.text("line") for table in tables}
+    for table in tables:
+        source = table.text("source")
+        if source and lines.get(source):
+            found = f"{shown(source)}, which goes out over {lines[source]}"
+            table.wrong("source", found, "a ComBuffer without a line")
+
+
+def joined_up(
+    buffers: Iterable[ComBufferDecl], instances: tuple[InstanceDecl, ...]
+) -> tuple[ComBufferDecl, ...]:
+    """Return the ComBuffers with what the instances make of them."""
+    written = {i.connect for i in instances if BUFFER_PIN.get(i.block) == "TxBuffer"}
+    names = {i.name for i in instances}
+    return tuple([replace(b, is_written=b.name in written, is_fed=b.source in names) for b in buffers])
 
 
 # --set PATH=VALUE: what is set is checked like what is written; its mistakes say `--set PATH`.
 
 TOP_KEYS: Final = ("dialect", "model", "start")
 SECTIONS: Final = ("options", "sim")
-ENTRIES: Final = (
-    "task", "data", "connect", "udp_config", "addr", "instance", "peer", "message", "sequence", "certificate",
-    "combuffer",
-)  # fmt: skip
 FORMS: Final = "PATH=VALUE such as connect.C1.LocalPort=2000 or options.retry=T#100ms"
 
 
@@ -212,10 +157,10 @@ def _put(document: dict[str, Any], path: str, value: Given) -> Problem | None:
             table = document.setdefault(section, {})
             if isinstance(table, dict):
                 table[key] = value
-        case [kind, name, key] if kind in ENTRIES and key != "name":
+        case [kind, name, key] if kind in TABLES and key != "name":
             return _put_entry(document, kind, name, key, value)
         case [first, *_]:
-            known = (*TOP_KEYS, *SECTIONS, *ENTRIES, "constants")
+            known = (*TOP_KEYS, *SECTIONS, *TABLES, "constants")
             expected = FORMS if first in known else expected_name(first, known, "part of a project")
             return Problem(f"--set {path}", shown(first if first not in known else path), expected)
     return None
@@ -234,10 +179,11 @@ def _put_entry(document: dict[str, Any], kind: str, name: str, key: str, value: 
     return Problem(f"--set {value.path}", shown(name), expected_name(name, names, kind))
 
 
+# -- a file ------------------------------------------------------------------------------------------------
+
 KEYS: Final = (
-    "dialect", "model", "options", "task", "udt", "data", "connect", "udp_config", "addr", "instance", "peer",
-    "message", "sequence", "certificate", "combuffer",
-    "start", "program", "sim", "constants",
+    "dialect", "model", "options", "task", "udt", *[kind for kind in TABLES if kind != "task"], "start",
+    "program", "sim", "constants",
 )  # fmt: skip
 
 
@@ -309,88 +255,11 @@ def read_project(
     top = Table(changed, where, problems)
     top.know(*KEYS, *also)
     top.finish()
-    return _checked(Reader(changed, where, base, problems), top)
-
-
-def _checked(reader: Reader, top: Table) -> Project:
-    head = reader.head(top)
-    body = reader.body(head)
-    sim = reader.sim()
-    start = top.get("start", TEXT, "")
-    program = top.get("program", TEXT, "")
-    if reader.problems:
-        # A bad UDT is told once, however many variables have it.
-        raise UserError(dict.fromkeys(reader.problems))
-    return Project(
-        path=Path(reader.where),
-        base=reader.base,
-        dialect=head.dialect,
-        model=head.model,
-        connection_limit=head.dialect.models[head.model],
-        options=head.options,
-        rules=head.dialect.answer(head.options),
-        layout=head.layout,
-        types=body.types,
-        tasks=body.tasks,
-        data=body.data,
-        connects=body.connects,
-        instances=body.instances,
-        peers=body.peers,
-        start=start,
-        program=program,
-        sim=sim,
-        udp_configs=body.udp_configs,
-        addrs=body.addrs,
-        messages=body.messages,
-        sequences=body.sequences,
-        constants=body.constants,
-        udt_files=body.udt_files,
-        certificates=body.certificates,
-        combuffers=body.combuffers,
-    )
-
-
-# Rule: refused is only what cannot be typed; every value that a pin or a CONNECT can hold goes to the block.
-
-T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class Head:
-    """Which PLC it is."""
-
-    dialect: Dialect
-    model: str
-    options: dict[str, SwitchValue]
-    layout: LayoutRules
-
-    def rules(self) -> Rules:
-        """Return the dialect's answers to these options."""
-        return self.dialect.answer(self.options)
-
-
-@dataclass(frozen=True, slots=True)
-class Body:
-    """What is in it and around it."""
-
-    types: TypeSet
-    tasks: tuple[Task, ...]
-    data: tuple[DataDecl, ...]
-    connects: tuple[ConnectConfig, ...]
-    udp_configs: tuple[UdpConfig, ...]
-    addrs: tuple[AddrParam, ...]
-    instances: tuple[InstanceDecl, ...]
-    peers: tuple[PeerDecl, ...]
-    messages: tuple[MessageDecl, ...]
-    sequences: tuple[SequenceDecl, ...]
-    constants: dict[str, int]
-    udt_files: tuple[Path, ...]
-    certificates: Certificates
-    combuffers: tuple[ComBufferDecl, ...]
+    return Reader(changed, where, base, problems).project(top)
 
 
 class Reader:
-    """One reading of one document."""
+    """One reading of one document; each part leaves its problems and something harmless."""
 
     def __init__(self, document: dict[str, Any], where: str, base: Path, problems: list[Problem]) -> None:
         self.document = document
@@ -398,16 +267,35 @@ class Reader:
         self.base = base
         self.problems = problems
 
-    # -- head ----------------------------------------------------------------------------------------
-
-    def head(self, top: Table) -> Head:
+    def project(self, top: Table) -> Project:
+        """Return the project; raise UserError with all problems."""
         name = top.must("dialect", TEXT)
         if name is not None and name not in DIALECTS:
             top.wrong("dialect", shown(name), expected_name(name, DIALECTS, "dialect"))
         if name is None or name not in DIALECTS:
             raise UserError(self.problems)  # what else the file says means something in a dialect only
         dialect = DIALECTS[name]
-        return Head(dialect, self.model(top, dialect), self.options(dialect), rules_for(dialect.layout))
+        model, options = self.model(top, dialect), self.options(dialect)
+        around = Around(dialect, dialect.answer(options), rules_for(dialect.layout), self.base)
+        body = self.body(around)
+        sim = SIM.read(Table(self.section("sim"), f"{self.where}: sim", self.problems), around)
+        texts = TOP.read(top, around)
+        if self.problems:
+            # A bad UDT is told once, however many variables have it.
+            raise UserError(dict.fromkeys(self.problems))
+        return Project(
+            path=Path(self.where),
+            base=self.base,
+            dialect=dialect,
+            model=model,
+            connection_limit=dialect.models[model],
+            options=options,
+            rules=around.rules,
+            layout=around.layout,
+            sim=sim,
+            **texts,
+            **body,
+        )
 
     def model(self, top: Table, dialect: Dialect) -> str:
         model = top.get("model", TEXT, dialect.default_model)
@@ -425,59 +313,52 @@ class Reader:
         self.problems += [*wrong, *also_wrong]
         return values | {key: value for key, value in overriding.items() if key in given}
 
-    # -- body ----------------------------------------------------------------------------------------
-
-    def body(self, head: Head) -> Body:
-        tables = {key: self.entries(key) for key in ENTRIES}
-        self.check_names(tables, head.dialect.describes_connects)
+    def body(self, around: Around) -> dict[str, Any]:
+        """Return the entries of all kinds by the names of their fields, and the UDTs."""
+        tables = {kind: self.entries(kind) for kind in TABLES}
+        self.check_names(tables, around)
         constants = read_constants(self.section("constants"), f"{self.where}: constants", self.problems)
-        files = [self.file_of(table) for table in self.entries("udt")]
-        types = self.types(files, constants, head.dialect.types)
-        certificates = read_certificates(tables["certificate"], self.base)
-        tasks = _present([read_task(table) for table in tables["task"]]) or (Task(),)
-        instances = self.instances(tables["instance"], head, tasks[0].name)
-        return Body(
-            types=types or NO_TYPES,
-            tasks=tasks,
-            data=_present([self.data(table, types, head) for table in tables["data"]]),
-            connects=self.connects(tables["connect"], head, certificates),
-            udp_configs=_present([read_udp_config(table) for table in tables["udp_config"]]),
-            addrs=_present([self.addr(table, head) for table in tables["addr"]]),
-            instances=instances,
-            peers=_present([read_peer(table, certificates) for table in tables["peer"]]),
-            messages=_present([read_message(table) for table in tables["message"]]),
-            sequences=_present([read_sequence(table) for table in tables["sequence"]]),
-            constants=constants,
-            udt_files=tuple([file for file in files if file is not None]),
-            certificates=certificates,
-            combuffers=joined_up(_present(map(read_combuffer, tables["combuffer"])), instances),
-        )
+        files = [UDT.read(table, around) for table in self.entries("udt")]
+        files = [self.base / file["file"] if file is not None else None for file in files]
+        types = self.types(files, constants, around.dialect.types)
+        around = replace(around, types=types)
+        certificates = {}
+        for table in tables.pop("certificate"):
+            one = read_table("certificate", table, around)
+            if one is not None and one.number in certificates:
+                table.wrong("number", f"{one.number} for the second time", "a number of its own")
+            elif one is not None:
+                certificates[one.number] = one
+        tasks = _entries("task", tables.pop("task"), around) or (Task(),)
+        around = replace(around, certificates=certificates, first_task=tasks[0].name)
+        found = {kind: _entries(kind, of_kind, around) for kind, of_kind in tables.items()}
+        found["combuffer"] = joined_up(found["combuffer"], found["instance"])
+        return {
+            "types": types or NO_TYPES,
+            "tasks": tasks,
+            "constants": constants,
+            "udt_files": tuple([file for file in files if file is not None]),
+            "certificates": certificates,
+            **{TABLES[kind].field: entries for kind, entries in found.items()},
+        }
 
-    def check_names(self, tables: Mapping[str, list[Table]], describes: bool) -> None:
-        find_duplicates([("task", tables["task"])])
-        find_duplicates([("data", tables["data"]), ("instance", tables["instance"])], reserved=WORDS)
-        find_duplicates([(key, tables[key]) for key in ("connect", "udp_config", "peer", "combuffer")])
-        for key in ("addr", "message", "sequence"):
-            find_duplicates([(key, tables[key])])
-        kinds = ("task", "data", "connect", "peer", "udp_config", "addr", "combuffer")
-        receivers = [table for table in tables["instance"] if table.peek("block") == "TRCV_C"]
-        ports = [table for table in tables["combuffer"] if table.text("source") == SERIAL]
-        senders = [table for table in tables["instance"] if table.peek("block") == "TSEND_C"]
-        kept = (*map(tables.__getitem__, kinds), receivers, ports, senders)
-        names = Names(*(_declared(of_kind) for of_kind in kept), describes=describes)
-        for table in tables["connect"]:
-            names.check_connect(table)
-        for table in tables["addr"]:
-            names.check_addr(table)
-        for table in tables["instance"]:
-            names.check_instance(table)
-        for table in tables["combuffer"]:
-            names.check_combuffer(table)
+    def check_names(self, tables: Mapping[str, list[Table]], around: Around) -> None:
+        """Record every name that is declared twice, and every one that is used and not declared."""
+        done: set[str] = set()
+        for kind in TABLES:
+            if kind not in done and kind != "certificate":
+                kinds = sharing(kind)
+                done.update(kinds)
+                reserved = WORDS if kind == "data" else ()
+                find_duplicates([(each, tables[each]) for each in kinds], reserved)
+        names = {kind: _names(of_kind) for kind, of_kind in tables.items()}
+        blocks = [(table.text("name") or "", table.text("block") or "") for table in tables["instance"]]
+        ports = _names(table for table in tables["combuffer"] if table.text("source") == SERIAL)
+        known = all_names(names, blocks, ports, around.dialect.describes_connects)
+        for kind, of_kind in tables.items():
+            for table in of_kind:
+                check_names(kind, table, known, around)
         find_shared_ends(tables["combuffer"])
-        for table in tables["peer"]:
-            names.check_peer(table)
-        for table in tables["message"]:
-            names.check_message(table)
 
     def types(self, files: list[Path | None], constants: Mapping[str, int], library: str) -> TypeSet | None:
         """Return the UDTs of all files and the library's, None where a file cannot be read."""
@@ -494,61 +375,6 @@ class Reader:
         self.problems += [problem for problem in types.problems if problem not in of_types]
         return types if None not in files else None
 
-    def file_of(self, table: Table) -> Path | None:
-        file = table.must("file", FILE)
-        table.finish()
-        return self.base / file if file is not None else None
-
-    def data(self, table: Table, types: TypeSet | None, head: Head) -> DataDecl | None:
-        name = table.must("name", NAME)
-        text = table.must("type", TEXT)
-        optimized = head.rules().area.symbolic_alone and table.get("optimized", TRUTH, False)
-        choice = read_choice(table)
-        table.finish()
-        if text is None:
-            return None
-        try:
-            type_ = parse_type(text, types or NO_TYPES, table.place("type"))
-            laid_out = _placed(type_, choice.rules(head.layout), name or "?", table.place("type"))
-        except UserError as refused:
-            if types is not None:  # else the type may stand in the file that cannot be read
-                self.problems += refused.problems
-            return None
-        return DataDecl(name or "", text, type_, laid_out, laid_out.size, optimized, choice)
-
-    def connects(
-        self, tables: list[Table], head: Head, certificates: Certificates
-    ) -> tuple[ConnectConfig, ...]:
-        return _present([self.connect(table, n, head, certificates) for n, table in enumerate(tables, 1)])
-
-    def connect(
-        self, table: Table, number: int, head: Head, certificates: Certificates
-    ) -> ConnectConfig | None:
-        if not head.dialect.describes_connects:
-            return read_connect(table)
-        return read_described(table, number, head.rules(), certificates, head.dialect.structures)
-
-    def addr(self, table: Table, head: Head) -> AddrParam | None:
-        is_described = head.dialect.describes_connects and is_structure(table)
-        return read_described_addr(table) if is_described else read_addr(table)
-
-    def instances(self, tables: list[Table], head: Head, first_task: str) -> tuple[InstanceDecl, ...]:
-        blocks = tuple(block for block in head.dialect.blocks if block in PINS)
-        for table in tables:
-            self.check_pins(table, head)
-        rules = head.rules()
-        return _present([read_instance(table, blocks, first_task, rules) for table in tables])
-
-    def check_pins(self, table: Table, head: Head) -> None:
-        for pin in head.rules().lacks:
-            if table.has(pin):
-                table.wrong(pin, "a pin", f"another: blocks of {head.dialect.name} have none of that name")
-
-    # -- the document ----------------------------------------------------------------------------------
-
-    def sim(self) -> SimDecl:
-        return read_sim(Table(self.section("sim"), f"{self.where}: sim", self.problems))
-
     def section(self, key: str) -> Mapping[str, Any]:
         content = self.document.get(key, {})
         if isinstance(content, Mapping):
@@ -557,23 +383,41 @@ class Reader:
         return {}
 
     def entries(self, key: str) -> list[Table]:
-        return entries(self.document, key, self.where, self.problems)
+        """Return the tables of `[[key]]`; each is named in messages by its name, or by its number from 1."""
+        content = self.document.get(key, [])
+        if not isinstance(content, list) or not all(isinstance(entry, Mapping) for entry in content):
+            found, expected = shown(content), f"tables that begin with [[{key}]]"
+            self.problems.append(Problem(f"{self.where}: {key}", found, expected))
+            return []
+        return [
+            Table(entry, f"{self.where}: {key} {_label(entry, n)}", self.problems)
+            for n, entry in enumerate(content, 1)
+        ]
 
 
-def _placed(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
-    """Return the layout of a variable; let its mistakes begin with the place in the file."""
-    try:
-        return lay_out(type_, rules, name)
-    except UserError as refused:
-        raise UserError(
-            Problem(place + wrong.where[len(name) :], wrong.found, wrong.expected)
-            for wrong in refused.problems
-        ) from None
+def _label(entry: Mapping[str, Any], number: int) -> str:
+    name = entry.get("name")
+    return name if isinstance(name, str) and is_identifier(name) else f"#{number}"
 
 
-def _declared(tables: Iterable[Table]) -> tuple[str, ...]:
+def read_constants(content: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, int]:
+    """Return the constants of the UDTs: `"GVL.MAX" = 10`; without the quotes TOML makes a table GVL."""
+    flat: dict[str, Any] = {}
+    waiting = list(content.items())
+    while waiting:
+        name, value = waiting.pop(0)
+        if isinstance(value, Mapping) and name.count(".") < DEEPEST_NAME:
+            waiting += [(f"{name}.{key}", inner) for key, inner in value.items()]
+        else:
+            flat[name] = value
+    table = Table(flat, where, problems)
+    return {name: number for name in flat if (number := table.read(name, LINT)) is not None}
+
+
+def _entries(kind: str, tables: Iterable[Table], around: Around) -> tuple[Any, ...]:
+    read = [read_table(kind, table, around, number) for number, table in enumerate(tables, 1)]
+    return tuple([entry for entry in read if entry is not None])
+
+
+def _names(tables: Iterable[Table]) -> tuple[str, ...]:
     return tuple([name for table in tables if isinstance(name := table.peek("name"), str)])
-
-
-def _present(found: Iterable[T | None]) -> tuple[T, ...]:
-    return tuple([entry for entry in found if entry is not None])

@@ -1,17 +1,22 @@
-"""A declaration back to the keys of its table: read again they give the same declaration.
+"""Every key of a project file is one row here: how it is read and written, what a form asks, what it means.
 
-Rule: a key that would only say its default is left out, except where a reader of the file looks for it.
+To add a key, add its value to the declaration (`project.py`) and its row to the table.
+Rule 1: a row judges what its own table says; whether a name exists is asked of all names (`file.py`).
+Rule 2: a key that would only say its default is left out, except where a reader of the file looks for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, Final
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.parameters import (
     ADDR_IF_UDP,
     BUFFER_PIN,
+    DATA_PIN,
     HAS_DATA,
     ON_CONNECT,
     PINS,
@@ -22,16 +27,26 @@ from trcvtui.blocks.parameters import (
     Pin,
 )
 from trcvtui.blocks.rules import Rules
-from trcvtui.errors import Problem
+from trcvtui.dialects.dialect import Dialect
+from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
-from trcvtui.net.layer import Settings
-from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
 from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
-from trcvtui.project.descriptions import field_keys, keys_of_description, keys_of_iso, plain_keys
-from trcvtui.project.layers import read_iso, read_peer_tls
-from trcvtui.project.names import expected_name, is_identifier
+from trcvtui.project import descriptions
+from trcvtui.project.layers import (
+    HOST,
+    LONGEST_MESSAGE,
+    NUMBER,
+    TPDU,
+    TSAP,
+    VERIFY,
+    certificate_of,
+    tls_of_peer,
+)
+from trcvtui.project.names import expected_name
 from trcvtui.project.project import (
     DEFAULT_EVERY_NS,
     DEFAULT_INTERVAL_NS,
@@ -45,6 +60,7 @@ from trcvtui.project.project import (
     InstanceDecl,
     MessageDecl,
     PeerDecl,
+    Project,
     SequenceDecl,
     SimDecl,
     Task,
@@ -52,24 +68,31 @@ from trcvtui.project.project import (
 from trcvtui.project.tables import (
     ADDRESS,
     ADDRESSES,
+    BAUD,
     BYTE_ORDER,
+    DATA_BITS,
     DELAY,
     END_OR_NAME,
     ENDPOINT,
+    FILE,
+    HANDSHAKE,
     INTERVAL,
     LAYOUT,
-    LINT,
     MESSAGES,
     MILLISECONDS,
     NAME,
     NAMES,
+    PARITY,
     POINTER_SIZE,
     PORT,
+    PORT_NAME,
     PORT_OR_NAME,
     PRIORITY,
+    QUEUE_SIZE,
     RULES,
     SEED,
     STEPS,
+    STOP_BITS,
     TEXT,
     TEXT_FORM,
     TRUTH,
@@ -78,224 +101,697 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
-    of_text,
     shown,
     whole,
 )
-from trcvtui.udt.layout.rules import (
-    LayoutChoice,
-)
-from trcvtui.udt.literals import format_time
-from trcvtui.udt.types import ELEMENTARY
+from trcvtui.udt.layout.layout import Layout, lay_out
+from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUTS, LayoutChoice, LayoutRules
+from trcvtui.udt.sources import parse_type
+from trcvtui.udt.type_set import NO_TYPES, TypeSet
+from trcvtui.udt.types import ELEMENTARY, Type
 
-# Rule: a reader checks what its own table says; whether a name exists is asked later (project_names.py).
-
-QUEUE_SIZE: Final = whole(1, 65_536)
-BAUD: Final = whole(50, 4_000_000)
-DATA_BITS: Final = whole(5, 8)
-PORT_KEYS: Final = ("port", "baud", "data_bits", "parity", "stop_bits", "handshake")
-
-
-def _one_of(*words: str) -> Kind[str]:
-    return of_text(" or ".join(words), lambda text: text if text in words else None)
-
-
-def _stop_bits(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and value in (1, 1.5, 2) else None
-
-
-STOP_BITS: Final = Kind("1, 1.5 or 2", _stop_bits, lambda text: {"1": 1.0, "1.5": 1.5, "2": 2.0}.get(text))
-PARITY: Final = _one_of("none", "even", "odd", "mark", "space")
-HANDSHAKE: Final = _one_of("none", "rts/cts", "dsr/dtr", "xon/xoff")
-PORT_NAME: Final = of_text("the name of a port, such as /dev/ttyUSB0", lambda text: text.strip() or None)
-
-# What one ComBuffer alone may name: what the one has in it, and what the other has to name.
-ENDS: Final = (
-    ("source", "whose bytes go to {}", "a source of its own: each byte goes to one ComBuffer"),
-    ("line", "over which {} goes out", "a line of its own: one ComBuffer goes out over it"),
-    ("port", "the port of {}", "a port of its own"),
-)
-
-
-def read_combuffer(table: Table) -> ComBufferDecl | None:
-    """Return one ComBuffer."""
-    name = table.must("name", NAME)
-    source = table.get("source", TEXT, SIMULATED)
-    size = table.get("size", QUEUE_SIZE, 0)
-    per_cycle = table.get("per_cycle", QUEUE_SIZE, 0)
-    line = table.get("line", TEXT, "")
-    serial = None
-    if source == SERIAL:
-        serial = _read_serial(table)
-    else:
-        _refuse_port_keys(table)
-    table.finish()
-    if name is None:
-        return None
-    return ComBufferDecl(name, source, size, per_cycle, serial=serial, line=line)
-
-
-def _read_serial(table: Table) -> SerialSettings | None:
-    settings = SerialSettings(
-        table.must("port", PORT_NAME) or "",
-        table.get("baud", BAUD, 9600),
-        table.get("data_bits", DATA_BITS, 8),
-        table.get("parity", PARITY, "none"),
-        table.get("stop_bits", STOP_BITS, 1.0),
-        table.get("handshake", HANDSHAKE, "none"),
-    )
-    return settings if settings.port else None
-
-
-def _refuse_port_keys(table: Table) -> None:
-    for key in PORT_KEYS:
-        if table.has(key):
-            table.know(key)
-            table.wrong(key, "a word of serial ports", 'source = "serial" beside it')
-
-
-def find_shared_ends(tables: Sequence[Table]) -> None:
-    """Record every source, line and port that an earlier ComBuffer has, and a cable from one with a line.
-
-    Of a URL each opening is a connection of its own.
-    """
-    for key, has, expected in ENDS:
-        seen: dict[str, str] = {}
-        for table in tables:
-            end, name = table.text(key), table.text("name")
-            if not end or not name or end in (SIMULATED, SERIAL) or (key == "port" and "://" in end):
-                continue
-            if end in seen:
-                table.wrong(key, f"{shown(end)}, {has.format(seen[end])}", expected)
-            seen.setdefault(end, name)
-    lines = {table.text("name"): table.text("line") for table in tables}
-    for table in tables:
-        source = table.text("source")
-        if source and lines.get(source):
-            found = f"{shown(source)}, which goes out over {lines[source]}"
-            table.wrong("source", found, "a ComBuffer without a line")
-
-
-def joined_up(
-    buffers: Iterable[ComBufferDecl], instances: tuple[InstanceDecl, ...]
-) -> tuple[ComBufferDecl, ...]:
-    """Return the ComBuffers with what the instances make of them."""
-    written = {i.connect for i in instances if BUFFER_PIN.get(i.block) == "TxBuffer"}
-    names = {i.name for i in instances}
-    return tuple([replace(b, is_written=b.name in written, is_fed=b.source in names) for b in buffers])
-
-
-DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
+KeyValue = bool | int | float | str | list[str]
+Keys = list[tuple[str, KeyValue]]
+Refusal = tuple[str, str]  # what was found, what was expected
 FREE_PORT: Final = Endpoint("127.0.0.1", 0)
+BOOLS: Final = ("false", "true")
+LOCALHOST: Final = "127.0.0.1"
 
 
-def entries(document: Mapping[str, Any], key: str, where: str, problems: list[Problem]) -> list[Table]:
-    """Return the tables of `[[key]]`; each is named in messages by its name, or by its number from 1."""
-    content = document.get(key, [])
-    if not isinstance(content, list) or not all(isinstance(entry, Mapping) for entry in content):
-        problems.append(Problem(f"{where}: {key}", shown(content), f"tables that begin with [[{key}]]"))
-        return []
-    return [
-        Table(entry, f"{where}: {key} {_label(entry, n)}", problems) for n, entry in enumerate(content, 1)
-    ]
+# -- what a row says -------------------------------------------------------------------------------------
 
 
-def _label(entry: Mapping[str, Any], number: int) -> str:
-    name = entry.get("name")
-    return name if isinstance(name, str) and is_identifier(name) else f"#{number}"
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What the entries of one project are read in; `types` None: a file of UDTs cannot be read."""
+
+    dialect: Dialect
+    rules: Rules
+    layout: LayoutRules
+    base: Path = Path()
+    types: TypeSet | None = NO_TYPES
+    certificates: Certificates = field(default_factory=dict)
+    first_task: str = "MAIN"
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """Return the blocks of the dialect that have pins."""
+        return tuple([block for block in self.dialect.blocks if block in PINS])
 
 
-def read_task(table: Table) -> Task | None:
-    """Return one task."""
-    name = table.must("name", NAME)
-    interval = table.get("interval", INTERVAL, DEFAULT_INTERVAL_NS)
-    priority = table.get("priority", PRIORITY, 1)
-    table.finish()
-    return Task(name, interval, priority) if name is not None else None
+def around_of(project: Project) -> Around:
+    """Return what one more entry of a project is read in."""
+    p = project
+    return Around(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
 
 
-def read_connect(table: Table) -> ConnectConfig | None:
-    """Return one TCP_CONNECTCONFIG; what the file leaves out is 0, as in the record."""
-    name = table.must("name", NAME)
-    active = table.get("ActiveEstablished", TRUTH, False)
-    address = table.get("LocalAddress", ADDRESS, ANY_ADDRESS)
-    port = table.get("LocalPort", PORT, 0)
-    remote_address = table.get("RemoteAddress", ADDRESS, ANY_ADDRESS)
-    remote_port = table.get("RemotePort", PORT_OR_NAME, 0)
-    send_delay = table.get("SendDelayOpt", TRUTH, False)
-    keep_alive = table.get("KeepAliveTimeInterval", UINT, 0)
-    table.finish()
-    if name is None:
+class Values(dict[str, Any]):
+    """What has been read of one table, by key, None where it is missing or wrong; `number`: its place."""
+
+    def __init__(self, table: Table, around: Around, number: int) -> None:
+        super().__init__()
+        self.table = table
+        self.around = around
+        self.number = number
+        self.by_row: list[tuple[Key, Any]] = []
+
+
+Offer = Callable[[Project, str], tuple[str, ...]]  # of a project, and of a block for an instance
+
+
+def _nothing(project: Project, block: str) -> tuple[str, ...]:
+    return ()
+
+
+def _fixed(*texts: str) -> Offer:
+    return lambda project, block: texts
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What a form and completion offer: hint, known values, and the value that stands there first.
+
+    `where`: in which project, for which block. `is_bare`: it stands without its key in a line. `is_quoted`:
+    its text may have blanks. `is_of_change`: only what is there already is asked for it.
+    """
+
+    hint: str | Callable[[Project, str], str]
+    choices: Offer = _nothing
+    first: str | Callable[[Project, str], str] = ""
+    where: Callable[[Project, str], bool] = lambda project, block: True
+    is_bare: bool = False
+    is_quoted: bool = False
+    is_of_change: bool = False
+
+
+class Refers(NamedTuple):
+    """Whose name a key has, of these kinds of names (`file.Declared`); `by_at`: as `@NAME`.
+
+    `words` stand for themselves, with `or_none` also "". `what` says in a message what the names are.
+    """
+
+    what: str
+    kinds: tuple[str, ...]
+    by_at: bool = False
+    words: tuple[str, ...] = ()
+    or_none: bool = False
+
+
+def _always(table: Table, around: Around) -> bool:
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key. Without a `kind` it is read together with another one.
+
+    `of`: where the declaration keeps the value, as `local.port`. `writes`: another way to it; None: left out.
+    `default`: the value where the key is missing. `is_said`: it is written though it is the default.
+    `only`: whether the table may have it here, or why not. `reads`: reads it and those that belong to it.
+    `help`: one sentence.
+    """
+
+    name: str
+    kind: Kind[Any] | None
+    help: str
+    of: str = ""
+    default: Any = None
+    ask: Ask | None = None
+    refers: Refers | None = None
+    writes: Callable[[Any], Any] | None = None
+    is_needed: bool = False
+    is_said: bool = False
+    only: Callable[[Table, Around], bool | Refusal] = _always
+    reads: Callable[[Values], None] | None = None
+
+    def read(self, values: Values) -> None:
+        """Read the key, where it belongs to this table."""
+        if self.reads is not None:
+            self.reads(values)
+            return
+        table, allowed = values.table, self.only(values.table, values.around)
+        if self.kind is None or not allowed:
+            return
+        if isinstance(allowed, tuple):
+            if table.has(self.name):
+                table.know(self.name)
+                table.wrong(self.name, *allowed)
+            return
+        found = table.must(self.name, self.kind) if self.is_needed else table.read(self.name, self.kind)
+        value = self.default if found is None and not self.is_needed else found
+        values[self.name] = value
+        values.by_row.append((self, value))
+
+    def written(self, decl: Declaration) -> KeyValue | None:
+        """Return the value as TOML has it, None where the key is left out."""
+        if self.writes is not None:
+            value = self.writes(decl)
+        else:
+            value = attrgetter(self.of)(decl) if self.of else None
+        if value is None or self.kind is None or (value == self.default and not self.is_said):
+            return None
+        found: KeyValue = self.kind.write(value)
+        return found
+
+
+def _no_keys(decl: Any) -> Keys:
+    return []
+
+
+def _finish(values: Values) -> None:
+    values.table.finish()
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
+
+    `field`: where the entries stand in a Project. `what`: what a sentence calls one; `title`: what a form
+    does. `first_name`: how the names begin that are proposed. `makes`: the class, or what makes one of the
+    values. `shares`: kinds that share their names with it. `asks_first`: what a form begins with.
+    `head`, `tail`: keys that have no row.
+    """
+
+    kind: str
+    field: str
+    makes: Callable[..., Any]
+    help: str
+    keys: tuple[Key, ...]
+    what: str = ""
+    title: str = ""
+    first_name: str = ""
+    called: str = "name"
+    also: Callable[[Values], dict[str, Any] | None] = lambda values: {}
+    finish: Callable[[Values], None] = _finish
+    shares: tuple[str, ...] = ()
+    asks_first: tuple[str, ...] = ()
+    head: Callable[[Any], Keys] = _no_keys
+    tail: Callable[[Any], Keys] = _no_keys
+
+    def read(self, table: Table, around: Around, number: int = 1) -> Any:
+        """Return the declaration of a table, None where a key is missing or wrong that it needs."""
+        values = Values(table, around, number)
+        for key in self.keys:
+            key.read(values)
+        self.finish(values)
+        also = self.also(values)
+        if also is None or any(value is None for key, value in values.by_row if key.is_needed):
+            return None
+        return self.makes(**_arguments(values) | also)
+
+    def written(self, decl: Any) -> Keys:
+        """Return the keys of a declaration but for its name."""
+        found = [(k.name, k.written(decl)) for k in self.keys if k.name != self.called]
+        keys: Keys = [(name, value) for name, value in found if value is not None]
+        return [*self.head(decl), *keys, *self.tail(decl)]
+
+
+PARTS: Final[dict[str, Callable[..., Any]]] = {
+    "local": Endpoint,
+    "choice": LayoutChoice,
+    "serial": SerialSettings,
+}
+
+
+def _arguments(values: Values) -> dict[str, Any]:
+    """Return what the rows give to the class; a part such as `local.port` goes into its own class."""
+    arguments: dict[str, Any] = {}
+    parts: dict[str, dict[str, Any]] = {}
+    for key, value in values.by_row:
+        head, _, tail = key.of.partition(".")
+        if tail:
+            parts.setdefault(head, {})[tail] = value
+        elif head:
+            arguments[head] = value
+    return arguments | {head: PARTS[head](**part) for head, part in parts.items()}
+
+
+def _named(what: str) -> Key:
+    return Key("name", NAME, f"The name of the {what}.", "name", is_needed=True)
+
+
+# -- what a form offers ----------------------------------------------------------------------------------
+
+
+def names_of(kind: str, project: Project) -> tuple[str, ...]:
+    """Return the names of a project's entries of one kind."""
+    return tuple([entry.name for entry in entries_of(kind, project)])
+
+
+def entries_of(kind: str, project: Project) -> tuple[Any, ...]:
+    """Return a project's entries of one kind."""
+    found = getattr(project, TABLES[kind].field)
+    return tuple(found.values()) if isinstance(found, Mapping) else found
+
+
+def sharing(kind: str) -> tuple[str, ...]:
+    """Return the kinds that share their names, this one with them."""
+    return tuple([each for each in TABLES if each == kind or each in TABLES[kind].shares])
+
+
+def free_name(kind: str, start: str, project: Project) -> str:
+    """Return the first of `start`1, `start`2 .. that no entry has."""
+    taken = {name for each in sharing(kind) for name in names_of(each, project)}
+    return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
+
+
+def _names(*kinds: str, or_none: bool = False) -> Offer:
+    none = ("",) * or_none
+    return lambda project, block: (*none, *(name for kind in kinds for name in names_of(kind, project)))
+
+
+def _at(*kinds: str) -> Offer:
+    offer = _names(*kinds)
+    return lambda project, block: tuple([f"@{name}" for name in offer(project, block)])
+
+
+def _last(offer: Offer) -> Callable[[Project, str], str]:
+    """Return the newest of these names, "" where there is none."""
+    return lambda project, block: next(reversed(offer(project, block)), "")
+
+
+def _truth(hint: str, first: str = "", **more: Any) -> Ask:
+    return Ask(hint, _fixed(*BOOLS), first, **more)
+
+
+def _number(with_key: bool = False) -> Offer:
+    return lambda project, block: tuple(
+        [str(each.number) for each in project.certificates.values() if each.key or not with_key]
+    )
+
+
+# -- TCP and UDP -----------------------------------------------------------------------------------------
+
+_PEER_OR_CONNECT: Final = Refers("peer or CONNECT", ("peer", "connect"), by_at=True)
+_PEER_OR_UDP: Final = Refers("peer or UDP_CONFIG", ("peer", "udp_end"), by_at=True)
+
+
+def _local_port(config: ConnectConfig) -> int | None:
+    return config.local.port if config.local.port or not config.active else None
+
+
+_CONNECT: Final = TableRow(
+    "connect",
+    "connects",
+    ConnectConfig,
+    "A connection: one TCP_CONNECTCONFIG; what is left out is 0, as in the record.",
+    (
+        _named("CONNECT"),
+        Key(
+            "ActiveEstablished", TRUTH, "Whether the PLC connects, or waits for a partner.", "active", False,
+            Ask("true: the PLC connects", _fixed(*BOOLS), "false"), is_said=True,
+        ),
+        Key(
+            "LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
+            ANY_ADDRESS, Ask("an address of this machine", first=LOCALHOST),
+        ),
+        Key(
+            "LocalPort", PORT, "The port on this side; 0 takes a free one.", "local.port", 0,
+            Ask("0: a free one", first="0"), writes=_local_port, is_said=True,
+        ),
+        Key(
+            "RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 lets anybody in.", "remote_address",
+            ANY_ADDRESS, Ask("0.0.0.0: anybody"),
+        ),
+        Key(
+            "RemotePort", PORT_OR_NAME, "The partner's port, or @NAME: where that one listens.",
+            "remote_port", 0, Ask("a port, or @NAME", _at("peer", "connect")), _PEER_OR_CONNECT,
+        ),
+        Key(
+            "SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
+            False, _truth("true: Nagle off"),
+        ),
+        Key(
+            "KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
+            "keep_alive_interval_s", 0, Ask("seconds, 0: 10 s"),
+        ),
+    ),
+    "CONNECT",
+    "a connection (CONNECT)",
+    "C",
+    shares=("udp_config", "peer", "combuffer"),
+)  # fmt: skip
+
+_UDP_CONFIG: Final = TableRow(
+    "udp_config",
+    "udp_configs",
+    UdpConfig,
+    "Where a PLC receives datagrams.",
+    (
+        _named("UDP_CONFIG"),
+        Key(
+            "LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
+            ANY_ADDRESS, Ask("0.0.0.0", first=LOCALHOST),
+        ),
+        Key(
+            "LocalPort", PORT, "The port that it receives on; 0 takes a free one.", "local.port", 0,
+            Ask("0", first="0"), is_said=True,
+        ),
+    ),
+    "UDP_CONFIG",
+    "a UDP_CONFIG",
+    "U",
+    shares=("connect", "peer", "combuffer"),
+)  # fmt: skip
+
+_ADDR: Final = TableRow(
+    "addr",
+    "addrs",
+    AddrParam,
+    "An ADDR_PARAM: where datagrams go, and whom they came from.",
+    (
+        _named("ADDR"),
+        Key(
+            "RemoteAddress", ADDRESS, "The partner's address.", "remote_address", ANY_ADDRESS,
+            Ask("0.0.0.0", first=LOCALHOST),
+        ),
+        Key(
+            "RemotePort", UDP_PORT_OR_NAME, "The partner's port, or @NAME.", "remote_port", 0,
+            Ask("or @NAME"), _PEER_OR_UDP,
+        ),
+    ),
+    "ADDR",
+    "an ADDR of UDP",
+    "A",
+)  # fmt: skip
+
+
+# -- connection descriptions -----------------------------------------------------------------------------
+
+
+def structures_of(project: Project) -> tuple[str, ...]:
+    """Return the connection descriptions that the instructions of this PLC take."""
+    return project.dialect.structures or tuple(CONNECTIONS)
+
+
+def _is_param(project: Project, block: str) -> bool:
+    return project.dialect.structures == ("TCON_Param",)
+
+
+def _is_newer(project: Project, block: str) -> bool:
+    return not _is_param(project, block)
+
+
+def _field_keys() -> Iterable[Key]:
+    """Return the fields that a form asks for; the description reads them with `type`."""
+    ends, numbers = _at("peer", "connect"), _number()
+    newer: tuple[tuple[str, str, Offer, bool], ...] = (
+        ("ID", "1 to 4095", _nothing, False),
+        ("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP", _nothing, False),
+        ("ActiveEstablished", "true: the PLC connects", _fixed(*BOOLS), False),
+        ("RemoteAddress", "0.0.0.0: anybody", _nothing, False),
+        ("RemoteQDN", "TCON_QDN: a name with a dot at its end", _nothing, False),
+        ("RemotePort", "a port, or @NAME", ends, False),
+        ("LocalPort", "passive: 1 to 49151", _nothing, False),
+        ("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", _nothing, True),
+        ("RemoteTSelector", "that of the partner", _nothing, True),
+    )
+    secure: tuple[tuple[str, str, Offer, bool], ...] = (
+        ("ActivateSecureConn", "SEC: true is TLS", _fixed(*BOOLS), False),
+        ("TLSServerCertRef", "the number of a certificate", numbers, False),
+        ("TLSClientCertRef", "the number of a certificate", numbers, False),
+    )
+    older: tuple[tuple[str, str, Offer, str], ...] = (
+        ("ActiveEstablished", "no type: true, the PLC connects", _fixed(*BOOLS), "false"),
+        ("RemoteAddress", "no type: 0.0.0.0, anybody", _nothing, ""),
+        ("RemotePort", "no type: a port, or @NAME", ends, ""),
+        ("LocalPort", "no type: 0, a free one", _nothing, ""),
+        ("id", "TCON_Param: 1 to 4095", _nothing, ""),
+        ("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP", _nothing, ""),
+        ("active_est", "TCON_Param: true, the PLC connects", _fixed(*BOOLS), ""),
+        ("rem_staddr", "TCON_Param: 4 bytes of the address", _nothing, ""),
+        ("local_tsap_id", "TCON_Param: port or TSAP in hex", _nothing, ""),
+        ("rem_tsap_id", "TCON_Param: port or TSAP in hex", _nothing, ""),
+    )
+    refers = {"RemotePort": _PEER_OR_CONNECT}
+
+    def row(name: str, ask: Ask) -> Key:
+        return Key(name, None, str(ask.hint), ask=ask, refers=refers.get(name))
+
+    for name, hint, choices, is_quoted in newer:
+        yield row(name, Ask(hint, choices, where=_is_newer, is_quoted=is_quoted))
+    yield Key(
+        "IsoPort", PORT_OR_NAME, "The port in the place of 102, which not every user may open.",
+        default=descriptions.ISO_PORT, ask=Ask("of the bench, in place of 102", ends, where=_is_newer),
+        refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True,
+    )  # fmt: skip
+    for name, hint, choices, is_quoted in secure:
+        yield row(name, Ask(hint, choices, where=_is_newer, is_quoted=is_quoted))
+    for name, hint, choices, first in older:
+        yield row(name, Ask(hint, choices, first, where=_is_param))
+
+
+def _read_description(values: Values) -> None:
+    table, structures = values.table, values.around.dialect.structures
+    values["description"] = descriptions.read_written(table, values.number, structures)
+
+
+def _described(values: Values) -> dict[str, Any] | None:
+    around, written = values.around, values["description"]
+    if written is None or values["name"] is None:
         return None
-    local = Endpoint(address, port)
-    return ConnectConfig(name, active, local, remote_address, remote_port, send_delay, keep_alive)
+    bench = descriptions.BenchKeys(
+        address=values["LocalAddress"],
+        listen_port=values["ListenPort"],
+        iso_port=values["IsoPort"],
+        dns_answer=values["DnsAnswer"],
+        keep_alive=values["KeepAliveTimeInterval"],
+        is_unverified=values["verify"] is not None,
+    )
+    descriptions.check_own_keys(values.table, written.description)
+    return descriptions.config_fields(
+        written, bench, around.rules, around.certificates, around.dialect.structures
+    )
 
 
-def read_udp_config(table: Table) -> UdpConfig | None:
-    """Return one UDP_CONFIG; what the file leaves out is 0, as in the record."""
-    name = table.must("name", NAME)
-    address = table.get("LocalAddress", ADDRESS, ANY_ADDRESS)
-    port = table.get("LocalPort", PORT, 0)
-    table.finish()
-    return UdpConfig(name, Endpoint(address, port)) if name is not None else None
+_DESCRIBED_CONNECT: Final = replace(
+    _CONNECT,
+    help="A connection description, by fields or as the bytes of the DB; keys of the bench beside it.",
+    keys=(
+        _named("CONNECT"),
+        Key(
+            "type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
+            ask=Ask("none: plain TCP in what it takes", lambda project, block: structures_of(project)),
+        ),
+        Key(
+            "bytes", None, "The bytes of the DB in hex, in the place of the fields.",
+            ask=Ask("hex of the DB in place of the fields", is_quoted=True),
+        ),
+        Key(
+            "LocalAddress", ADDRESS, "The address of the interface that InterfaceId means.",
+            ask=Ask("of the bench, for InterfaceId", first=LOCALHOST),
+            writes=lambda c: None if c.any_local else c.local.address,
+        ),
+        Key(
+            "ListenPort", PORT, "The port that is really listened on, in the place of LocalPort.",
+            ask=Ask("of the bench, 0: a free one"), writes=descriptions.listen_port_of,
+        ),
+        *_field_keys(),
+        Key(
+            "DnsAnswer", descriptions.DNS_ANSWER, "What the name in RemoteQDN means.",
+            writes=descriptions.dns_answer_of,
+        ),
+        Key(
+            "verify", VERIFY, "The only way to switch the check of a certificate off.",
+            writes=descriptions.verify_of,
+        ),
+        Key(
+            "KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
+            default=0, writes=lambda c: c.keep_alive_interval_s,
+        ),
+    ),
+    also=_described,
+    head=lambda c: descriptions.head_as_bytes(c),
+)  # fmt: skip
 
 
-def read_addr(table: Table) -> AddrParam | None:
-    """Return one ADDR_PARAM; what the file leaves out is 0, as in the record."""
-    name = table.must("name", NAME)
-    address = table.get("RemoteAddress", ADDRESS, ANY_ADDRESS)
-    port = table.get("RemotePort", UDP_PORT_OR_NAME, 0)
-    table.finish()
-    return AddrParam(name, address, port) if name is not None else None
+def _read_addr_structure(values: Values) -> None:
+    values["structure"] = descriptions.read_addr_structure(values.table)
 
 
-def read_instance(
-    table: Table, blocks: tuple[str, ...], first_task: str, rules: Rules
-) -> InstanceDecl | None:
-    """Return one instance; every key that is not its own is an input pin of its block."""
-    name = table.must("name", NAME)
-    block = table.must("block", TEXT)
-    speaks_udp = block in SPEAKS_UDP
-    on_config = speaks_udp and not (block in ON_CONNECT and table.has("connect"))
-    connect = table.must("config" if on_config else link_key(block or ""), TEXT)
-    if block in ON_CONNECT and not on_config and table.has("config"):
-        table.know("config")
-        table.wrong("config", "a UDP_CONFIG beside a CONNECT", "one of them")
-    addr = table.must("addr", TEXT) if speaks_udp else _addr_if_udp(table, block, blocks)
-    data = table.read("data", TEXT)
-    pointers = tuple([table.get(key, TEXT, "") for key in POINTERS.get(block or "", ())])
-    task = table.get("task", TEXT, first_task)
-    if data is not None and block in blocks and block not in HAS_DATA:
-        table.wrong("data", shown(data), f"nothing: {block} has no DATA")
-    if block is not None and block not in blocks:
-        table.wrong("block", shown(block), expected_name(block, blocks, "block"))
-    # Without its block nobody knows which pins it has: the other names are checked all the same.
-    inputs = _read_inputs(table, tuple(map(rules.typed, PINS[block]))) if block in blocks else ()
-    if name is None or block is None or connect is None or (speaks_udp and addr is None):
+def _addr_arguments(values: Values) -> dict[str, Any] | None:
+    found: dict[str, Any] | None = values["structure"]
+    return found
+
+
+_DESCRIBED_ADDR: Final = replace(
+    _ADDR,
+    help="A TADDR_Param, by its fields or as bytes.",
+    keys=(
+        _named("ADDR"),
+        Key("type", None, "The structure; TADDR_Param where none is named.", reads=_read_addr_structure),
+        Key("bytes", None, "The bytes of the DB in hex, in the place of the fields."),
+        Key(
+            "rem_ip_addr", None, "The partner's address; a receiver writes it.",
+            ask=Ask("0.0.0.0: a receiver writes it", first=LOCALHOST),
+        ),
+        Key(
+            "rem_port_nr", None, "The partner's port, or @NAME.",
+            ask=Ask("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP,
+        ),
+        Key("reserved", None, "The two bytes behind them."),
+        Key("RemotePort", None, "@NAME beside the bytes.", refers=_PEER_OR_UDP),
+    ),
+    also=_addr_arguments,
+    head=lambda a: descriptions.addr_keys(a),
+)  # fmt: skip
+
+
+# -- ComBuffers ------------------------------------------------------------------------------------------
+
+
+def _is_serial(table: Table, around: Around) -> bool | Refusal:
+    return table.text("source") == SERIAL or ("a word of serial ports", 'source = "serial" beside it')
+
+
+def _sources(project: Project, block: str) -> tuple[str, ...]:
+    streams = [each.name for each in project.instances if each.block == "TRCV_C"]
+    return (SIMULATED, SERIAL, *streams, *names_of("combuffer", project))
+
+
+def _lines(project: Project, block: str) -> tuple[str, ...]:
+    ports = [each.name for each in project.combuffers if each.serial is not None]
+    return ("", *ports, *(each.name for each in project.instances if each.block == "TSEND_C"))
+
+
+def _of_port(name: str) -> Callable[[ComBufferDecl], Any]:
+    return lambda b: getattr(b.serial, name) if b.serial is not None and b.source == SERIAL else None
+
+
+_COMBUFFER: Final = TableRow(
+    "combuffer",
+    "combuffers",
+    ComBufferDecl,
+    "A ComBuffer of TwinCAT: bytes between a line and the blocks.",
+    (
+        _named("ComBuffer"),
+        Key(
+            "source", TEXT, "Where bytes come from: sim, serial, an instance of TRCV_C, another ComBuffer.",
+            "source", SIMULATED, Ask("where bytes come from", _sources, SIMULATED),
+            Refers("source", ("TRCV_C", "combuffer"), words=(SIMULATED, SERIAL)),
+        ),
+        Key(
+            "port", PORT_NAME, "The port of a serial source: a device, socket://, rfc2217://.", "serial.port",
+            ask=Ask("serial: a device, socket://"), only=_is_serial, is_needed=True, writes=_of_port("port"),
+        ),
+        Key(
+            "baud", BAUD, "Bits a second.", "serial.baud", 9600, Ask("serial: 9600"), only=_is_serial,
+            writes=_of_port("baud"), is_said=True,
+        ),
+        Key(
+            "parity", PARITY, "The parity bit of each byte.", "serial.parity", "none",
+            Ask("serial: none", _fixed("none", "even", "odd", "mark", "space")), only=_is_serial,
+            writes=_of_port("parity"),
+        ),
+        Key(
+            "stop_bits", STOP_BITS, "Stop bits of each byte.", "serial.stop_bits", 1.0,
+            Ask("serial: 1", _fixed("1", "1.5", "2")), only=_is_serial, writes=_of_port("stop_bits"),
+        ),
+        Key(
+            "data_bits", DATA_BITS, "Bits of each byte.", "serial.data_bits", 8,
+            Ask("serial: 8", _fixed("8", "7", "6", "5")), only=_is_serial, writes=_of_port("data_bits"),
+        ),
+        Key(
+            "handshake", HANDSHAKE, "Who holds the sender up.", "serial.handshake", "none",
+            Ask("serial: none", _fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial,
+            writes=_of_port("handshake"),
+        ),
+        Key(
+            "line", TEXT, "What sends what is written into it: a ComBuffer with a port, or a TSEND_C.",
+            "line", "", Ask("what sends what is written", _lines),
+            Refers('TSEND_C, or ComBuffer with source = "serial"', ("port", "TSEND_C")),
+        ),
+        Key(
+            "size", QUEUE_SIZE, "Bytes that have room; 0: what suits the source.", "size", 0,
+            Ask("bytes that have room, 300"),
+        ),
+        Key(
+            "per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; 0: all.", "per_cycle", 0,
+            Ask("bytes a scan, 0: all"),
+        ),
+    ),
+    "ComBuffer",
+    "a ComBuffer",
+    "B",
+    shares=("connect", "udp_config", "peer"),
+)  # fmt: skip
+
+
+# -- DATA ------------------------------------------------------------------------------------------------
+
+
+def _chosen(name: str, kind: Kind[Any], help_: str, ask: Ask | None = None) -> Key:
+    return Key(name, kind, help_, f"choice.{name}", ask=ask)
+
+
+_CHOICE: Final = (
+    _chosen(
+        "layout", LAYOUT, "The layout of its own; none: the PLC's.",
+        Ask("none: the PLC's own", _fixed(*LAYOUTS), is_of_change=True),
+    ),
+    _chosen(
+        "byte_order", BYTE_ORDER, "The byte order of its own; none: that of the layout.",
+        Ask("none: that of the layout", _fixed(*BYTE_ORDERS), is_of_change=True),
+    ),
+    _chosen("text", TEXT_FORM, "How a STRING lies."),
+    _chosen("pointer_size", POINTER_SIZE, "The bytes of a pointer."),
+    _chosen("string_even", TRUTH, "Whether a STRING begins at an even byte."),
+)  # fmt: skip
+
+
+def _laid_out(values: Values) -> dict[str, Any] | None:
+    """Return type and layout of a variable, None where they cannot be had."""
+    table, around, text = values.table, values.around, values["type"]
+    if text is None:
         return None
-    return InstanceDecl(name, block, connect, data, task, inputs, addr, on_config, pointers)
+    choice = LayoutChoice(*[values[key.name] for key in _CHOICE])
+    place = table.place("type")
+    try:
+        type_ = parse_type(text, around.types or NO_TYPES, place)
+        layout = _placed(type_, choice.rules(around.layout), values["name"] or "?", place)
+    except UserError as refused:
+        if around.types is not None:  # else the type may stand in the file that cannot be read
+            table.problems.extend(refused.problems)
+        return None
+    return {"type": type_, "layout": layout, "size": layout.size}
 
 
-def link_key(block: str) -> str:
-    """Return the key of what a block works on: a ComBuffer or a CONNECT."""
-    return BUFFER_PIN.get(block, "connect")
+def _placed(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
+    """Return the layout of a variable; let its mistakes begin with the place in the file."""
+    try:
+        return lay_out(type_, rules, name)
+    except UserError as refused:
+        raise UserError(
+            replace(wrong, where=place + wrong.where[len(name) :]) for wrong in refused.problems
+        ) from None
 
 
-def _addr_if_udp(table: Table, block: str | None, blocks: tuple[str, ...]) -> str | None:
-    """Return ADDR of a _C block; only where there is TUSEND can a CONNECT be of UDP."""
-    return table.read("addr", TEXT) if block in ADDR_IF_UDP and set(blocks) >= ON_CONNECT else None
+_DATA: Final = TableRow(
+    "data",
+    "data",
+    DataDecl,
+    "A global variable, to which the DATA of blocks points.",
+    (
+        _named("variable"),
+        Key(
+            "type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
+            ask=Ask("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True,
+        ),
+        Key(
+            "optimized", TRUTH, "Whether it stands in a block that the PLC orders by itself.", "optimized",
+            False, only=lambda table, around: around.rules.area.symbolic_alone,
+        ),
+        *_CHOICE,
+    ),
+    "DATA variable",
+    "a DATA variable",
+    "rx",
+    also=_laid_out,
+    shares=("instance",),
+)  # fmt: skip
 
 
-def _read_inputs(table: Table, pins: tuple[Pin, ...]) -> tuple[tuple[str, bool | int], ...]:
-    inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
-    outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
-    for key in table.rest():
-        if key in outputs:
-            table.know(key)
-            table.wrong(key, "an output", "an input: " + ", ".join(pin.name for pin in inputs))
-    found = [(pin.name, table.read(pin.name, kind_of(pin))) for pin in inputs]
-    table.finish("key or input pin")
-    return tuple((name, value) for name, value in found if value is not None)
+# -- instances -------------------------------------------------------------------------------------------
 
 
 def kind_of(pin: Pin) -> Kind[Any]:
@@ -305,259 +801,542 @@ def kind_of(pin: Pin) -> Kind[Any]:
     return TRUTH if pin.is_bool else whole(*ELEMENTARY[pin.iec_type].limits)
 
 
-def read_peer(table: Table, certificates: Certificates) -> PeerDecl | None:
-    """Return one peer; without `active` it is active when it has a `remote`."""
-    name = table.must("name", NAME)
-    if table.get("udp", TRUTH, False):
-        return _read_udp_peer(table, name)
-    active = table.get("active", TRUTH, table.has("remote"))
-    end: Endpoint | str | None
-    source = None
-    if active:
-        end = table.must("remote", END_OR_NAME)
-        source = table.read("local", ENDPOINT)
-    else:
-        end = table.get("local", ENDPOINT, FREE_PORT)
-        if table.has("remote"):
-            table.know("remote")
-            table.wrong("remote", "an address to connect to", "active = true, or local alone")
-    reconnect = table.get("reconnect", DELAY, 0) if active else 0
-    says = table.get("says", MESSAGES, ())
-    every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
-    replies = table.get("replies", RULES, ())
-    choice = read_choice(table)
-    session, tls = _read_session(table, certificates)
-    table.finish()
-    if name is None or end is None:
-        return None
-    decl = PeerDecl(
-        name, active, end, source, reconnect, says, every, replies=replies, session=session, tls=tls
-    )
-    return replace(decl, choice=choice)
+def link_key(block: str) -> str:
+    """Return the key of what a block works on: a ComBuffer or a CONNECT."""
+    return BUFFER_PIN.get(block, "connect")
 
 
-def _read_session(
-    table: Table, certificates: Certificates
-) -> tuple[Settings | None, tuple[tuple[str, bool | int | str], ...]]:
-    iso, secure = read_iso(table), read_peer_tls(table, certificates)
-    if iso is not None and secure is not None:
-        table.wrong("tls", "true beside iso = true", "one of them")
-    return (iso, ()) if secure is None else (secure.settings, secure.keys)
+def _on_config(table: Table, around: Around) -> bool | Refusal:
+    """Return whether a block of UDP has a UDP_CONFIG, no CONNECT."""
+    block = table.text("block") or ""
+    if block in ON_CONNECT and table.has("connect"):
+        return "a UDP_CONFIG beside a CONNECT", "one of them"
+    return block in SPEAKS_UDP
 
 
-def _read_udp_peer(table: Table, name: str | None) -> PeerDecl | None:
-    end = table.get("local", ENDPOINT, FREE_PORT)
-    remote = table.read("remote", UDP_END_OR_NAME)
-    says = table.get("says", MESSAGES, ())
-    every = table.get("every", INTERVAL, DEFAULT_EVERY_NS)
-    replies = table.get("replies", RULES, ())
-    choice = read_choice(table)
-    for key in ("active", "reconnect"):
-        if table.has(key):
+def _on_link(key: str) -> Callable[[Table, Around], bool]:
+    def is_on(table: Table, around: Around) -> bool:
+        return _on_config(table, around) is not True and link_key(table.text("block") or "") == key
+
+    return is_on
+
+
+def _needs_addr(table: Table, around: Around) -> bool:
+    return table.text("block") in SPEAKS_UDP
+
+
+def _may_have_addr(table: Table, around: Around) -> bool:
+    """Return whether a _C block may have an ADDR: only where there is TUSEND can a CONNECT be of UDP."""
+    return table.text("block") in ADDR_IF_UDP and set(around.blocks) >= ON_CONNECT
+
+
+def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
+    return lambda i: i.connect if key == ("config" if i.on_config else link_key(i.block)) else None
+
+
+def _links() -> Iterable[Key]:
+    """Return the keys of what a block works on; one of them is read."""
+    yield Key(
+        "config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
+        ask=Ask("of a UDP block", _names("udp_config"), where=_has_any("udp_configs")),
+        refers=Refers("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
+        only=_on_config,
+    )  # fmt: skip
+    for pin in sorted(set(BUFFER_PIN.values())):
+        yield Key(
+            pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
+            ask=Ask("a ComBuffer", _names("combuffer"), _last(_names("combuffer")), where=_has_buffer(pin)),
+            refers=Refers("ComBuffer", ("combuffer",)), writes=_link_of(pin), is_needed=True,
+            only=_on_link(pin),
+        )  # fmt: skip
+
+
+def _has_any(field_: str) -> Callable[[Project, str], bool]:
+    return lambda project, block: block not in BUFFER_PIN and bool(getattr(project, field_))
+
+
+def _has_buffer(pin: str) -> Callable[[Project, str], bool]:
+    return lambda project, block: BUFFER_PIN.get(block) == pin
+
+
+def _has_mark(pin: str) -> Callable[[Table, Around], bool]:
+    return lambda table, around: pin in POINTERS.get(table.text("block") or "", ())
+
+
+def _asks_mark(pin: str) -> Callable[[Project, str], bool]:
+    return lambda project, block: pin in POINTERS.get(block, ())
+
+
+def _mark_of(pin: str) -> Callable[[InstanceDecl], str | None]:
+    return lambda i: dict(zip(POINTERS.get(i.block, ()), i.pointers, strict=False)).get(pin)
+
+
+def _marks() -> Iterable[Key]:
+    """Return the variables of prefix and suffix, by what each block calls its pin."""
+    for pin in ("pPrefix", "pSuffix", "Prefix", "Suffix"):
+        mark = pin.removeprefix("p").lower()
+        yield Key(
+            pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
+            ask=Ask(f"{mark}, none: 0", _names("data", or_none=True), where=_asks_mark(pin)),
+            refers=Refers("DATA", ("data",)), writes=_mark_of(pin), only=_has_mark(pin),
+        )  # fmt: skip
+
+
+def _data_hint(project: Project, block: str) -> str:
+    return f"the variable of {DATA_PIN[block]}" if block in BUFFER_PIN else _or_made("a DATA variable")
+
+
+def _or_made(what: str) -> str:
+    """Return the hint of what is made on the way where nothing is chosen."""
+    return f"{what}; empty: one is made"
+
+
+def _inputs_hint(project: Project, block: str) -> str:
+    if block not in BUFFER_PIN:
+        return "such as CONT=1 EN_R=1"
+    names = [pin.name for pin in project.pins(block) if pin.direction is not Direction.OUT]
+    shown_ = [name for name in ("SizeReceiveData", "Length", "SendByte", "Timeout", "EN") if name in names]
+    return f"such as {shown_[0]}=1" if shown_ else "none"
+
+
+def _read_inputs(values: Values) -> None:
+    """Read the input pins: every key that is no other one is such a pin."""
+    table, around, block = values.table, values.around, values["block"]
+    for lacking in around.rules.lacks:
+        if table.has(lacking):
+            expected = f"another: blocks of {around.dialect.name} have none of that name"
+            table.wrong(lacking, "a pin", expected)
+    data = values.get("data")
+    if data is not None and block in around.blocks and block not in HAS_DATA:
+        table.wrong("data", shown(data), f"nothing: {block} has no DATA")
+    if block is not None and block not in around.blocks:
+        table.wrong("block", shown(block), expected_name(block, around.blocks, "block"))
+    # Without its block nobody knows which pins it has: the other names are checked all the same.
+    pins = tuple(map(around.rules.typed, PINS[block])) if block in around.blocks else ()
+    inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
+    outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
+    for key in table.rest():
+        if key in outputs:
             table.know(key)
-            table.wrong(key, "a word of connections", "local and remote alone: UDP has no connection")
-    table.finish()
-    if name is None:
-        return None
-    decl = PeerDecl(name, False, end, says=says, every_ns=every, udp=True, remote=remote, replies=replies)
-    return replace(decl, choice=choice)
+            table.wrong(key, "an output", "an input: " + ", ".join(pin.name for pin in inputs))
+    found = [(pin.name, table.read(pin.name, kind_of(pin))) for pin in inputs]
+    table.finish("key or input pin")
+    values["inputs"] = tuple((name, value) for name, value in found if value is not None)
 
 
-def read_choice(table: Table) -> LayoutChoice:
-    """Return the layout that a table names, as far as it names one."""
-    return LayoutChoice(
-        table.read("layout", LAYOUT),
-        table.read("byte_order", BYTE_ORDER),
-        table.read("text", TEXT_FORM),
-        table.read("pointer_size", POINTER_SIZE),
-        table.read("string_even", TRUTH),
+def _instance(values: Values) -> dict[str, Any]:
+    pointers = POINTERS.get(values["block"] or "", ())
+    return {
+        "inputs": values["inputs"],
+        "on_config": values.get("config") is not None,
+        "pointers": tuple([values[pin] for pin in pointers]),
+        "task": values["task"] or values.around.first_task,
+    }
+
+
+def _inputs_of(decl: InstanceDecl) -> Keys:
+    return [(pin, MILLISECONDS.write(value) if pin in TIMES else value) for pin, value in decl.inputs]
+
+
+_ADDR_OF_INSTANCE: Final = Key(
+    "addr", TEXT, "The ADDR of a block of UDP.", "addr", refers=Refers("ADDR", ("addr",)),
+    only=_may_have_addr,
+)  # fmt: skip
+_INSTANCE: Final = TableRow(
+    "instance",
+    "instances",
+    InstanceDecl,
+    "A block instance; every key that stands not here is an input pin of its block.",
+    (
+        _named("instance"),
+        Key(
+            "block", TEXT, "The block.", "block", is_needed=True,
+            ask=Ask("a block", lambda project, block: project.dialect.blocks, lambda project, block: block),
+        ),
+        Key(
+            "connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
+            ask=Ask(_or_made("a CONNECT"), _names("connect"), _last(_names("connect")),
+                    lambda project, block: block not in BUFFER_PIN),
+            refers=Refers("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect"),
+        ),
+        *_links(),
+        replace(_ADDR_OF_INSTANCE, is_needed=True, only=_needs_addr),
+        replace(
+            _ADDR_OF_INSTANCE, ask=Ask("of a UDP block", _names("addr"), where=_has_any("addrs")),
+            writes=lambda i: None,
+        ),
+        Key(
+            "data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
+            ask=Ask(_data_hint, _names("data"), _last(_names("data")),
+                    lambda project, block: block not in BUFFER_PIN or block in DATA_PIN),
+            refers=Refers("DATA", ("data",)),
+        ),
+        *_marks(),
+        Key(
+            "task", TEXT, "The task that calls it; the first one where none is named.", is_said=True,
+            ask=Ask("a task", lambda project, block: tuple([task.name for task in project.tasks]),
+                    lambda project, block: project.tasks[0].name),
+            refers=Refers("task", ("task",)), writes=lambda i: i.task,
+        ),
+        Key("inputs", None, "Initial values of input pins, by the pin's name.",
+            ask=Ask(_inputs_hint, is_bare=True)),
+    ),
+    "instance",
+    "an instance",
+    also=_instance,
+    finish=_read_inputs,
+    shares=("data",),
+    tail=_inputs_of,
+)  # fmt: skip
+
+
+# -- peers and what they say -----------------------------------------------------------------------------
+
+_ENDS: Final = _at("connect", "udp_config")
+_NO_CONNECTION: Final = "a word of connections", "local and remote alone: UDP has no connection"
+
+
+def _is_udp(table: Table, around: Around) -> bool:
+    return table.is_true("udp")
+
+
+def _is_tcp(table: Table, around: Around) -> bool:
+    return not table.is_true("udp")
+
+
+def _is_active(table: Table) -> bool:
+    """Return whether a peer connects: without `active` it does where it has a `remote`."""
+    return table.is_true("active", table.has("remote"))
+
+
+def _of_tcp(table: Table, around: Around) -> bool | Refusal:
+    return _NO_CONNECTION if table.is_true("udp") else True
+
+
+def _of_active(table: Table, around: Around) -> bool | Refusal:
+    return _NO_CONNECTION if table.is_true("udp") else _is_active(table)
+
+
+def _connects(table: Table, around: Around) -> bool | Refusal:
+    if table.is_true("udp"):
+        return False
+    return _is_active(table) or ("an address to connect to", "active = true, or local alone")
+
+
+def _dials(table: Table, around: Around) -> bool:
+    return not table.is_true("udp") and _is_active(table)
+
+
+def _waits(table: Table, around: Around) -> bool:
+    return not _dials(table, around)
+
+
+def _beside(key: str, found: str) -> Callable[[Table, Around], bool | Refusal]:
+    """Return what lets a key stand where another one is true."""
+
+    def is_beside(table: Table, around: Around) -> bool | Refusal:
+        return not table.is_true("udp") and (table.is_true(key) or (found, f"{key} = true beside it"))
+
+    return is_beside
+
+
+_ISO, _TLS = _beside("iso", "a word of ISO-on-TCP"), _beside("tls", "a word of TLS")
+
+
+def _of_iso(name: str) -> Callable[[PeerDecl], Any]:
+    return lambda p: getattr(p.session, name) if isinstance(p.session, IsoSettings) else None
+
+
+def _of_tls(name: str) -> Callable[[PeerDecl], Any]:
+    return lambda p: dict(p.tls).get(name)
+
+
+def _describes(project: Project, block: str) -> bool:
+    """Return whether the PLC speaks more than plain TCP, so that a peer may, too."""
+    return project.dialect.describes_connects
+
+
+def _peer(values: Values) -> dict[str, Any]:
+    table = values.table
+    if table.is_true("udp"):
+        return {"active": False}
+    iso = None
+    if values["iso"]:
+        size = values["tpdu"]
+        iso = IsoSettings(values["local_tsap"], values["remote_tsap"], LONGEST_MESSAGE, size_code=size)
+    tls = tls_of_peer(values, table, values.around.certificates) if values["tls"] else None
+    if iso is not None and tls is not None:
+        table.wrong("tls", "true beside iso = true", "one of them")
+    active = _is_active(table)
+    return {"active": active, "session": iso or (tls and tls.settings), "tls": tls.keys if tls else ()}
+
+
+_PEER: Final = TableRow(
+    "peer",
+    "peers",
+    PeerDecl,
+    "A partner of our own, and what it does by itself.",
+    (
+        _named("peer"),
+        Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
+            _truth("true: datagrams, no active")),
+        Key(
+            "active", TRUTH, "Whether it connects; none: where it has a remote.", is_said=True, only=_of_tcp,
+            ask=Ask("true: it connects to remote", _fixed(*BOOLS[::-1]),
+                    lambda project, block: "true" if project.links() else "false"),
+            writes=lambda p: None if p.udp else p.active,
+        ),
+        Key(
+            "remote", END_OR_NAME, "Where it connects to; @C1: where C1 listens.", "end", is_needed=True,
+            ask=Ask("address:port, or @NAME", _ENDS, _last(_ENDS)),
+            refers=Refers("CONNECT", ("connect",), by_at=True), only=_connects,
+            writes=lambda p: p.end if p.active else None,
+        ),
+        Key(
+            "local", ENDPOINT, "Where it listens; of one that connects: its own end.", "source",
+            ask=Ask("where it listens, 127.0.0.1:0"), only=_dials,
+        ),
+        Key(
+            "local", ENDPOINT, "Where it listens.", "end", FREE_PORT, only=_waits,
+            writes=lambda p: None if p.active else p.end,
+        ),
+        Key(
+            "remote", UDP_END_OR_NAME, "Where it sends datagrams; none: to whoever was heard last.", "remote",
+            refers=Refers("UDP_CONFIG", ("udp_end",), by_at=True), only=_is_udp,
+        ),
+        Key(
+            "reconnect", DELAY, "How long after a close it connects again; none: never.", "reconnect_ns", 0,
+            Ask("after so long, such as T#1s"), only=_of_active,
+        ),
+        Key(
+            "says", MESSAGES, "Messages that it sends in turn, written as after `send`.", "says", (),
+            Ask("a message, such as hex 01 02", is_quoted=True),
+        ),
+        Key("every", INTERVAL, "How often it says one.", "every_ns", DEFAULT_EVERY_NS, Ask("T#1s")),
+        Key("replies", RULES, "Rules by which it answers, written as after `reply on`.", "replies", ()),
+        *[replace(key, ask=None) for key in _CHOICE],
+        Key(
+            "iso", TRUTH, "Whether it speaks ISO-on-TCP.", default=False, only=_is_tcp,
+            ask=_truth("true: it speaks ISO-on-TCP", where=_describes),
+            writes=lambda p: isinstance(p.session, IsoSettings),
+        ),
+        Key(
+            "local_tsap", TSAP, "Its own TSAP.", default=b"", only=_ISO, writes=_of_iso("local"),
+            ask=Ask("its own: 16#E001, E0.01 or TCP-1", where=_describes, is_quoted=True),
+        ),
+        Key(
+            "remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_of_iso("remote"),
+            ask=Ask("that of the PLC", where=_describes, is_quoted=True),
+        ),
+        Key("tpdu", TPDU, "The TPDU size that it asks for.", default=OWN_SIZE_CODE, only=_ISO,
+            writes=_of_iso("size_code")),
+        Key(
+            "tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_of_tls("tls"),
+            ask=_truth("true: it speaks TLS", where=_describes),
+        ),
+        Key(
+            "certificate", NUMBER, "The number of its own certificate, one with a key.", only=_TLS,
+            ask=Ask("the number of its own, with a key", _number(with_key=True), where=_describes),
+            writes=_of_tls("certificate"),
+        ),
+        Key(
+            "authority", NUMBER, "The number of the certificate that it trusts.", only=_TLS,
+            ask=Ask("the number of whom it trusts", _number(), where=_describes),
+            writes=_of_tls("authority"),
+        ),
+        Key("client_certificate", TRUTH, "Whether it asks for a certificate of a client.", default=False,
+            only=_TLS, writes=_of_tls("client_certificate")),
+        Key("server_name", HOST, "The name that the partner's certificate must bear.", only=_TLS,
+            writes=_of_tls("server_name")),
+        Key("verify", VERIFY, "The only way to switch the check of a certificate off.", only=_TLS,
+            writes=_of_tls("verify")),
+    ),
+    "peer",
+    "a peer",
+    "P",
+    also=_peer,
+    asks_first=("active", "remote", "local"),
+    shares=("connect", "udp_config", "combuffer"),
+)  # fmt: skip
+
+_MESSAGE: Final = TableRow(
+    "message",
+    "messages",
+    MessageDecl,
+    "A message of the library: `peer P1 send message NAME`.",
+    (
+        _named("message"),
+        Key(
+            "text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
+            ask=Ask("as after `send`: hex 01 02 split=1", is_bare=True),
+        ),
+        Key(
+            "peer", TEXT, "The peer whose alone it is; none: everybody's.", "peer", "",
+            Ask("one peer's alone, or nobody's", _names("peer")), Refers("peer", ("peer",), or_none=True),
+        ),
+    ),
+    "message",
+    "a message of the library",
+    "message",
+    asks_first=("peer",),
+)  # fmt: skip
+
+_SEQUENCE: Final = TableRow(
+    "sequence",
+    "sequences",
+    SequenceDecl,
+    "Messages one after the other over one connection: `peer P1 play NAME`.",
+    (
+        _named("sequence"),
+        Key(
+            "steps", STEPS, "Names of messages, and pauses such as T#100ms between them.", "steps",
+            ask=Ask("message names and pauses: hello T#100ms bye", is_bare=True), is_needed=True,
+        ),
+    ),
+    "sequence",
+    "a sequence of messages",
+    "sequence",
+)  # fmt: skip
+
+
+# -- the rest --------------------------------------------------------------------------------------------
+
+_TASK: Final = TableRow(
+    "task",
+    "tasks",
+    Task,
+    "A task: it calls its instances; without one there is MAIN with 10 ms.",
+    (
+        _named("task"),
+        Key("interval", INTERVAL, "How often it calls them.", "interval_ns", DEFAULT_INTERVAL_NS),
+        Key("priority", PRIORITY, "The smallest number goes first.", "priority", 1),
+    ),
+    "task",
+)
+
+
+def _finish_unnamed(values: Values) -> None:
+    values.table.know("name")  # it has a number instead
+    values.table.finish()
+
+
+_CERTIFICATE: Final = TableRow(
+    "certificate",
+    "certificates",
+    certificate_of,
+    "A certificate of the CPU's certificate manager; without a key it is one to trust.",
+    (
+        Key("number", NUMBER, "Its number, by which others refer to it.", "number", is_needed=True),
+        Key("file", FILE, "Its PEM file.", "file", ask=Ask("a PEM file"), is_needed=True),
+        Key("key", TEXT, "The PEM file of its key.", "key", "", Ask("of one's own: its PEM file")),
+    ),
+    "certificate",
+    "a certificate of TLS",
+    called="number",
+    also=lambda values: {"table": values.table, "base": values.around.base},
+    finish=_finish_unnamed,
+)
+
+SIM: Final = TableRow(
+    "sim",
+    "sim",
+    SimDecl,
+    "The simulated network.",
+    (
+        Key("addresses", ADDRESSES, "Addresses of the PLC besides loopback.", "addresses", ()),
+        Key("not_ethernet", ADDRESSES, "Which of them are no Ethernet ports.", "not_ethernet", ()),
+        Key("seed", SEED, "What random faults and pieces begin with.", "seed", 0),
+        Key("latency", DELAY, "How long bytes are on their way.", "latency_ns", 0),
+        Key("fragment", TRUTH, "Whether bytes come in pieces.", "fragment", False),
+        Key("names", NAMES, "What its DNS server knows; none: there is no server.", "names"),
+    ),
+)
+TOP: Final = TableRow(
+    "",
+    "",
+    dict,
+    "What stands above all tables.",
+    (
+        Key("dialect", None, "Whose PLC it is."),
+        Key("model", None, "The model, which says how many connections it has."),
+        Key("start", TEXT, "Bench commands before scan 1.", "start", ""),
+        Key("program", TEXT, "What the PLC's program does by itself while scans pass.", "program", ""),
+    ),
+)
+UDT: Final = TableRow(
+    "udt",
+    "udt_files",
+    dict,
+    "A file of UDTs.",
+    (Key("file", FILE, "The file, beside the project.", "file", is_needed=True),),
+)
+
+# In the order in which a file's kinds are listed in messages.
+TABLES: Final[dict[str, TableRow]] = {
+    row.kind: row
+    for row in (
+        _TASK, _DATA, _CONNECT, _UDP_CONFIG, _ADDR, _INSTANCE, _PEER, _MESSAGE, _SEQUENCE, _CERTIFICATE,
+        _COMBUFFER,
     )
+}  # fmt: skip
+DESCRIBED: Final[dict[str, TableRow]] = {"connect": _DESCRIBED_CONNECT, "addr": _DESCRIBED_ADDR}
+# What can be added, as commands list it; and as a form offers it, what is added most often first.
+EDITED: Final = (
+    "connect", "udp_config", "addr", "data", "instance", "peer", "message", "sequence", "combuffer",
+    "certificate",
+)  # fmt: skip
+OFFERED: Final = (
+    "instance", "connect", "data", "peer", "message", "sequence", "udp_config", "addr", "certificate",
+    "combuffer",
+)  # fmt: skip
 
 
-def read_message(table: Table) -> MessageDecl | None:
-    """Return one named message."""
-    name = table.must("name", NAME)
-    text = table.must("text", TEXT)
-    peer = table.get("peer", TEXT, "")
-    table.finish()
-    return MessageDecl(name, text, peer) if name is not None and text is not None else None
+def table_row(kind: str, dialect: Dialect) -> TableRow:
+    """Return the row of a kind in a dialect, which may describe its connections by structures."""
+    return (DESCRIBED if dialect.describes_connects else {}).get(kind, TABLES[kind])
 
 
-def read_sequence(table: Table) -> SequenceDecl | None:
-    """Return one sequence of messages."""
-    name = table.must("name", NAME)
-    steps = table.must("steps", STEPS)
-    table.finish()
-    return SequenceDecl(name, steps) if name is not None and steps is not None else None
+def read_table(kind: str, table: Table, around: Around, number: int = 1) -> Any:
+    """Return the declaration of a table; a plain ADDR may stand in any dialect."""
+    row = table_row(kind, around.dialect)
+    plain = kind == "addr" and not descriptions.is_structure(table)
+    return (TABLES[kind] if plain else row).read(table, around, number)
 
 
-def read_constants(content: Mapping[str, Any], where: str, problems: list[Problem]) -> dict[str, int]:
-    """Return the constants of the UDTs: `"GVL.MAX" = 10`; without the quotes TOML makes a table GVL."""
-    flat: dict[str, Any] = {}
-    waiting = list(content.items())
-    while waiting:
-        name, value = waiting.pop(0)
-        if isinstance(value, Mapping) and name.count(".") < DEEPEST_NAME:
-            waiting += [(f"{name}.{key}", inner) for key, inner in value.items()]
-        else:
-            flat[name] = value
-    table = Table(flat, where, problems)
-    return {name: number for name in flat if (number := table.read(name, LINT)) is not None}
+def list_keys() -> frozenset[str]:
+    """Return the keys that hold several texts."""
+    rows = [row for table in TABLES.values() for row in table.keys]
+    return frozenset(row.name for row in rows if row.kind is not None and row.kind.write is list)
 
 
-def read_sim(table: Table) -> SimDecl:
-    """Return the simulated network."""
-    sim = SimDecl(
-        addresses=table.get("addresses", ADDRESSES, ()),
-        not_ethernet=table.get("not_ethernet", ADDRESSES, ()),
-        seed=table.get("seed", SEED, 0),
-        latency_ns=table.get("latency", DELAY, 0),
-        fragment=table.get("fragment", TRUTH, False),
-        names=table.read("names", NAMES),
+# -- a declaration back to its keys ----------------------------------------------------------------------
+
+
+def kind_name(decl: Declaration) -> str:
+    """Return the kind of table that a declaration stands in: `connect`, `data`."""
+    if isinstance(decl, CertificateDecl):
+        return _CERTIFICATE.kind
+    return next(
+        row.kind for row in TABLES.values() if isinstance(row.makes, type) and isinstance(decl, row.makes)
     )
-    table.finish()
-    return sim
-
-
-KeyValue = bool | int | float | str | list[str]
-Keys = list[tuple[str, KeyValue]]
-
-KIND_OF: Final[dict[type, str]] = {
-    ConnectConfig: "connect",
-    UdpConfig: "udp_config",
-    AddrParam: "addr",
-    ComBufferDecl: "combuffer",
-    DataDecl: "data",
-    InstanceDecl: "instance",
-    PeerDecl: "peer",
-    MessageDecl: "message",
-    SequenceDecl: "sequence",
-    CertificateDecl: "certificate",
-}
 
 
 def keys_of(decl: Declaration) -> Keys:
-    """Return the keys behind `name` with their TOML values, in the order of the contract."""
-    return _KEYS[type(decl)](decl)
+    """Return the keys after the name with their TOML values."""
+    kind = kind_name(decl)
+    is_described = getattr(decl, "description", None) is not None
+    return (DESCRIBED if is_described else TABLES)[kind].written(decl)
 
 
 def forms_of(decl: Declaration) -> list[Keys]:
     """Return the ways to write the keys of a declaration, the easiest to change first."""
     if isinstance(decl, ConnectConfig) and decl.description is not None:
-        return [plain_keys(decl, decl.description), field_keys(decl, decl.description), keys_of(decl)]
+        bench = replace(_DESCRIBED_CONNECT, head=lambda c: descriptions.head_as_fields(c))
+        return [descriptions.plain_keys(decl), bench.written(decl), keys_of(decl)]
     return [keys_of(decl)]
 
 
 def entry_of(decl: Declaration) -> Keys:
     """Return the whole table of a declaration, with what it is called by."""
-    called: tuple[str, KeyValue] = ("name", decl.name)
-    if isinstance(decl, CertificateDecl):
-        called = ("number", decl.number)
-    return [called, *keys_of(decl)]
-
-
-def _connect(c: ConnectConfig) -> Keys:
-    if c.description is not None:
-        return keys_of_description(c, c.description)
-    keys: Keys = [("ActiveEstablished", c.active)]
-    keys += _unless(ANY_ADDRESS, "LocalAddress", c.local.address)
-    keys += [("LocalPort", c.local.port)] if c.local.port or not c.active else []
-    keys += _unless(ANY_ADDRESS, "RemoteAddress", c.remote_address)
-    keys += _unless(0, "RemotePort", c.remote_port)
-    keys += _unless(False, "SendDelayOpt", c.send_delay_opt)
-    return keys + _unless(0, "KeepAliveTimeInterval", c.keep_alive_interval_s)
-
-
-def _udp_config(c: UdpConfig) -> Keys:
-    return [*_unless(ANY_ADDRESS, "LocalAddress", c.local.address), ("LocalPort", c.local.port)]
-
-
-def _addr(a: AddrParam) -> Keys:
-    if a.description is not None:
-        keys: Keys = [("type", a.description.structure.name), ("bytes", a.description.data.hex(" "))]
-        return keys + ([("RemotePort", a.remote_port)] if isinstance(a.remote_port, str) else [])
-    return [
-        *_unless(ANY_ADDRESS, "RemoteAddress", a.remote_address),
-        *_unless(0, "RemotePort", a.remote_port),
-    ]
-
-
-def _combuffer(b: ComBufferDecl) -> Keys:
-    keys = _unless(SIMULATED, "source", b.source)
-    s = b.serial
-    if s is not None and b.source == SERIAL:
-        keys += [("port", s.port), ("baud", s.baud), *_unless(8, "data_bits", s.data_bits)]
-        keys += [*_unless("none", "parity", s.parity), *_unless(1, "stop_bits", _plain(s.stop_bits))]
-        keys += _unless("none", "handshake", s.handshake)
-    keys += [*_unless(0, "size", b.size), *_unless(0, "per_cycle", b.per_cycle)]
-    return keys + _unless("", "line", b.line)
-
-
-def _instance(i: InstanceDecl) -> Keys:
-    link = "config" if i.on_config else link_key(i.block)
-    keys: Keys = [("block", i.block), (link, i.connect)]
-    keys += [("addr", i.addr)] if i.addr is not None else []
-    keys += [("data", i.data)] if i.data is not None else []
-    named = zip(POINTERS.get(i.block, ()), i.pointers, strict=False)
-    keys += [(key, name) for key, name in named if name]
-    return [*keys, ("task", i.task), *[(pin, _as_written(pin, value)) for pin, value in i.inputs]]
-
-
-def _as_written(pin: str, value: bool | int) -> KeyValue:
-    return format_time(value * 1_000_000) if pin in TIMES else value
-
-
-def _peer(p: PeerDecl) -> Keys:
-    keys: Keys = [("udp", True)] if p.udp else [("active", p.active)]
-    if p.active:
-        keys.append(("remote", str(p.end)))
-        keys += [("local", str(p.source))] if p.source is not None else []
-    else:
-        keys += _unless(str(FREE_PORT), "local", str(p.end))
-        keys += [("remote", str(p.remote))] if p.remote is not None else []
-    keys += [("reconnect", format_time(p.reconnect_ns))] if p.reconnect_ns else []
-    keys += [("says", list(p.says))] if p.says else []
-    keys += [("every", format_time(p.every_ns))] if p.every_ns != DEFAULT_EVERY_NS else []
-    keys += [("replies", list(p.replies))] if p.replies else []
-    keys += _choice(p.choice)
-    keys += keys_of_iso(p.session) if isinstance(p.session, IsoSettings) else []
-    return keys + list(p.tls)
-
-
-def _data(d: DataDecl) -> Keys:
-    return [("type", d.type_name), *_unless(False, "optimized", d.optimized), *_choice(d.choice)]
-
-
-def _choice(choice: LayoutChoice) -> Keys:
-    given = zip(choice._fields, choice, strict=True)
-    return [(name, value) for name, value in given if value is not None]
-
-
-def _message(m: MessageDecl) -> Keys:
-    return [("text", m.text), *_unless("", "peer", m.peer)]
-
-
-def _plain(number: float) -> KeyValue:
-    return int(number) if number == int(number) else number
-
-
-def _unless(default: KeyValue, key: str, value: KeyValue) -> Keys:
-    return [(key, value)] if value != default else []
-
-
-_KEYS: Final[dict[type, Callable[[Any], Keys]]] = {
-    ConnectConfig: _connect,
-    UdpConfig: _udp_config,
-    AddrParam: _addr,
-    ComBufferDecl: _combuffer,
-    DataDecl: lambda d: [
-        ("type", d.type_name),
-        *_unless(False, "optimized", d.optimized),
-        *_choice(d.choice),
-    ],
-    InstanceDecl: _instance,
-    PeerDecl: _peer,
-    MessageDecl: _message,
-    SequenceDecl: lambda s: [("steps", list(s.steps))],
-    CertificateDecl: lambda c: [("file", c.file), *_unless("", "key", c.key)],
-}
+    called: KeyValue = decl.number if isinstance(decl, CertificateDecl) else decl.name
+    return [(TABLES[kind_name(decl)].called, called), *keys_of(decl)]

@@ -6,17 +6,16 @@ Rule: a file that cannot be read is a mistake in the project; a number that nobo
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from trcvtui.errors import UserError
 from trcvtui.net.connection.description import LONGEST_SELECTOR, Description, selector_bytes
 from trcvtui.net.connection.description_check import CHECKS_NAME, Finding, Flaw, Meaning
-from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.project import CertificateDecl, Certificates
-from trcvtui.project.tables import FILE, TEXT, TRUTH, Kind, Table, of_text, shown, whole
+from trcvtui.project.tables import Kind, Table, of_text, shown, whole
 from trcvtui.udt.byte_text import parse_hex
 
 LONGEST_MESSAGE: Final = 65536
@@ -77,12 +76,16 @@ def _ascii(text: str) -> bytes | None:
 
 
 TSAP: Final = of_text(
-    'a TSAP of at most 32 bytes such as "16#E002", "E0.02" or "TCP-1"', parse_selector, either_way
+    'a TSAP of at most 32 bytes such as "16#E002", "E0.02" or "TCP-1"',
+    parse_selector,
+    either_way,
+    write=lambda tsap: f"16#{tsap.hex().upper()}",
 )
 TPDU: Final[Kind[int]] = Kind(
     "a TPDU size: 128, 256, 512, 1024, 2048, 4096 or 8192",
     lambda value: SIZES.get(value) if isinstance(value, int) else None,
     lambda text: SIZES.get(int(text)) if text.isascii() and text.isdigit() and len(text) < 6 else None,
+    write=lambda code: 1 << code,
 )
 
 
@@ -91,52 +94,17 @@ DB_BYTES: Final = of_text(
 )
 
 
-def read_iso(table: Table) -> IsoSettings | None:
-    """Return what a peer's table says about ISO-on-TCP, None where it speaks plain TCP."""
-    is_iso = table.get("iso", TRUTH, False)
-    if not is_iso:
-        for key in ("local_tsap", "remote_tsap", "tpdu"):
-            if table.has(key):
-                table.know(key)
-                table.wrong(key, "a word of ISO-on-TCP", "iso = true beside it")
-        return None
-    return IsoSettings(
-        local=table.get("local_tsap", TSAP, b""),
-        remote=table.get("remote_tsap", TSAP, b""),
-        cap=LONGEST_MESSAGE,
-        size_code=table.get("tpdu", TPDU, OWN_SIZE_CODE),
-    )
-
-
 UNSAFE: Final = "none, this is unsafe"
 NUMBER: Final = whole(1, (1 << 32) - 1)
 VERIFY: Final = of_text(
     f'"{UNSAFE}", or no such key: certificates are verified', lambda text: text if text == UNSAFE else None
 )
 HOST: Final = of_text("the name or address that the certificate must bear", lambda text: text or None)
-PEER_KEYS: Final = ("certificate", "authority", "client_certificate", "server_name", "verify")
+TLS_KEYS: Final = ("tls", "certificate", "authority", "client_certificate", "server_name", "verify")
 
 
-def read_certificates(tables: Iterable[Table], base: Path) -> Certificates:
-    """Return all certificates by their number."""
-    found: dict[int, CertificateDecl] = {}
-    for table in tables:
-        one = _read_certificate(table, base)
-        if one is not None and one.number in found:
-            table.wrong("number", f"{one.number} for the second time", "a number of its own")
-        elif one is not None:
-            found[one.number] = one
-    return found
-
-
-def _read_certificate(table: Table, base: Path) -> CertificateDecl | None:
-    number = table.must("number", NUMBER)
-    file = table.must("file", FILE)
-    key = table.get("key", TEXT, "")
-    table.know("name")
-    table.finish()
-    if number is None or file is None:
-        return None
+def certificate_of(number: int, file: str, key: str, table: Table, base: Path) -> CertificateDecl:
+    """Return a certificate whose files have been looked at."""
     found = CertificateDecl(
         number, str((base / file).absolute()), str((base / key).absolute()) if key else ""
     )
@@ -207,37 +175,25 @@ class PeerTls(NamedTuple):
     keys: tuple[tuple[str, bool | int | str], ...]
 
 
-def read_peer_tls(table: Table, known: Certificates) -> PeerTls | None:
-    """Return what a peer's table says about TLS, None where it speaks plain TCP."""
-    if not table.get("tls", TRUTH, False):
-        for key in PEER_KEYS:
-            if table.has(key):
-                table.know(key)
-                table.wrong(key, "a word of TLS", "tls = true beside it")
-        return None
-    own = _known(table, "certificate", known)
-    authority = _known(table, "authority", known)
-    name = table.read("server_name", HOST)
+def tls_of_peer(values: Mapping[str, Any], table: Table, known: Certificates) -> PeerTls:
+    """Return what the keys of a peer with TLS mean."""
+    own, authority = [_known(table, key, values[key], known) for key in ("certificate", "authority")]
     if own is not None and not own.key:
         table.wrong("certificate", f"{own.number}, which has no key", "one with a key")
-    asks_client = table.get("client_certificate", TRUTH, False)
-    verify = table.read("verify", VERIFY)
+    name = values["server_name"]
     settings = TlsSettings(
         certificate=own.file if own else "",
         key=own.key if own else "",
         authorities=_authorities(known, authority.number if authority else 0),
-        asks_client=asks_client,
+        asks_client=values["client_certificate"],
         server_name=name or "",
         checks_name=name is not None,
-        is_unverified=verify is not None,
+        is_unverified=values["verify"] is not None,
     )
-    numbers = tuple(one.number if one is not None else None for one in (own, authority))
-    said = zip(PEER_KEYS, (*numbers, asks_client or None, name, verify), strict=True)
-    return PeerTls(settings, (("tls", True), *((key, value) for key, value in said if value is not None)))
+    return PeerTls(settings, tuple([(key, values[key]) for key in TLS_KEYS if values[key]]))
 
 
-def _known(table: Table, key: str, known: Certificates) -> CertificateDecl | None:
-    number = table.read(key, NUMBER)
+def _known(table: Table, key: str, number: int | None, known: Certificates) -> CertificateDecl | None:
     if number is not None and number not in known:
         numbers = ", ".join(map(str, known)) or "of a [[certificate]]"
         table.wrong(key, shown(number), f"a number {numbers}" if known else f"the number {numbers}")

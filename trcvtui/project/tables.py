@@ -24,7 +24,7 @@ from trcvtui.project.names import (
     parse_reference,
 )
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
-from trcvtui.udt.literals import parse_integer, parse_time
+from trcvtui.udt.literals import format_time, parse_integer, parse_time
 from trcvtui.udt.types import ELEMENTARY
 
 LARGEST_FILE: Final = 10 * 1024 * 1024
@@ -94,12 +94,14 @@ class Kind(Generic[T]):
     """What a key may hold. Both readers answer None for what is not of this kind.
 
     `instead`: what to write in place of a text that is refused, "" where `expected` says it.
+    `write`: the value as it stands in TOML.
     """
 
     expected: str
     read: Callable[[Any], T | None]
     from_text: Callable[[str], T | None]
     instead: Callable[[str], str] = lambda text: ""
+    write: Callable[[Any], Any] = lambda value: value
 
     def wanted(self, value: object) -> str:
         """Return what was expected where this stands."""
@@ -108,10 +110,13 @@ class Kind(Generic[T]):
 
 
 def of_text(
-    expected: str, read: Callable[[str], T | None], instead: Callable[[str], str] = lambda text: ""
+    expected: str,
+    read: Callable[[str], T | None],
+    instead: Callable[[str], str] = lambda text: "",
+    write: Callable[[Any], Any] = lambda value: value,
 ) -> Kind[T]:
     """Return a kind that is written as a string in TOML."""
-    return Kind(expected, lambda value: read(value) if isinstance(value, str) else None, read, instead)
+    return Kind(expected, lambda value: read(value) if isinstance(value, str) else None, read, instead, write)
 
 
 def whole(least: int, most: int) -> Kind[int]:
@@ -191,25 +196,38 @@ TEXT: Final = of_text("a text in quotes", lambda text: text)
 FILE: Final = of_text(
     "a text in quotes", lambda text: None if hidden_in(text) else text, lambda text: NO_HIDDEN
 )
-INTERVAL: Final = of_text("a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS))
-DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0))
+INTERVAL: Final = of_text(
+    "a duration from T#100us on, such as T#10ms", _duration_from(LEAST_INTERVAL_NS), write=format_time
+)
+DELAY: Final = of_text("a duration from T#0s on, such as T#5ms", _duration_from(0), write=format_time)
 MILLISECONDS: Final = Kind(
     "a TIME of whole milliseconds such as T#50ms or 50",
     lambda value: None if isinstance(value, bool | float) else _milliseconds(str(value)),
     _milliseconds,
+    write=lambda ms: format_time(ms * 1_000_000),
 )
 ADDRESS: Final = of_text("an IPv4 address, four numbers from 0 to 255", parse_address)
-ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint)
+ENDPOINT: Final = of_text("an IPv4 address and a port such as 127.0.0.1:2000", parse_endpoint, write=str)
 ADDRESSES: Final = Kind(
-    'a list of IPv4 addresses such as ["10.0.0.1"]', _addresses, lambda text: _addresses(text.split(","))
+    'a list of IPv4 addresses such as ["10.0.0.1"]',
+    _addresses,
+    lambda text: _addresses(text.split(",")),
+    write=list,
 )
 PORT: Final = whole(0, 65535)
-MESSAGES: Final = Kind('a list of messages such as ["hex 01 02", "random 8"]', _texts, lambda text: (text,))
+MESSAGES: Final = Kind(
+    'a list of messages such as ["hex 01 02", "random 8"]', _texts, lambda text: (text,), write=list
+)
 
 STEPS: Final = Kind(
-    'a list of message names and pauses such as ["hello", "T#100ms"]', _texts, lambda text: (text,)
+    'a list of message names and pauses such as ["hello", "T#100ms"]',
+    _texts,
+    lambda text: (text,),
+    write=list,
 )
-RULES: Final = Kind('a list of rules such as ["contains hex 05 send hex 06"]', _texts, lambda text: (text,))
+RULES: Final = Kind(
+    'a list of rules such as ["contains hex 05 send hex 06"]', _texts, lambda text: (text,), write=list
+)
 
 
 NAME: Final = of_text(IDENTIFIER_TEXT, lambda text: text if is_identifier(text) else None)
@@ -248,10 +266,12 @@ UDP_PORT_OR_NAME: Final[Kind[int | str]] = Kind(
 END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a CONNECT",
     lambda text: _reference(text) or parse_endpoint(text),
+    write=str,
 )
 UDP_END_OR_NAME: Final[Kind[Endpoint | str]] = of_text(
     "an IPv4 address and a port such as 127.0.0.1:2000, or @NAME of a UDP_CONFIG",
     lambda text: _reference(text) or parse_endpoint(text),
+    write=str,
 )
 LAYOUT: Final = of_text(
     "a layout: " + ", ".join(LAYOUTS),
@@ -262,6 +282,30 @@ TEXT_FORM: Final = of_text(
     "a form of STRING: " + ", ".join(TEXT_FORMS), lambda text: text if text in TEXT_FORMS else None
 )
 POINTER_SIZE: Final = one_of(*POINTER_SIZES)
+
+
+QUEUE_SIZE: Final = whole(1, 65_536)
+BAUD: Final = whole(50, 4_000_000)
+DATA_BITS: Final = whole(5, 8)
+
+
+def _one_of(*words: str) -> Kind[str]:
+    return of_text(" or ".join(words), lambda text: text if text in words else None)
+
+
+def _stop_bits(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and value in (1, 1.5, 2) else None
+
+
+STOP_BITS: Final = Kind(
+    "1, 1.5 or 2",
+    _stop_bits,
+    lambda text: {"1": 1.0, "1.5": 1.5, "2": 2.0}.get(text),
+    write=lambda number: int(number) if number == int(number) else number,
+)
+PARITY: Final = _one_of("none", "even", "odd", "mark", "space")
+HANDSHAKE: Final = _one_of("none", "rts/cts", "dsr/dtr", "xon/xoff")
+PORT_NAME: Final = of_text("the name of a port, such as /dev/ttyUSB0", lambda text: text.strip() or None)
 
 
 class Table:
@@ -311,6 +355,12 @@ class Table:
         """Return the text that stands at a key, None where there is none."""
         value = self._content.get(key)
         return value.text if isinstance(value, Given) else value if isinstance(value, str) else None
+
+    def is_true(self, key: str, default: bool = False) -> bool:
+        """Return whether true stands at a key; the default where neither true nor false does."""
+        value = self._content.get(key)
+        found = TRUTH.from_text(value.text) if isinstance(value, Given) else TRUTH.read(value)
+        return default if found is None else found
 
     def rest(self) -> list[str]:
         """Return the keys that nobody has asked for."""

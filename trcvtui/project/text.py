@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.project.keys import KIND_OF, KeyValue, entry_of, forms_of
+from trcvtui.project.keys import KeyValue, entry_of, forms_of, kind_name
 from trcvtui.project.project import Declaration, Edit
 from trcvtui.project.tables import parse_toml
 
@@ -30,7 +30,7 @@ def with_entries(text: str, decls: Sequence[Declaration], where: str) -> str:
     """Return the text with these entries; raise UserError when the text has no place for them."""
     wanted = parse_toml(text, where)
     for decl in decls:
-        entries = wanted.setdefault(KIND_OF[type(decl)], [])
+        entries = wanted.setdefault(kind_name(decl), [])
         if isinstance(entries, list):
             entries.append(dict(entry_of(decl)))
     return _checked(text, wanted, where, lambda plain: _in_their_places(plain, decls), _at_the_end(decls))
@@ -166,7 +166,7 @@ def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
 
     new: list[Declaration] = []
     for decl in decls:
-        entries = document.get(KIND_OF[type(decl)])
+        entries = document.get(kind_name(decl))
         if isinstance(entries, AoT) and len(entries):
             _add_behind(entries, _table(decl))
         else:
@@ -227,7 +227,7 @@ def _at_the_end(decls: Sequence[Declaration]) -> Callable[[str], str]:
     """Return what appends the tables to a text."""
 
     def append(plain: str) -> str:
-        tables = [f"\n[[{KIND_OF[type(decl)]}]]\n{_table(decl).as_string()}" for decl in decls]
+        tables = [f"\n[[{kind_name(decl)}]]\n{_table(decl).as_string()}" for decl in decls]
         return plain + "".join(tables)
 
     return append

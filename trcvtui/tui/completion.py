@@ -8,10 +8,12 @@ from typing import Final
 from textual.suggester import Suggester
 
 from trcvtui.plc.wired_pins import buffer_pin, mark_pins
-from trcvtui.project.edit import kinds_named, names_of
+from trcvtui.project.edit import kinds_named
+from trcvtui.project.keys import OFFERED as KINDS
+from trcvtui.project.keys import names_of
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.peer import VERBS as PEER_VERBS
-from trcvtui.tui.forms.fields import BARE, KINDS, fields_of, first_name
+from trcvtui.tui.forms.fields import fields_of, first_name, keys_of_line
 
 PEER_COMMANDS: Final = ("send", *sorted(set(PEER_VERBS) - {"send"}))
 VERBS: Final = (
@@ -77,7 +79,8 @@ def _parts(project: Project) -> list[str]:
 
 def _keys_of(kind: str, words: list[str], project: Project) -> Iterable[str]:
     given = {word.partition("=")[0] for word in words}
-    fields = [field for field in fields_of(kind, project) if field.key not in given and field.key not in BARE]
+    given |= keys_of_line(kind, project).bare
+    fields = [field for field in fields_of(kind, project) if field.key not in given]
     return (*(f"{f.key}={choice}" for f in fields for choice in f.choices), *(f"{f.key}=" for f in fields))
 
 

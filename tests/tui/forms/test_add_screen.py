@@ -161,7 +161,7 @@ def project() -> Project:
 @pytest.mark.parametrize("kind", ["instance", "connect", "data", "peer", "udp_config", "addr"])
 def test_what_the_form_begins_with_can_be_added_at_once(project: Project, kind: str) -> None:
     texts = {field.key: field.first for field in fields_of(kind, project)}
-    line = line_of(kind, first_name(kind, project), texts)
+    line = line_of(kind, first_name(kind, project), texts, project)
     assert fault_of(line, project) == ""
 
 
@@ -169,7 +169,7 @@ def test_every_known_value_fits_its_field(project: Project) -> None:
     for kind in kinds_of(project):
         for field in fields_of(kind, project):
             for choice in field.choices:
-                fault = fault_of(line_of(kind, "N1", {field.key: choice}), project)
+                fault = fault_of(line_of(kind, "N1", {field.key: choice}, project), project)
                 assert f"{field.key}: found" not in fault.replace(f"{field.key}: found nothing", "")
 
 
@@ -239,7 +239,10 @@ async def test_the_form_adds_a_combuffer_where_blocks_can_be_on_one() -> None:
         for field in fields_of("combuffer", project)[1:]:
             others = {} if field.key == "line" else {"source": "serial", "port": "/dev/ttyUSB0"}
             for choice in field.choices:
-                assert fault_of(line_of("combuffer", "N1", {**others, field.key: choice}), project) == ""
+                assert (
+                    fault_of(line_of("combuffer", "N1", {**others, field.key: choice}, project), project)
+                    == ""
+                )
         await shown.press("A")
         await choose(shown, "kind", "combuffer")
         assert "▸ add combuffer B1 source=sim" in shown.words

@@ -15,13 +15,11 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.udp_config import UdpConfig
 from trcvtui.project.edit import (
-    FIELDS,
     adding,
     changing,
     entry,
     given,
     kinds_named,
-    names_of,
     read_changed,
     read_entry,
     taken_back,
@@ -29,7 +27,7 @@ from trcvtui.project.edit import (
     with_edits,
     with_entry,
 )
-from trcvtui.project.keys import KIND_OF, KeyValue, forms_of, keys_of
+from trcvtui.project.keys import EDITED, TABLES, KeyValue, forms_of, keys_of, kind_name, list_keys, names_of
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import (
     DataDecl,
@@ -52,11 +50,9 @@ from trcvtui.rig.commands.tokens import Words
 from trcvtui.rig.commands.words import Add, AddData, Change, Mend, Remove, Undo
 from trcvtui.rig.wording import count
 
-KINDS: Final = tuple(FIELDS)
+KINDS: Final = EDITED
 CERTIFICATE: Final = "certificate"
 INSTANCE: Final = "instance"
-OF_INSTANCE: Final = ("block", "connect", "config", "addr", "data", "task")
-LISTS: Final = ("says", "replies")  # given once for each
 PAIRS: Final = "KEY=VALUE, once each, such as LocalPort=2000"
 
 
@@ -127,7 +123,7 @@ def _pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
     """Return KEY=VALUE; where a value `runs_on`, words without a key belong to the one before."""
     pairs: dict[str, str] = {}
     lists: dict[str, list[str]] = {}
-    key = ""
+    key, severals = "", list_keys()
     for word in words.rest():
         if runs_on and "=" not in word and key in pairs:
             pairs[key] += f" {word}"
@@ -135,7 +131,7 @@ def _pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
         key, equals, text = word.partition("=")
         if not equals or key in pairs:
             raise words.wrong(shown(word), PAIRS)
-        if key in LISTS:
+        if key in severals:
             lists.setdefault(key, []).append(unquoted(text))
         else:
             pairs[key] = unquoted(text)
@@ -199,9 +195,7 @@ def _named(words: Words, project: Project) -> tuple[str, str]:
 
 def words_of(kind: str) -> str:
     """Return what a kind is called in a sentence."""
-    return {"connect": "CONNECT", "udp_config": "UDP_CONFIG", "addr": "ADDR", "data": "DATA variable"}.get(
-        kind, "ComBuffer" if kind == "combuffer" else kind
-    )
+    return TABLES[kind].what
 
 
 def _listed(texts: list[str]) -> str:
@@ -214,7 +208,9 @@ def _is_of_declaration(words: Words, name: str, project: Project) -> bool:
     if decl is None:
         return False
     pins = {pin.name for pin in project.pins(decl.block)}
-    keys = {*OF_INSTANCE, *BUFFER_PIN.values(), *POINTERS.get(decl.block, ())} - pins
+    of_others = {pin for marks in POINTERS.values() for pin in marks} - set(POINTERS.get(decl.block, ()))
+    wired = {row.name for row in TABLES[INSTANCE].keys if row.refers or row.name == "block"}
+    keys = wired - of_others - pins
     return any(word.partition("=")[0] in keys for word in words.ahead())
 
 
@@ -238,7 +234,7 @@ def read_remove(words: Words, project: Project) -> Remove:
     words.next("the name of what is to be removed")
     decl = entry(kind, name, project) if kind else None
     if decl is None:
-        names = names_of(kind, project) if kind else [n for each in FIELDS for n in names_of(each, project)]
+        names = names_of(kind, project) if kind else [n for each in EDITED for n in names_of(each, project)]
         raise words.wrong(shown(name), expected_name(name, names, words_of(kind) if kind else "name"))
     _refuse_to_leave((changing(decl, None, project),), project, f"{words.where}: {kind} {name}")
     return Remove(kind, name, decl)
@@ -257,7 +253,7 @@ def _refuse_to_leave(edits: Edits, project: Project, where: str) -> None:
     """Raise UserError where somebody has what these edits would take from him."""
     users = users_left(edits, project)
     if users:
-        names = [f"{words_of(KIND_OF[type(decl)])} {decl.name}" for decl, _ in users]
+        names = [f"{words_of(kind_name(decl))} {decl.name}" for decl, _ in users]
         changed = next((edit for edit in edits if edit.after is not None), None)
         wrong = users[0][1].problems[0]
         said = f" ({wrong.where.lstrip(': ')}: expected {wrong.expected})" if changed else ""
@@ -311,7 +307,7 @@ def told_on_the_way(command: Add | AddData) -> str:
 
 
 def _made(decl: Declaration) -> str:
-    what = f"{words_of(KIND_OF[type(decl)])} {decl.name}"
+    what = f"{words_of(kind_name(decl))} {decl.name}"
     match decl:
         case ConnectConfig() | UdpConfig():
             return f"{what} at {decl.local}"
@@ -364,7 +360,7 @@ def add_line(command: Add | AddData) -> str:
     if isinstance(command, Add) and command.text:
         return command.text
     decl = command.decl
-    start = f"add {KIND_OF[type(decl)]} {decl.name}"
+    start = f"add {kind_name(decl)} {decl.name}"
     match decl:
         case DataDecl():
             return " ".join([f"{start} {decl.type_name}", *(_pair(k, v) for k, v in keys_of(decl)[1:])])

@@ -14,7 +14,8 @@ from trcvtui.blocks.parameters import BUFFER_PIN, HAS_DATA, ON_CONNECT, RECEIVER
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.udp_config import UdpConfig
 from trcvtui.net.results import Endpoint
-from trcvtui.project.edit import SHARED_NAMES, names_of, read_entry, with_entry
+from trcvtui.project.edit import read_entry, with_entry
+from trcvtui.project.keys import free_name
 from trcvtui.project.project import Declaration, Project
 from trcvtui.project.tables import Given
 
@@ -27,13 +28,6 @@ SENT: Final = "ARRAY[0..15] OF BYTE"
 ADHOC: Final = "ADHOC"
 LISTEN: Final = ("connect", "udp_config")
 STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B"}
-
-
-def free_name(kind: str, start: str, project: Project) -> str:
-    """Return the first of `start`1, `start`2 .. that no entry has."""
-    sharing = next((kinds for kinds in SHARED_NAMES if kind in kinds), (kind,))
-    taken = {name for each in sharing for name in names_of(each, project)}
-    return next(name for n in range(1, len(taken) + 2) if (name := f"{start}{n}") not in taken)
 
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:

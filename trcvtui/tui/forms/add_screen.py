@@ -140,7 +140,7 @@ class AddScreen(ModalScreen[str]):
     def line(self) -> str:
         """Return the command that the fields make."""
         name, *others = self._fields
-        return line_of(self.kind, name.value, {field.key: field.value for field in others})
+        return line_of(self.kind, name.value, {field.key: field.value for field in others}, self._project())
 
     def _judge(self) -> None:
         """Show the command, or what is wrong with it and in which field."""

@@ -13,7 +13,7 @@ from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.blocks.status_sequence import Course
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
-from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.config import Policy
 
 BLOCKS: Final = ("TRCV_C", "TSEND_C")
 SECOND: Final = 1_000_000_000  # ns

@@ -10,7 +10,7 @@ from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.switches import defaults, format_value, read_switches
-from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.config import Policy
 
 
 def rules(**raw: object) -> Rules:

@@ -10,9 +10,10 @@ import os
 import select
 import socket
 
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, SocketOptions
+from trcvtui.net.kernel import Accepted, Handle, SocketOptions
 from trcvtui.net.os.kernel import OsKernel
-from trcvtui.net.os.namespace import enter, set_loopback
+from trcvtui.net.os.network import enter, set_loopback
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 
 def connection(kernel: OsKernel, options: SocketOptions) -> tuple[Handle, Handle]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
 from tests.net.net_facts import fact
-from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 
 @fact

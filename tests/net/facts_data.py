@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from tests.net.net_bench import ANY_PORT, Bench
 from tests.net.net_facts import fact, needs_rdhup
-from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle, Loss, PathInfo, SocketOptions
+from trcvtui.net.kernel import Handle, KernelLoss, PathInfo, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Fault
 
 
 @fact
@@ -56,8 +57,8 @@ def a_fin_shows_behind_unread_bytes_without_consuming_them(b: Bench) -> None:
     one = b.pair()
     b.send(one.client, b"frame")
     b.kernel.close(one.client)
-    assert b.loss(one.server) == Loss(None, 5)
-    assert b.loss(one.server) == Loss(None, 5)
+    assert b.loss(one.server) == KernelLoss(None, 5)
+    assert b.loss(one.server) == KernelLoss(None, 5)
     assert b.receive(one.server, 5) == b"frame"
     assert b.answer(one.server) == 0
 
@@ -67,7 +68,7 @@ def a_fin_shows_as_a_loss_without_a_fault(b: Bench) -> None:
     one = b.pair()
     assert b.kernel.loss(one.server) is None
     b.kernel.close(one.client)
-    assert b.loss(one.server) == Loss(None, 0)
+    assert b.loss(one.server) == KernelLoss(None, 0)
 
 
 @fact
@@ -105,7 +106,7 @@ def queued_bytes_survive_a_rst_and_the_error_is_told_once(b: Bench) -> None:
     assert b.answer(one.server) == Fault("recv", "ECONNRESET")
     assert b.answer(one.server) == 0
     assert b.try_send(one.server) == Fault("send", "EPIPE")
-    assert b.loss(one.server) == Loss(None, 0)
+    assert b.loss(one.server) == KernelLoss(None, 0)
 
 
 @fact
@@ -138,8 +139,8 @@ def loss_takes_the_error_and_leaves_the_bytes(b: Bench) -> None:
     b.until(lambda: b.kernel.unread(one.server) == 5)
     b.kernel.abort(one.client)
     b.settle()
-    assert b.loss(one.server) == Loss(Fault("recv", "ECONNRESET"), 5)
-    assert b.loss(one.server) == Loss(None, 5)
+    assert b.loss(one.server) == KernelLoss(Fault("recv", "ECONNRESET"), 5)
+    assert b.loss(one.server) == KernelLoss(None, 5)
     assert b.receive(one.server, 5) == b"five!"
     assert b.answer(one.server) == 0
     assert b.try_send(one.server) == Fault("send", "EPIPE")
@@ -154,7 +155,7 @@ def a_rst_behind_a_fin_stays_a_fin_for_the_reader_and_epipe_for_the_sender(b: Be
     b.settle()
     assert b.receive(one.server, 5) == b"five!"
     assert b.answer(one.server) == 0
-    assert b.loss(one.server) == Loss(None, 0)
+    assert b.loss(one.server) == KernelLoss(None, 0)
     assert b.try_send(one.server) == Fault("send", "EPIPE")
     assert b.kernel.shutdown(one.server) == Fault("shutdown", "ENOTCONN")
 
@@ -193,7 +194,7 @@ def own_shutdown_ends_both_directions(b: Bench) -> None:
     assert b.kernel.shutdown(one.server) is None
     assert b.answer(one.client) == 0
     assert b.answer(one.server) == 0
-    assert b.loss(one.server) == Loss(None, 0)
+    assert b.loss(one.server) == KernelLoss(None, 0)
     assert b.try_send(one.server) == Fault("send", "EPIPE")
 
 

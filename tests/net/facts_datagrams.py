@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
 from tests.net.net_facts import fact
-from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, SocketOptions
+from trcvtui.net.kernel import Handle, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 
 NOBODY = Endpoint(LOOPBACK, 9)
 

@@ -7,7 +7,8 @@ import pytest
 from tests.net.facts_data import fill
 from tests.net.net_bench import ANY_PORT, Bench, Pair
 from tests.net.net_facts import on_the_wire
-from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Fault, Handle, Loss, PathInfo, SocketOptions
+from trcvtui.net.kernel import Handle, KernelLoss, PathInfo, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Fault
 
 TIMED_OUT = Fault("recv", "ETIMEDOUT")
 
@@ -119,7 +120,7 @@ def neither_fin_nor_rst_crosses_a_cut_wire_and_only_the_fin_comes_again(b: Bench
     b.settle()
     assert (b.kernel.loss(fin.client), b.kernel.loss(rst.client)) == (None, None)
     mend(b)
-    assert b.loss(fin.client) == Loss(None, 0)
+    assert b.loss(fin.client) == KernelLoss(None, 0)
     assert b.kernel.loss(rst.client) is None
 
 
@@ -188,8 +189,8 @@ def a_user_timeout_ends_what_nobody_acknowledges_and_what_a_closed_window_holds_
         b.kernel.set_user_timeout(one.client, 300)
     cut(b)
     b.send(unheard.client, b"into the dark")
-    assert b.loss(unheard.client) == Loss(TIMED_OUT, 0)
-    assert b.loss(unread.client) == Loss(TIMED_OUT, 0)
+    assert b.loss(unheard.client) == KernelLoss(TIMED_OUT, 0)
+    assert b.loss(unread.client) == KernelLoss(TIMED_OUT, 0)
     assert (b.kernel.loss(idle.client), b.kernel.loss(unread.server)) == (None, None)
 
 

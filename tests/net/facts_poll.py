@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
 from tests.net.net_facts import fact
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Fault, Loss, SocketOptions
+from trcvtui.net.kernel import Accepted, KernelLoss, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Fault
 
 
 @fact
@@ -46,7 +47,7 @@ def a_handle_outside_the_poll_set_is_always_tried(b: Bench) -> None:
         if b.kernel.loss(one.server) is not None:
             break
         b.network.breathe()
-    assert b.kernel.loss(one.server) == Loss(None, 0)
+    assert b.kernel.loss(one.server) == KernelLoss(None, 0)
 
 
 @fact
@@ -99,7 +100,7 @@ def a_freed_handle_answers_ebadf(b: Bench) -> None:
     assert kernel.connect_result(handle) == Fault("connect", "EBADF")
     assert b.try_recv(handle) == Fault("recv", "EBADF")
     assert b.try_send(handle) == Fault("send", "EBADF")
-    assert kernel.loss(handle) == Loss(Fault("recv", "EBADF"), 0)
+    assert kernel.loss(handle) == KernelLoss(Fault("recv", "EBADF"), 0)
     assert kernel.shutdown(handle) == Fault("shutdown", "EBADF")
     assert kernel.abort(handle) == Fault("abort", "EBADF")
     assert kernel.close(handle) == Fault("close", "EBADF")

@@ -8,12 +8,12 @@ import socket
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
 from tests.net.net_sim import SimNetwork
 from trcvtui.net.faults import FaultPlan, FaultyKernel
-from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, SocketOptions
-from trcvtui.net.layers.cotp import TpktReader
-from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.kernel import Handle, SocketOptions
+from trcvtui.net.layers.iso_on_tcp import IsoSettings, TpktReader
 from trcvtui.net.layers.layer_kernel import SessionKernel
-from trcvtui.net.layers.shared_listener import DROPPED
+from trcvtui.net.layers.layered_stream import DROPPED
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 
 SECOND = 1_000_000_000
 E001, E002, E003 = b"\xe0\x01", b"\xe0\x02", b"\xe0\x03"

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Fault, Handle, Kernel, Loss, SocketOptions
+from trcvtui.net.kernel import Accepted, Handle, Kernel, KernelLoss, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 LOOPBACK = "127.0.0.1"
 ANY_PORT = Endpoint(LOOPBACK, 0)
@@ -168,9 +169,9 @@ class Bench:
         self.until(answered)
         return found[0]
 
-    def loss(self, handle: Handle) -> Loss:
+    def loss(self, handle: Handle) -> KernelLoss:
         """Wait until the connection is gone, and return why."""
-        found: list[Loss] = []
+        found: list[KernelLoss] = []
 
         def lost() -> bool:
             seen = self.kernel.loss(handle)

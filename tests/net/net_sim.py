@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tests.net.net_bench import Bench, Pair
-from trcvtui.net.kernel import Endpoint, Fault, Handle, SocketOptions
+from trcvtui.net.kernel import Handle, SocketOptions
+from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
 MS = 1_000_000

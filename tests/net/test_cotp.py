@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.net.layers.cotp import (
+from trcvtui.net.layers.iso_on_tcp import (
     Code,
     Connect,
     Data,

@@ -13,8 +13,9 @@ from tests.net.net_bench import ANY_PORT, Bench
 from tests.net.net_sim import MS, SimBench
 from tests.net.test_faults import FaultyBench, injected
 from tests.net.test_os_kernel import OsNetwork
-from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Handle
+from trcvtui.net.kernel import Handle
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
 

@@ -14,8 +14,8 @@ from trcvtui.net.connection.description import (
     LONGEST_NAME,
     LONGEST_SELECTOR,
     Description,
+    DescriptionField,
     DescriptionRow,
-    Field,
     FieldType,
     Structure,
     Value,
@@ -69,7 +69,7 @@ def test_the_example_is_packed_and_read() -> None:
     assert Description(IP_V4, bytes.fromhex(EXAMPLE)).values() == values
 
 
-def value_of(field: Field) -> st.SearchStrategy[Value]:
+def value_of(field: DescriptionField) -> st.SearchStrategy[Value]:
     match field.type:
         case FieldType.NUMBER:
             return st.integers(0, (1 << 8 * field.size) - 1)

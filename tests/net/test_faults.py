@@ -9,7 +9,8 @@ from tests.net.net_bench import ANY_PORT, Bench
 from tests.net.net_sim import SimBench, SimNetwork
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, FaultPlan, FaultyKernel
-from trcvtui.net.kernel import CALLS, WOULD_BLOCK, Accepted, Fault, Loss
+from trcvtui.net.kernel import CALLS, Accepted, KernelLoss
+from trcvtui.net.results import WOULD_BLOCK, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
 
@@ -268,7 +269,7 @@ def test_a_failed_close_or_abort_frees_the_handle_all_the_same(
     one = b.pair()
     b.plan.add(call)
     assert getattr(b.kernel, call)(one.client) == injected(call, error)
-    assert b.loss(one.server) == Loss(lost, 0)
+    assert b.loss(one.server) == KernelLoss(lost, 0)
     assert getattr(b.kernel, call)(one.client) == Fault(call, "EBADF")
 
 

@@ -8,9 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trcvtui.net.layer import Ended, Message
-from trcvtui.net.layers.cotp import Code, Connect, Data, Disconnect, TpktReader, encode, segments
-from trcvtui.net.layers.iso_on_tcp import MESSAGES_WAITING, IsoOnTcp, IsoSettings
+from trcvtui.net.layer import Ended, LayerMessage
+from trcvtui.net.layers.iso_on_tcp import (
+    MESSAGES_WAITING,
+    Code,
+    Connect,
+    Data,
+    Disconnect,
+    IsoOnTcp,
+    IsoSettings,
+    TpktReader,
+    encode,
+    segments,
+)
 
 E001, E002, E003 = b"\xe0\x01", b"\xe0\x02", b"\xe0\x03"
 CALLER = IsoSettings(local=E001, remote=E002, cap=8192)
@@ -26,7 +36,7 @@ def fed(session: IsoOnTcp, data: bytes) -> None:
     session.feed(memoryview(data))
 
 
-def read(session: IsoOnTcp, room: int = 65536) -> Message | None:
+def read(session: IsoOnTcp, room: int = 65536) -> LayerMessage | None:
     return session.read(memoryview(bytearray(room)))
 
 
@@ -85,7 +95,11 @@ def test_messages_are_the_same_wherever_the_stream_is_cut(cut: int) -> None:
     stream = ABC + AB_AND_C
     fed(passive, stream[:cut])
     fed(passive, stream[cut:])
-    assert [read(passive), read(passive), read(passive)] == [Message(b"abc", 3), Message(b"abc", 3), None]
+    assert [read(passive), read(passive), read(passive)] == [
+        LayerMessage(b"abc", 3),
+        LayerMessage(b"abc", 3),
+        None,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -111,7 +125,7 @@ def test_who_tells_no_size_gets_none_and_is_sent_pieces_of_1024() -> None:
     assert isinstance(first, Data)
     assert len(first.payload) == 1021
     fed(passive, segments(bytes(8000), 65000))  # and may send what it likes
-    assert read(passive) == Message(bytes(8000), 8000)
+    assert read(passive) == LayerMessage(bytes(8000), 8000)
 
 
 @pytest.mark.parametrize(("told", "sent"), [(128, 128), (512, 512), (65531, 1024)])
@@ -227,20 +241,20 @@ def test_a_stream_that_ends_before_the_cc_is_a_refusal() -> None:
 def test_a_message_longer_than_the_room_loses_its_rest_and_the_next_is_clean() -> None:
     active, passive = pair()
     fed(passive, active.encode(b"0123456789") + active.encode(b"next"))
-    assert read(passive, room=4) == Message(b"0123", 10)
-    assert read(passive, room=4) == Message(b"next", 4)
+    assert read(passive, room=4) == LayerMessage(b"0123", 10)
+    assert read(passive, room=4) == LayerMessage(b"next", 4)
 
 
 def test_a_message_longer_than_the_cap_keeps_the_cap_and_counts_the_rest() -> None:
     active, passive = pair()
     fed(passive, active.encode(bytes(20_000)))
-    assert read(passive) == Message(bytes(8192), 20_000)
+    assert read(passive) == LayerMessage(bytes(8192), 20_000)
 
 
 def test_an_empty_message_is_none() -> None:
     active, passive = pair()
     fed(passive, active.encode(b"") + active.encode(b"x"))
-    assert read(passive) == Message(b"x", 1)
+    assert read(passive) == LayerMessage(b"x", 1)
 
 
 def test_who_reads_nothing_stops_the_partner() -> None:
@@ -249,7 +263,7 @@ def test_who_reads_nothing_stops_the_partner() -> None:
         assert passive.wants_more, number
         fed(passive, active.encode(b"message"))
     assert not passive.wants_more
-    assert read(passive) == Message(b"message", 7)
+    assert read(passive) == LayerMessage(b"message", 7)
     assert passive.wants_more
 
 
@@ -264,7 +278,7 @@ def test_a_dr_behind_messages_leaves_them_readable() -> None:
     active, passive = pair()
     fed(passive, active.encode(b"last") + encode(Disconnect(1, 1, 0x80)))
     assert passive.ended == Ended("ECONNRESET", "DR, reason 80")
-    assert read(passive) == Message(b"last", 4)
+    assert read(passive) == LayerMessage(b"last", 4)
 
 
 @pytest.mark.parametrize(
@@ -309,12 +323,12 @@ def test_what_one_end_sends_the_other_receives(
 ) -> None:
     active, passive = pair(IsoSettings(E001, E002, 8192, own), IsoSettings(E002, E001, 8192, other))
     messages = [bytes(n % 251 for n in range(size)) for size in lengths]
-    got: list[Message | None] = []
+    got: list[LayerMessage | None] = []
     for piece in pieces(b"".join(active.encode(message) for message in messages), cuts):
         fed(passive, piece)
         while passive.has_data:
             got.append(read(passive))
-    assert got == [Message(message, len(message)) for message in messages]
+    assert got == [LayerMessage(message, len(message)) for message in messages]
 
 
 TPDUS = st.one_of(

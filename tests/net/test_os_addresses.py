@@ -9,17 +9,14 @@ import sys
 import pytest
 
 from tests.net.test_os_kernel import no_descriptor_left
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.connection_ids import Identities
-from trcvtui.net.connection.ipv4 import broadcast_of
-from trcvtui.net.connection.local_address import wrong_local_address
-from trcvtui.net.connection.policy import Policy
-from trcvtui.net.connection.set_up import SetUp, Stage
-from trcvtui.net.kernel import Endpoint, Fault, LocalAddress
-from trcvtui.net.os import addresses as os_addresses
-from trcvtui.net.os.addresses import interface_addresses
+from trcvtui.net.connection.config import ConnectConfig, Policy
+from trcvtui.net.connection.resources import ConnectionIds, Work
+from trcvtui.net.connection.set_up import SetUp, SetUpStage, wrong_local_address
+from trcvtui.net.kernel import LocalAddress
+from trcvtui.net.os import network as os_addresses
 from trcvtui.net.os.kernel import OsKernel
-from trcvtui.net.work import Work
+from trcvtui.net.os.network import interface_addresses
+from trcvtui.net.results import Endpoint, Fault, broadcast_of
 
 
 def test_asking_for_the_addresses_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,14 +43,14 @@ def test_a_system_without_such_a_list_leaves_the_address_to_bind(monkeypatch: py
         kernel,
         Policy(),
         lambda name: None,
-        Identities(),
+        ConnectionIds(),
         lambda *note: None,
         Work(),
     )
     assert set_up.create() is None
     failed = set_up.prepare(0)
     assert failed is not None
-    assert (failed.stage, failed.fault) == (Stage.ADDRESS, Fault("bind", "EADDRNOTAVAIL"))
+    assert (failed.stage, failed.fault) == (SetUpStage.ADDRESS, Fault("bind", "EADDRNOTAVAIL"))
     kernel.close_all()
 
 

@@ -15,15 +15,16 @@ from pathlib import Path
 
 import pytest
 
+import trcvtui.net.os.system_calls as os_poll
+import trcvtui.net.os.system_calls as os_queues
 from tests.net.contract import FACTS, NEEDS_RDHUP, OF_THE_WIRE, Fact
 from tests.net.net_bench import Bench
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Endpoint, Handle, LocalAddress, Loss, SocketOptions
-from trcvtui.net.kernel import Fault as Failed
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, SocketOptions
 from trcvtui.net.os import kernel as os_kernel
-from trcvtui.net.os import poll as os_poll
-from trcvtui.net.os import queues as os_queues
 from trcvtui.net.os.kernel import OsKernel
-from trcvtui.net.os.options import error_name
+from trcvtui.net.os.system_calls import error_name
+from trcvtui.net.results import WOULD_BLOCK, Endpoint
+from trcvtui.net.results import Fault as Failed
 
 OF_THE_POLL_SET = [f for f in FACTS if f not in OF_THE_WIRE]
 
@@ -305,7 +306,7 @@ def test_a_loss_found_behind_bytes_is_kept_for_the_next_call(network: OsNetwork)
     b.kernel.abort(one.client)
     b.settle()
     assert b.try_recv(one.server, 100) == b"five!"
-    assert b.kernel.loss(one.server) == Loss(Failed("recv", "ECONNRESET"), 0)
+    assert b.kernel.loss(one.server) == KernelLoss(Failed("recv", "ECONNRESET"), 0)
     assert b.try_recv(one.server) == 0
 
 

@@ -9,12 +9,13 @@ from collections.abc import Iterator
 
 import pytest
 
+import trcvtui.net.os.system_calls as os_link
 from tests.net.net_bench import Bench
 from tests.net.test_os_kernel import OsNetwork
-from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Loss, SocketOptions
-from trcvtui.net.os import link as os_link
-from trcvtui.net.os import options as os_options
+from trcvtui.net.kernel import KernelLoss, SocketOptions
+from trcvtui.net.os import system_calls as os_options
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="packet filters at sockets are Linux's own")
 
@@ -35,7 +36,7 @@ def test_keep_alive_finds_an_idle_cut_wire_within_three_intervals(b: Bench) -> N
     start = time.monotonic()
     b.until(lambda: b.kernel.readable(one.client), most=8000)
     assert 1.8 < time.monotonic() - start < 3.6
-    assert b.kernel.loss(one.client) == Loss(Fault("recv", "ETIMEDOUT"), 0)
+    assert b.kernel.loss(one.client) == KernelLoss(Fault("recv", "ETIMEDOUT"), 0)
     assert b.kernel.loss(one.server) is None  # nobody has told the partner
 
 

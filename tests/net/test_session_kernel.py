@@ -8,8 +8,9 @@ from tests.net.contract import FACTS, OF_THE_WIRE, Fact
 from tests.net.iso_bench import CAP, WAITS, IsoBench, OsNetwork
 from tests.net.net_bench import Bench
 from tests.net.net_sim import SimNetwork
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Datagram, Fault, Loss, SocketOptions
+from trcvtui.net.kernel import Accepted, KernelLoss, SocketOptions
 from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
 
@@ -114,7 +115,7 @@ def test_a_fin_comes_behind_the_last_message(b: IsoBench) -> None:
 def test_a_reset_is_told_once_the_messages_are_read(b: IsoBench) -> None:
     caller, called, listener = b.up()
     b.kernel.abort(caller)
-    assert b.loss(called) == Loss(Fault("recv", "ECONNRESET"), 0)
+    assert b.loss(called) == KernelLoss(Fault("recv", "ECONNRESET"), 0)
     b.close_all(called, listener)
 
 

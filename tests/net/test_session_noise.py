@@ -9,10 +9,8 @@ from tests.net.iso_bench import E001, E002, SECOND, IsoBench, Net
 from tests.net.net_sim import SimNetwork
 from tests.net.test_iso_on_tcp import TPDUS
 from trcvtui.net.kernel import Accepted, SocketOptions
-from trcvtui.net.layers.cotp import Code, Connect, encode
-from trcvtui.net.layers.iso_on_tcp import REMARKS, IsoSettings
-from trcvtui.net.layers.shared_listener import ENDED, IGNORED
-from trcvtui.net.layers.stream import PIECE
+from trcvtui.net.layers.iso_on_tcp import REMARKS, Code, Connect, IsoSettings, encode
+from trcvtui.net.layers.layered_stream import ENDED, IGNORED, PIECE
 from trcvtui.net.sim.kernel import SimKernel
 
 CAP = 1000

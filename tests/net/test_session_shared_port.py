@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.net.iso_bench import CAP, E001, E002, E003, WAITS, IsoBench
-from trcvtui.net.kernel import Fault
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
+from trcvtui.net.results import Fault
 
 
 def test_two_connects_share_a_port_and_each_gets_its_own_partner(b: IsoBench) -> None:
@@ -62,7 +62,7 @@ def test_who_is_ready_stirs_its_own_connect(b: IsoBench) -> None:
 
     def waits_for_c2() -> bool:
         b.kernel.connect_result(caller)
-        return "C2" in (b.kernel.stirred() or {}).values() and b.kernel.readable(second)  # type: ignore[attr-defined]
+        return "C2" in (b.kernel.ready_handles() or {}).values() and b.kernel.readable(second)  # type: ignore[attr-defined]
 
     b.until(waits_for_c2)
     assert not b.kernel.readable(first)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from tests.net.iso_bench import CAP, E001, E002, SECOND, IsoBench, raw_client
-from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle
-from trcvtui.net.layers.cotp import Code, Connect, Data, encode
-from trcvtui.net.layers.iso_on_tcp import CAPS, IsoSettings
-from trcvtui.net.layers.shared_listener import ENDED
+from trcvtui.net.kernel import Handle
+from trcvtui.net.layers.iso_on_tcp import CAPS, Code, Connect, Data, IsoSettings, encode
+from trcvtui.net.layers.layered_stream import ENDED
+from trcvtui.net.results import WOULD_BLOCK, Fault
 
 BEGUN = encode(Data(b"begun", False))
 SMALL = IsoSettings(E002, E001, 1000)
@@ -35,7 +35,7 @@ def test_half_a_message_ends_the_connection_after_30_s(b: IsoBench, half: bytes)
     assert b.kernel.loss(called) is None
     b.net.now += SECOND
     assert b.loss(called).fault == ENDED_BY_US
-    assert "C1" in (b.kernel.stirred() or {}).values()  # type: ignore[attr-defined]
+    assert "C1" in (b.kernel.ready_handles() or {}).values()  # type: ignore[attr-defined]
     assert b.net.heard == [TOO_SLOW]
     b.close_all(client, called, listener)
 

@@ -16,10 +16,10 @@ from tests.net.iso_bench import (
     answer_of,
     raw_client,
 )
-from trcvtui.net.kernel import WOULD_BLOCK, Accepted, Fault
-from trcvtui.net.layers.cotp import Code, Connect, Data, Disconnect, encode
-from trcvtui.net.layers.iso_on_tcp import IsoSettings
-from trcvtui.net.layers.shared_listener import CLIENTS_WAITING, ENDED, GAVE_WAY, IGNORED
+from trcvtui.net.kernel import Accepted
+from trcvtui.net.layers.iso_on_tcp import Code, Connect, Data, Disconnect, IsoSettings, encode
+from trcvtui.net.layers.layered_stream import CLIENTS_WAITING, ENDED, GAVE_WAY, IGNORED
+from trcvtui.net.results import WOULD_BLOCK, Fault
 
 
 def test_an_unknown_tsap_is_refused_and_told(b: IsoBench) -> None:

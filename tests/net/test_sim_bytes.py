@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from tests.net.net_bench import Bench
 from tests.net.net_sim import MS, SimBench, SimNetwork
-from trcvtui.net.kernel import Fault, Handle, SocketOptions
+from trcvtui.net.kernel import Handle, SocketOptions
+from trcvtui.net.results import Fault
 from trcvtui.net.sim.kernel import SimKernel
 
 SIDES = st.sampled_from((0, 1))

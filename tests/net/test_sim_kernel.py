@@ -9,9 +9,10 @@ import pytest
 from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import ANY_PORT, Bench
 from tests.net.net_sim import MS, SimBench, SimNetwork
-from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, LocalAddress
+from trcvtui.net.kernel import LocalAddress
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
-from trcvtui.net.sim.stream import Stream
+from trcvtui.net.sim.stream import SimStream
 
 KERNELS = {
     "plain": lambda: SimKernel(),
@@ -177,7 +178,7 @@ def test_the_same_seed_gives_the_same_pieces_and_another_seed_others() -> None:
 
 def streams_in_memory() -> int:
     gc.collect()
-    return sum(isinstance(thing, Stream) for thing in gc.get_objects())
+    return sum(isinstance(thing, SimStream) for thing in gc.get_objects())
 
 
 def test_connections_that_are_over_are_forgotten() -> None:

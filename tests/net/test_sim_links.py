@@ -6,7 +6,8 @@ import pytest
 
 from tests.net.net_bench import Pair
 from tests.net.net_sim import MS, SimBench
-from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, Fault, Loss, PathInfo, SocketOptions
+from trcvtui.net.kernel import KernelLoss, PathInfo, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
 TIMED_OUT = Fault("recv", "ETIMEDOUT")
@@ -89,7 +90,7 @@ def test_the_timeout_is_told_once_to_whoever_asks_first() -> None:
     b.time.pass_ms(3000)
     assert b.try_send(one.client) == Fault("send", "ETIMEDOUT")
     assert b.try_send(one.client) == Fault("send", "EPIPE")
-    assert b.sim.loss(one.client) == Loss(None, 4)
+    assert b.sim.loss(one.client) == KernelLoss(None, 4)
     assert b.receive(one.client, 4) == b"kept"
     assert b.try_recv(one.client) == 0
 
@@ -131,7 +132,7 @@ def test_a_probe_to_a_partner_that_died_during_the_cut_is_answered_with_rst() ->
     b.time.pass_ms(5000)
     b.mend()
     b.until(lambda: b.sim.readable(one.client), 20_000)
-    assert b.sim.loss(one.client) == Loss(Fault("recv", "ECONNRESET"), 0)
+    assert b.sim.loss(one.client) == KernelLoss(Fault("recv", "ECONNRESET"), 0)
 
 
 def test_a_fin_that_was_lost_comes_again_and_a_rst_does_not() -> None:
@@ -143,7 +144,7 @@ def test_a_fin_that_was_lost_comes_again_and_a_rst_does_not() -> None:
     b.time.pass_ms(1000)
     b.mend()
     b.time.pass_ms(5000)
-    assert b.sim.loss(fin.client) == Loss(None, 0)
+    assert b.sim.loss(fin.client) == KernelLoss(None, 0)
     assert b.sim.loss(rst.client) is None
 
 
@@ -311,7 +312,7 @@ def test_a_last_fin_whose_acknowledgement_was_lost_is_acknowledged_in_time_wait(
     b.time.pass_ms(20)
     b.mend()
     b.time.pass_ms(1000)
-    assert b.sim.loss(one.server) == Loss(None, 0)
+    assert b.sim.loss(one.server) == KernelLoss(None, 0)
     assert b.sim.shutdown(one.server) == Fault("shutdown", "ENOTCONN")
 
 

@@ -9,44 +9,43 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.certificates import NEEDS_OPENSSL, Certificates
-from trcvtui.net.layer import Session
+from trcvtui.net.layer import LayerSession, TlsError
 from trcvtui.net.layers.tls import CAP, Tls, TlsSettings, flaw_of_certificate
-from trcvtui.net.tls_words import TlsError
 
 pytestmark = NEEDS_OPENSSL
 LOOPBACK = "127.0.0.1"
 FLIGHTS = 8  # more than any handshake has
 
 
-def fed(session: Session, data: bytes) -> None:
+def fed(session: LayerSession, data: bytes) -> None:
     if data:
         session.feed(memoryview(data))
 
 
-def read(session: Session, room: int = CAP) -> bytes:
+def read(session: LayerSession, room: int = CAP) -> bytes:
     got = session.read(memoryview(bytearray(room)))
     return got.data if got else b""
 
 
-def meet(client: Session, server: Session) -> None:
+def meet(client: LayerSession, server: LayerSession) -> None:
     """Let everything flow that both have to say."""
     for _ in range(FLIGHTS):
         fed(server, client.take_output())
         fed(client, server.take_output())
 
 
-def met(client: TlsSettings, server: TlsSettings) -> tuple[Session, Session]:
+def met(client: TlsSettings, server: TlsSettings) -> tuple[LayerSession, LayerSession]:
     ends = client.new(is_active=True), server.new(is_active=False)
     meet(*ends)
     return ends
 
 
-def errors(ends: tuple[Session, Session]) -> list[str]:
+def errors(ends: tuple[LayerSession, LayerSession]) -> list[str]:
     return [end.ended.error if end.ended else "" for end in ends]
 
 
 @pytest.fixture
-def up(certificates: Certificates) -> Iterator[tuple[Session, Session]]:
+def up(certificates: Certificates) -> Iterator[tuple[LayerSession, LayerSession]]:
     """Return client and server behind their handshake."""
     client, server = met(certificates.settings(), certificates.settings("plc"))
     assert client.is_up
@@ -58,7 +57,7 @@ def up(certificates: Certificates) -> Iterator[tuple[Session, Session]]:
 
 
 @pytest.mark.slow
-def test_both_ends_come_up_and_bytes_go_both_ways(up: tuple[Session, Session]) -> None:
+def test_both_ends_come_up_and_bytes_go_both_ways(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     fed(server, client.encode(b"abc"))
     fed(client, server.encode(b"xyz"))
@@ -67,13 +66,13 @@ def test_both_ends_come_up_and_bytes_go_both_ways(up: tuple[Session, Session]) -
 
 
 @pytest.mark.slow
-def test_bytes_are_read_in_any_portions_and_in_their_order(up: tuple[Session, Session]) -> None:
+def test_bytes_are_read_in_any_portions_and_in_their_order(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     fed(server, client.encode(b"abc") + client.encode(b"defg"))
     assert [read(server, 2), read(server, 2), read(server, 9), read(server, 9)] == [b"ab", b"cd", b"efg", b""]
 
 
-def test_a_close_notify_is_the_end_behind_the_data(up: tuple[Session, Session]) -> None:
+def test_a_close_notify_is_the_end_behind_the_data(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     last = client.encode(b"last")
     client.say_goodbye()
@@ -82,7 +81,7 @@ def test_a_close_notify_is_the_end_behind_the_data(up: tuple[Session, Session]) 
     assert (server.partner_is_done, server.ended, read(server)) == (True, None, b"last")
 
 
-def test_a_stream_that_ends_without_close_notify_was_truncated(up: tuple[Session, Session]) -> None:
+def test_a_stream_that_ends_without_close_notify_was_truncated(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     fed(server, client.encode(b"abc"))
     server.partner_closed()
@@ -91,7 +90,7 @@ def test_a_stream_that_ends_without_close_notify_was_truncated(up: tuple[Session
     assert server.ended.error == TlsError.TRUNCATED
 
 
-def test_a_record_that_was_changed_on_its_way_ends_the_session(up: tuple[Session, Session]) -> None:
+def test_a_record_that_was_changed_on_its_way_ends_the_session(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     record = bytearray(client.encode(b"abcdef"))
     record[-1] ^= 1
@@ -101,7 +100,7 @@ def test_a_record_that_was_changed_on_its_way_ends_the_session(up: tuple[Session
     assert server.encode(b"more") == b""
 
 
-def test_a_partner_whom_nobody_reads_is_held_to_a_cap(up: tuple[Session, Session]) -> None:
+def test_a_partner_whom_nobody_reads_is_held_to_a_cap(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     piece = client.encode(bytes(16384))
     while server.wants_more:
@@ -114,7 +113,7 @@ def test_a_partner_whom_nobody_reads_is_held_to_a_cap(up: tuple[Session, Session
 # -- every split -------------------------------------------------------------------------------------------
 
 
-def flights(client: Session, server: Session) -> list[bytes]:
+def flights(client: LayerSession, server: LayerSession) -> list[bytes]:
     """Return what each end says in turn, the client first."""
     said = []
     for _ in range(FLIGHTS):
@@ -150,7 +149,7 @@ def test_a_handshake_may_come_byte_by_byte(certificates: Certificates) -> None:
     assert (client.is_up, server.is_up) == (True, True)
 
 
-def test_data_may_come_cut_at_every_byte(up: tuple[Session, Session]) -> None:
+def test_data_may_come_cut_at_every_byte(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     for cut in range(1, 64):
         record = client.encode(b"abcdef")
@@ -332,7 +331,7 @@ def test_no_bytes_make_it_raise(certificates: Certificates, noise: bytes, is_act
 
 
 def test_a_feed_reads_as_many_records_as_it_may_and_the_rest_is_a_backlog(
-    up: tuple[Session, Session],
+    up: tuple[LayerSession, LayerSession],
 ) -> None:
     client, server = up
     records = b"".join(client.encode(bytes([n])) for n in range(10))
@@ -343,14 +342,16 @@ def test_a_feed_reads_as_many_records_as_it_may_and_the_rest_is_a_backlog(
     assert (server.has_backlog, read(server)) == (False, bytes(range(4, 10)))
 
 
-def test_what_waits_behind_a_full_buffer_is_read_when_there_is_room(up: tuple[Session, Session]) -> None:
+def test_what_waits_behind_a_full_buffer_is_read_when_there_is_room(
+    up: tuple[LayerSession, LayerSession],
+) -> None:
     client, server = up
     fed(server, b"".join(client.encode(bytes(16384)) for _ in range(CAP // 16384 + 1)))
     assert (server.has_backlog, len(read(server, CAP)), server.has_backlog) == (False, CAP, True)
     assert (server.feed(memoryview(b""), 9), len(read(server, CAP))) == (2, 16384)
 
 
-def test_the_end_stands_behind_a_backlog(up: tuple[Session, Session]) -> None:
+def test_the_end_stands_behind_a_backlog(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     last = b"".join(client.encode(b"x") for _ in range(5))
     client.say_goodbye()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from trcvtui.net.connection.resources import EPISODE_REST, LEAST_SHARE, Party, Work
 from trcvtui.net.events import What
-from trcvtui.net.work import EPISODE_REST, LEAST_SHARE, Party, Work
 
 MS = 1_000_000
 SCAN = 10 * MS

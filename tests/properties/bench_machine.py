@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from tests.properties.promises import FramesKept
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionNote, What
+from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
 from trcvtui.plc.instance import Outputs
 from trcvtui.plc.ledger import BenchNote, Line, PeerSent
 from trcvtui.project.file import read_project
@@ -240,7 +240,7 @@ class BenchMachine(RuleBasedStateMachine):
         delivered = set()
         for line in news:
             match line.event:
-                case ConnectionNote(name, incarnation, What.CONNECTED, local, peer):
+                case ConnectionChanged(name, incarnation, What.CONNECTED, local, peer):
                     self.streams[name, incarnation] = Stream((peer, local))
                 case BytesReceived(name, incarnation, _, offset, size):
                     stream = self.streams[name, incarnation]

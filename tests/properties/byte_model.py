@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
-from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionNote, What
+from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, Line
 from trcvtui.project.project import InstanceDecl
 
@@ -74,7 +74,7 @@ class ByteModel:
         self.began, self.done, self.anew = [], [], []
         for line in news:
             match line.event:
-                case ConnectionNote():
+                case ConnectionChanged():
                     self._connection(line.event)
                 case BytesReceived() | BytesDropped() | JobStarted() | JobEnded():
                     self._receive(line.event)
@@ -99,7 +99,7 @@ class ByteModel:
 
     # -- connections ---------------------------------------------------------------------------------
 
-    def _connection(self, note: ConnectionNote) -> None:
+    def _connection(self, note: ConnectionChanged) -> None:
         key = note.connection, note.incarnation
         if note.what is What.CONNECTED:
             assert key not in self.links

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.net.kernel import Accepted, Endpoint, Fault, Handle
+from trcvtui.net.kernel import Accepted, Handle
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc.ledger import BenchNote, Event
 from trcvtui.project.project import PeerDecl

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import pytest
 
+import trcvtui.net.layers.iso_on_tcp as cotp
 from tests.certificates import NEEDS_OPENSSL
-from trcvtui.net.events import ConnectionNote, What
-from trcvtui.net.layers import cotp
-from trcvtui.net.layers.cotp import Code, Connect, Data, encode
-from trcvtui.net.layers.iso_on_tcp import EMPTY_PIECES
+from trcvtui.net.connection.resources import ACCEPT, HANDSHAKE, USUAL_INTERVAL, Work
+from trcvtui.net.events import ConnectionChanged, What
+from trcvtui.net.layers.iso_on_tcp import EMPTY_PIECES, Code, Connect, Data, encode
 from trcvtui.net.layers.tls import Tls
-from trcvtui.net.work import ACCEPT, HANDSHAKE, USUAL_INTERVAL, Work
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
@@ -86,9 +85,9 @@ class Works:
             self.bench.step()
             self.dones += sum(out.done and out.instance != "TX" for out in self.bench.runtime.called)
 
-    def told(self, *what: What) -> list[ConnectionNote]:
+    def told(self, *what: What) -> list[ConnectionChanged]:
         events = [line.event for line in self.bench.runtime.ledger]
-        return [one for one in events if isinstance(one, ConnectionNote) and one.what in (what or WAITS)]
+        return [one for one in events if isinstance(one, ConnectionChanged) and one.what in (what or WAITS)]
 
     def noted(self, what: str) -> list[str]:
         events = [line.event for line in self.bench.runtime.ledger]

@@ -11,9 +11,9 @@ import pytest
 
 from trcvtui.blocks.framing.framer import KEPT_NOISE
 from trcvtui.blocks.serial.recording import MOST_BYTES
-from trcvtui.net.serial_ports import MOST_WAITING, SimSerialPort
+from trcvtui.net.serial_line import SIMULATED_LINE_BYTES, SimSerialPort
 from trcvtui.plc.ledger import KEPT_LINES
-from trcvtui.plc.port_feed import MOST_A_SCAN
+from trcvtui.plc.serial_line_control import MOST_A_SCAN
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
@@ -154,6 +154,6 @@ def test_a_full_combuffer_slows_a_tcp_device_and_loses_nothing(tmp_path: Path) -
 def test_a_scan_takes_no_more_of_a_port_than_its_share() -> None:
     port = SimSerialPort()
     port.open()
-    port.arrive(b"\x55" * (MOST_WAITING + 1000))
+    port.arrive(b"\x55" * (SIMULATED_LINE_BYTES + 1000))
     assert len(port.read(MOST_A_SCAN)) == MOST_A_SCAN
-    assert len(port.read(MOST_WAITING)) == MOST_WAITING - MOST_A_SCAN
+    assert len(port.read(SIMULATED_LINE_BYTES)) == SIMULATED_LINE_BYTES - MOST_A_SCAN

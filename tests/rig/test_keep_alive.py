@@ -8,7 +8,7 @@ import socket
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.net.events import ConnectionNote, What
+from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.reader import parse_line
@@ -29,7 +29,7 @@ def connected(kernel: str, seconds: int) -> Bench:
 
 
 def told(bench: Bench) -> list[str]:
-    events = [line.event for line in bench.runtime.ledger if isinstance(line.event, ConnectionNote)]
+    events = [line.event for line in bench.runtime.ledger if isinstance(line.event, ConnectionChanged)]
     assert What.OPTION_REFUSED not in [event.what for event in events]
     return [event.detail for event in events if event.what is What.OPTION_LIMITED]
 

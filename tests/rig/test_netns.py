@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+import trcvtui.net.os.network as os_namespace
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_driver import wait_for
 from trcvtui.cli import KERNELS, main
-from trcvtui.net.os import namespace as os_namespace
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.words import Link

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.rig.peer_wire import Wire, connected, write
-from trcvtui.net.kernel import WOULD_BLOCK
+from trcvtui.net.results import WOULD_BLOCK
 from trcvtui.rig.commands.words import PeerSend
 
 # -- states ----------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.rig.peer_wire import MS, Wire, connected, write
-from trcvtui.net.kernel import WOULD_BLOCK
+from trcvtui.net.results import WOULD_BLOCK
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.rig.commands.words import PeerSend
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.net.events import ConnectionNote, What
+from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.project.file import load_project, read_project
 from trcvtui.rig.bench.bench import Bench
@@ -43,7 +43,7 @@ def status(bench: Bench) -> int:
 
 
 def happened(bench: Bench) -> list[What]:
-    return [line.event.what for line in bench.runtime.ledger if isinstance(line.event, ConnectionNote)]
+    return [line.event.what for line in bench.runtime.ledger if isinstance(line.event, ConnectionChanged)]
 
 
 def connect_again(bench: Bench) -> None:

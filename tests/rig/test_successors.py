@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.net.events import BytesDropped, ConnectionNote, What
+from trcvtui.net.events import BytesDropped, ConnectionChanged, What
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.reader import parse_line
@@ -86,7 +86,9 @@ class Line:
 
     def turned_away(self) -> int:
         events = [line.event for line in self.bench.runtime.ledger]
-        return sum(isinstance(event, ConnectionNote) and event.what is What.SECOND_CLIENT for event in events)
+        return sum(
+            isinstance(event, ConnectionChanged) and event.what is What.SECOND_CLIENT for event in events
+        )
 
     def close(self) -> None:
         self.bench.close()

@@ -10,7 +10,7 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.rig.test_udp_blocks import Desk
 from trcvtui.errors import UserError
-from trcvtui.net.events import ConnectionNote
+from trcvtui.net.events import ConnectionChanged
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
 from trcvtui.rig.commands.reader import parse_line
@@ -53,7 +53,7 @@ def test_the_pictures_say_udp_and_connect(tmp_path: Path) -> None:
     assert connection is not None and instance is not None
     assert (connection.udp, connection.state, connection.remote) == (True, "connected", "")
     assert (instance.connect, instance.addr, instance.on_config) == ("C1", "SOURCE", False)
-    notes = [line.event for line in desk.bench.runtime.ledger if isinstance(line.event, ConnectionNote)]
+    notes = [line.event for line in desk.bench.runtime.ledger if isinstance(line.event, ConnectionChanged)]
     assert [(note.what, note.detail) for note in notes] == [("listening", "UDP")]
     desk.close()
 

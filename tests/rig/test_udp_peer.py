@@ -9,8 +9,9 @@ from typing import Final
 import pytest
 
 from trcvtui.errors import UserError
-from trcvtui.net.kernel import Datagram, Endpoint, Fault, Handle
+from trcvtui.net.kernel import Handle
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.results import Datagram, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
 from trcvtui.project.file import load_project

@@ -9,9 +9,9 @@ from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection
-from trcvtui.net.connection.ownership import Claim
-from trcvtui.net.connection.udp_config import RemoteAddress
+from trcvtui.net.connection.resources import Claim
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from enum import Enum
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.parameters import Pin
 from trcvtui.blocks.status_sequence import Course
-from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.config import Policy
 
 
 class NotConnected(Enum):

@@ -10,20 +10,20 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.net.connection.loss import LossKind
-from trcvtui.net.connection.set_up import Stage
+from trcvtui.net.connection.connection import LossKind
+from trcvtui.net.connection.set_up import SetUpStage
 
 # (stage, errno) -> condition; an errno of "" is every other one of that stage.
-SetUpConditions = Mapping[tuple[Stage, str], Condition]
+SetUpConditions = Mapping[tuple[SetUpStage, str], Condition]
 
 PLAIN_SET_UP: Final[SetUpConditions] = {
-    (Stage.SOCKET, ""): Condition.NO_SOCKET,
-    (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
-    (Stage.REUSE, ""): Condition.REUSE_FAILED,
-    (Stage.BIND, ""): Condition.BIND_FAILED,
-    (Stage.POLL_ADD, ""): Condition.POLL_ADD_FAILED,
-    (Stage.ACCEPT, ""): Condition.ACCEPT_FAILED,
-    (Stage.CONNECT, ""): Condition.CONNECT_FAILED,
+    (SetUpStage.SOCKET, ""): Condition.NO_SOCKET,
+    (SetUpStage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
+    (SetUpStage.REUSE, ""): Condition.REUSE_FAILED,
+    (SetUpStage.BIND, ""): Condition.BIND_FAILED,
+    (SetUpStage.POLL_ADD, ""): Condition.POLL_ADD_FAILED,
+    (SetUpStage.ACCEPT, ""): Condition.ACCEPT_FAILED,
+    (SetUpStage.CONNECT, ""): Condition.CONNECT_FAILED,
 }
 
 
@@ -81,7 +81,7 @@ class Course:
     faults_once: bool = False
     set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
 
-    def of_set_up(self, stage: Stage, error: str) -> Condition:
+    def of_set_up(self, stage: SetUpStage, error: str) -> Condition:
         """Return the condition of a set-up step that failed with that errno."""
         return self.set_up.get((stage, error)) or self.set_up[stage, ""]
 

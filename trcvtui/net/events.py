@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
-from trcvtui.net.kernel import Fault
+from trcvtui.net.results import Fault
 
 
 class What(StrEnum):
@@ -29,7 +29,7 @@ class What(StrEnum):
     OPTION_REFUSED = "option refused"
     OPTION_LIMITED = "option limited"
     RELEASED = "released"
-    TPDUS_WAIT = "TPDUs wait"  # these: a partner asks for more work than one scan does (net/work.py)
+    TPDUS_WAIT = "TPDUs wait"  # these: a partner asks for more work than one scan does (Work)
     RECORDS_WAIT = "TLS records wait"
     CLIENTS_WAIT = "clients wait"
     HANDSHAKES_WAIT = "handshakes wait"
@@ -37,7 +37,7 @@ class What(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ConnectionNote:
+class ConnectionChanged:
     """Something happened on the CONNECT `connection`; `incarnation` counts its TCP connections from 1."""
 
     connection: str
@@ -52,7 +52,7 @@ class ConnectionNote:
 class BytesReceived(NamedTuple):
     """One recv call took `size` bytes that begin at `offset` of the incarnation's received stream.
 
-    `instance` has them: jobs of tasks of different priority can read in turns (ownership.py, rule 3).
+    `instance` has them: jobs of tasks of different priority can read in turns (resources.py, Direction).
     """
 
     connection: str
@@ -85,4 +85,4 @@ class BytesDropped:
     reason: str
 
 
-Note = ConnectionNote | BytesReceived | BytesSent | BytesDropped
+ConnectionEvent = ConnectionChanged | BytesReceived | BytesSent | BytesDropped

@@ -1,4 +1,5 @@
-"""Faults at the seam: a plan of which call fails when and with which errno, and a kernel that obeys it.
+"""Faults at the seam: a plan of which call fails when and with which errno, and a kernel and a
+serial port that obey it.
 
 The plan's faults carry `injected=True`, so that nobody takes them for the network's own.
 """
@@ -14,18 +15,15 @@ from trcvtui.errors import mistake
 from trcvtui.net.kernel import (
     CALLS,
     Accepted,
-    Datagram,
-    Endpoint,
-    Fault,
     Handle,
     Kernel,
+    KernelLoss,
     LocalAddress,
-    Loss,
     PathInfo,
     SocketOptions,
-    WouldBlock,
 )
-from trcvtui.net.serial_line import SERIAL_CALLS
+from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.serial_line import SERIAL_CALLS, Opening, SerialPort
 
 # The errno of a call when the plan names none: what status-reproduction 2.2 and 2.3 found for it.
 DEFAULT_ERROR: Final = {
@@ -190,7 +188,7 @@ class FaultyKernel:
     def _readable_ones(self) -> Collection[Handle]:
         return [handle for handle in self._owners if self.inner.readable(handle)]
 
-    def stirred(self) -> Mapping[Handle, str] | None:
+    def ready_handles(self) -> Mapping[Handle, str] | None:
         """Return the handles that the last poll saw, with their owners; None: a fault may hit any of all."""
         if self.plan.active or self._held:
             return None
@@ -213,7 +211,7 @@ class FaultyKernel:
         """Return the verdict of a connect that was not made to fail."""
         return self.inner.connect_result(handle)
 
-    def loss(self, handle: Handle) -> Loss | None:
+    def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, without consuming data."""
         return self.inner.loss(handle)
 
@@ -340,3 +338,42 @@ class FaultyKernel:
         waiting = self._held.pop(handle, None)
         if waiting is not None:
             self.inner.abort(waiting.handle)
+
+
+class FaultyPort:
+    """A port whose calls fail as planned; a Fault of `read` or `write` closes it, as one of its own would."""
+
+    def __init__(self, port: SerialPort, plan: FaultPlan, owner: str) -> None:
+        self._port, self._plan, self._owner = port, plan, owner
+
+    def open(self) -> Fault | Opening | None:
+        """Open it, once: an attempt that lasts is one call."""
+        shown = self._port.open()
+        if isinstance(shown, Opening):
+            return shown
+        fault = self._plan.take("open", self._owner)
+        if fault is not None:
+            self._port.close()
+        return fault or shown
+
+    def read(self, most: int) -> bytes | Fault:
+        """Return the bytes that have come."""
+        return self._broken("read") or self._port.read(most)
+
+    def write(self, payload: bytes) -> int | Fault:
+        """Hand bytes over."""
+        return self._broken("write") or self._port.write(payload)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()
+
+    def arrive(self, payload: bytes) -> bool:
+        """Let bytes come over a simulated line."""
+        return self._port.arrive(payload)
+
+    def _broken(self, call: str) -> Fault | None:
+        fault = self._plan.take(call, self._owner)
+        if fault is not None:
+            self._port.close()
+        return fault

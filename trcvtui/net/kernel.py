@@ -11,13 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, NewType, Protocol
 
-from trcvtui.net.layer import Settings
-from trcvtui.net.results import HELD_BACK as HELD_BACK
-from trcvtui.net.results import WOULD_BLOCK as WOULD_BLOCK
-from trcvtui.net.results import Datagram as Datagram
-from trcvtui.net.results import Endpoint as Endpoint
-from trcvtui.net.results import Fault as Fault
-from trcvtui.net.results import WouldBlock as WouldBlock
+from trcvtui.net.layer import LayerSettings
+from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
 
 Handle = NewType("Handle", int)
 
@@ -53,7 +48,7 @@ class Accepted:
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
+class KernelLoss:
     """Why a connection is gone. `fault` is None for the partner's FIN."""
 
     fault: Fault | None
@@ -87,7 +82,7 @@ class SocketOptions:
     keep_alive_s: int = 10
     user_timeout_ms: int = 0
     small_buffers: bool = False
-    session: Settings | None = None  # what runs on the stream, where it is no plain TCP
+    session: LayerSettings | None = None  # what runs on the stream, where it is no plain TCP
 
 
 class Kernel(Protocol):
@@ -197,7 +192,7 @@ class Kernel(Protocol):
         """Take one datagram, an empty one too; the Fault's call is `recv`."""
         ...
 
-    def loss(self, handle: Handle) -> Loss | None:
+    def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, without consuming data; None while it stands.
 
         A FIN is seen even with unread data in front of it. An errno is reported to exactly one call,

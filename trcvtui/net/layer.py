@@ -1,14 +1,55 @@
 """What may run on a TCP stream between the blocks and the kernel: ISO-on-TCP, TLS. Bytes in, bytes out.
 
+The words of TLS stand here too, so that nobody loads the library for a word.
+
 Rule: a session never touches a socket and never raises, whatever comes; it holds bounded memory.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import NamedTuple, Protocol
 
 
-class Message(NamedTuple):
+class TlsError(StrEnum):
+    """Why a secure connection did not come up, or ended."""
+
+    PLAIN = "TLS_PLAIN"  # no TLS at all came
+    HANDSHAKE = "TLS_HANDSHAKE"
+    SILENT = "TLS_SILENT"
+    REFUSED = "TLS_REFUSED"  # by the partner, who told it
+    WRONG_NAME = "TLS_WRONG_NAME"
+    NO_CERTIFICATE = "TLS_NO_CERTIFICATE"
+    UNSUPPORTED = "TLS_UNSUPPORTED"
+    DISCARDED = "TLS_DISCARDED"
+    NO_CA = "TLS_NO_CA"
+    EXPIRED = "TLS_EXPIRED"
+    INTEGRITY = "TLS_INTEGRITY"
+    EXTENSION = "TLS_EXTENSION"
+    REFERENCE = "TLS_REFERENCE"  # our own certificate cannot be read any more
+    TRUNCATED = "TLS_TRUNCATED"  # the stream ended without the partner's close_notify
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """What one end shows and what it asks of the other. Files are PEM, by absolute path; "" is none.
+
+    `authorities`: who may have signed the partner's certificate. `asks_client`: the passive end wants one.
+    `server_name`: whom the active end asks for; `checks_name`: the certificate must bear it as a
+    subjectAlternateName. `is_unverified`: any certificate will do, which the project must say in plain words.
+    """
+
+    certificate: str = ""
+    key: str = ""
+    authorities: tuple[str, ...] = ()
+    asks_client: bool = False
+    server_name: str = ""
+    checks_name: bool = False
+    is_unverified: bool = False
+
+
+class LayerMessage(NamedTuple):
     """One message: its first bytes up to the session's cap, and how many it had."""
 
     data: bytes
@@ -22,7 +63,7 @@ class Ended(NamedTuple):
     detail: str
 
 
-class Session(Protocol):
+class LayerSession(Protocol):
     """One end of a session."""
 
     ended: Ended | None
@@ -51,7 +92,7 @@ class Session(Protocol):
     def feed(self, data: memoryview, most: int = ...) -> int:
         """Take bytes that the partner has sent, and do at most `most` units of work on what is here.
 
-        Return how many units it was (net/work.py). Nothing is lost: what was not looked at is a backlog.
+        Return how many units it was (Work). Nothing is lost: what was not looked at is a backlog.
         """
         ...
 
@@ -95,7 +136,7 @@ class Session(Protocol):
         """Return what must be sent to the partner, once."""
         ...
 
-    def read(self, into: memoryview) -> Message | None:
+    def read(self, into: memoryview) -> LayerMessage | None:
         """Put the next message, or the next bytes, into `into` and return it; None: nothing is there."""
         ...
 
@@ -108,7 +149,7 @@ class Session(Protocol):
         ...
 
 
-class Settings(Protocol):
+class LayerSettings(Protocol):
     """How to make a session: what a CONNECT says about it."""
 
     @property
@@ -121,6 +162,6 @@ class Settings(Protocol):
         """Return whether several passive CONNECTs listen on one port: the partner says which it wants."""
         ...
 
-    def new(self, is_active: bool) -> Session:
+    def new(self, is_active: bool) -> LayerSession:
         """Return a fresh session."""
         ...

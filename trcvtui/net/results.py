@@ -1,7 +1,8 @@
-"""The values that cross the seam and rise through the floors: WOULD_BLOCK, Fault, Endpoint, Datagram."""
+"""What calls of the kernel answer: WOULD_BLOCK, Fault, Datagram; and an Endpoint with its IPv4 address."""
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
@@ -10,7 +11,7 @@ from typing import Final
 class WouldBlock(Enum):
     """The answer "not now": nothing to read, no room to write, no verdict yet.
 
-    HELD_BACK: something to read may be there, but this scan has done its part for it (net/work.py).
+    HELD_BACK: something to read may be there, but this scan has done its part for it (Work).
     """
 
     WOULD_BLOCK = "WOULD_BLOCK"
@@ -63,3 +64,40 @@ class Datagram:
     def is_cut(self) -> bool:
         """Return whether the view was too small for it: the rest is gone."""
         return self.size < self.whole
+
+
+def octets(address: str) -> tuple[int, ...] | None:
+    """Return the four octets, None for any other text (short forms such as `127.1` are refused too)."""
+    parts = address.split(".")
+    if len(parts) != 4 or not all(p.isascii() and p.isdigit() and len(p) <= 3 for p in parts):
+        return None
+    numbers = tuple(int(part) for part in parts)
+    return numbers if max(numbers) < 256 else None
+
+
+def is_loopback(address: str) -> bool:
+    """Return whether it lies in 127.0.0.0/8."""
+    return address.startswith("127.")
+
+
+def is_group(address: str) -> bool:
+    """Return whether it is multicast (224 to 239) or the broadcast address: no single machine."""
+    parts = octets(address)
+    return parts is not None and (224 <= parts[0] <= 239 or parts == (255, 255, 255, 255))
+
+
+def broadcast_of(address: str, mask: str) -> str:
+    """Return the last address of a network; "" where it has but two or one (RFC 3021)."""
+    parts, bits = octets(address), octets(mask)
+    if parts is None or bits is None or bits >= (255, 255, 255, 254):
+        return ""
+    return ".".join(str(part | ~bit & 255) for part, bit in zip(parts, bits, strict=True))
+
+
+def pair(end: Endpoint) -> tuple[str, int]:
+    """Return what the socket module takes; four octets only, so that no text reaches the resolver."""
+    if octets(end.address) is None:
+        raise OSError(errno.EINVAL, "not a dotted IPv4 address")
+    if not 0 <= end.port < 65536:
+        raise OSError(errno.EINVAL, "not a port")
+    return end.address, end.port

@@ -1,4 +1,4 @@
-"""A serial line as its settings, and the seam to it: calls that never wait and never raise."""
+"""A serial line: its settings, the seam to it (calls never wait and never raise), and a simulated one."""
 
 from __future__ import annotations
 
@@ -57,3 +57,39 @@ class SerialPort(Protocol):
 
 
 SerialPorts = Callable[[str, SerialSettings], SerialPort]  # by the name of the ComBuffer
+
+
+SIMULATED_LINE_BYTES: Final = 1_048_576  # bytes on a simulated line, whose sender nobody can slow
+
+
+class SimSerialPort:
+    """A port that is always there; what is sent to it goes nowhere, what comes while it is closed is lost."""
+
+    def __init__(self) -> None:
+        self._is_open = False
+        self._waiting = bytearray()
+
+    def open(self) -> None:
+        """Open it."""
+        self._is_open = True
+
+    def read(self, most: int) -> bytes:
+        """Return the bytes that have come."""
+        got = bytes(self._waiting[:most])
+        del self._waiting[:most]
+        return got
+
+    def write(self, payload: bytes) -> int:
+        """Take all of it."""
+        return len(payload)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._is_open = False
+        self._waiting.clear()
+
+    def arrive(self, payload: bytes) -> bool:
+        """Let bytes come."""
+        if self._is_open:
+            self._waiting += payload[: SIMULATED_LINE_BYTES - len(self._waiting)]
+        return True

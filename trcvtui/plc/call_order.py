@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from trcvtui.plc.instance import Instance
 
 
-class Roster:
+class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
     A CONNECT on which no instance is left can change too (PLC STOP): `connects` names them all.
@@ -36,12 +36,12 @@ class Roster:
         self._awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
-        self._stirring = set(self._places)  # which CONNECTs have been awake since `take_stirring`
+        self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
         """Call every instance when it is due next."""
         self._awake.update(self._places)
-        self._stirring.update(self._places)
+        self._awake_since.update(self._places)
 
     def wake(self, connects: Iterable[str]) -> None:
         """Call the instances on these CONNECTs when they are due next."""
@@ -62,13 +62,13 @@ class Roster:
         self._awake = awake
         return changed
 
-    def take_stirring(self) -> set[str]:
+    def take_awake(self) -> set[str]:
         """Return the CONNECTs on which anything can have changed since the last time that this was asked."""
-        stirring, self._stirring = self._stirring, set(self._awake)
-        return stirring
+        awake, self._awake_since = self._awake_since, set(self._awake)
+        return awake
 
     def _call_order(self) -> list[int]:
-        self._stirring |= self._awake
+        self._awake_since |= self._awake
         if self._awake != self._ordered:
             self._ordered = self._awake
             self._order = sorted(

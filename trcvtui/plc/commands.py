@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
+from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
 
 PinValue = bool | int

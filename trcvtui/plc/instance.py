@@ -16,9 +16,8 @@ from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.plc.ledger import InputEdge, StatusEdge
+from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_key, framer_snapshot
-from trcvtui.plc.stream_drain import StreamDrain
-from trcvtui.plc.stream_feed import StreamFeed
 from trcvtui.project.project import InstanceDecl
 
 PinValue = bool | int

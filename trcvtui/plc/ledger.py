@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.serial_events import SerialNote
-from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionNote
+from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
 
 KEPT_LINES: Final = 20_000
 
@@ -75,7 +75,7 @@ Event = (
     | SendEnded
     | PeerSent
     | BenchNote
-    | ConnectionNote
+    | ConnectionChanged
     | BytesReceived
     | BytesSent
     | BytesDropped

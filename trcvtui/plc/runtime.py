@@ -1,7 +1,7 @@
 """The PLC: `scan(now)` is one scan in four phases, in this order, and nothing else.
 
 1 read_inputs            commands are applied and frozen; the network's readiness is taken once
-2 execute_program        every due instance is called once, in call order; who sleeps is left out (roster.py)
+2 execute_program        every due instance is called once, in call order; who sleeps is left out
 3 write_outputs          conditions have become STATUS; the ledger gets what changed, and why
 4 service_communication  connections on which the poll saw something: housekeeping; the job queue is served
 """
@@ -10,26 +10,24 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp.udp_control import UdpBinding
-from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.resources import Resources
-from trcvtui.net.connection.udp_config import AddrParam, RemoteAddress, UdpConfig
-from trcvtui.net.connection.udp_connection import connection_of
-from trcvtui.net.connection.udp_port import UdpPort
-from trcvtui.net.events import ConnectionNote, What
+from trcvtui.net.connection.udp import UdpPort, connection_of
+from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.net.kernel import Handle
-from trcvtui.net.layers.layer_kernel import Stirring
+from trcvtui.net.layers.layer_kernel import ReadyKernel
 from trcvtui.net.serial_line import SerialPorts
-from trcvtui.plc.call_order import Roster
+from trcvtui.plc.call_order import CallOrder
 from trcvtui.plc.commands import (
     BlinkInput,
     Command,
@@ -48,7 +46,6 @@ from trcvtui.plc.commands import (
     Withdraw,
     WriteData,
 )
-from trcvtui.plc.elements import elements_of, text_lens_of
 from trcvtui.plc.instance import Instance, Outputs
 from trcvtui.plc.ledger import BenchNote, Ledger
 from trcvtui.plc.serial_lines import SerialLines
@@ -63,6 +60,28 @@ from trcvtui.plc.snapshot import (
     port_snapshot,
 )
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
+from trcvtui.udt.types import Array, Elementary, Kind, Text, Type
+
+LEAST: Final = 2  # siemens.md 4.1: LEN of a TRCV into a STRING, and into a WSTRING
+LEAST_WIDE: Final = 5
+
+
+def elements_of(type_: Type) -> Elements:
+    """Return it for a variable's type; a STRUCT is something else, whatever stands in it."""
+    while isinstance(type_, Array):
+        type_ = type_.element
+    if not isinstance(type_, Elementary):
+        return Elements.OTHER
+    if type_.kind is Kind.BOOL:
+        return Elements.BITS
+    return Elements.BYTES if type_.size == 1 else Elements.OTHER
+
+
+def text_lens_of(type_: Type, size: int) -> TextLens:
+    """Return the smallest LEN of a variable that is one text: all of its `size` bytes, or the header's."""
+    if not isinstance(type_, Text):
+        return NO_TEXT
+    return TextLens(sent=size, received=LEAST_WIDE if type_.wide else LEAST)
 
 
 def area_of(decl: DataDecl) -> DataArea:
@@ -85,7 +104,7 @@ class Runtime:
     def __init__(
         self,
         project: Project,
-        kernel: Stirring,
+        kernel: ReadyKernel,
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
         ports: SerialPorts | None = None,
@@ -96,7 +115,7 @@ class Runtime:
         self.changed: tuple[Outputs, ...] = ()
         self._changed: Sequence[Instance] = ()
         self._program_ran = False
-        self._stirred: Mapping[Handle, str] | None = None  # what the poll saw; None: look at everything
+        self._ready_handles: Mapping[Handle, str] | None = None  # what the poll saw; None: look at everything
         self._stopped: list[Instance] = []  # whose outputs a STOP has changed, not yet told
         self.interval_ns = min(task.interval_ns for task in project.tasks)
         self._project = project
@@ -113,7 +132,7 @@ class Runtime:
         self._addrs = {param.name: RemoteAddress(param) for param in project.addrs}
         self._lines = SerialLines(project.combuffers, self._env, self.ledger.write, ports)
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
-        self._roster = self._new_roster()
+        self._call_order = self._new_call_order()
         self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
         self._connection_snapshots = {n: self._link_snapshot(n) for n in (*self._connections, *self._ports)}
         self._data_snapshots = {name: data_snapshot(data) for name, data in self._data.items()}
@@ -142,13 +161,13 @@ class Runtime:
             return UdpBinding(self._env, self._ports[decl.connect], addr, data, *called)
         return Binding(self._env, self._connections[decl.connect], data, *called, address=addr)
 
-    def _new_roster(self) -> Roster:
+    def _new_call_order(self) -> CallOrder:
         """Return each instance with its task's interval: by priority, 1 before 2, then as in the file."""
         tasks = {task.name: task for task in self._project.tasks}
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
         links = (*self._connections, *self._ports, *self._lines.names)
-        return Roster(entries, self.interval_ns, links)
+        return CallOrder(entries, self.interval_ns, links)
 
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:
@@ -164,7 +183,7 @@ class Runtime:
         """Queue a command for phase 1 of the next scan."""
         self._commands.append(command)
 
-    def stand_on(self, kernel: Stirring) -> None:
+    def stand_on(self, kernel: ReadyKernel) -> None:
         """Use this kernel in front of the one of before; CONNECTs that are there keep theirs."""
         self._kernel = kernel
 
@@ -188,7 +207,7 @@ class Runtime:
         """Return the outputs of the instances that were due in the last scan, in call order."""
         if not self._program_ran:
             return ()
-        return tuple(instance.outputs for instance in self._roster.due(self._env.scan - 1))
+        return tuple(instance.outputs for instance in self._call_order.due(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
         """Return the outputs of an instance as the last scan left them; before its first scan it has none."""
@@ -247,24 +266,24 @@ class Runtime:
         """Tell that a partner has asked for more work than one scan does; once an episode."""
         connection = self._connections.get(connect)
         incarnation = connection.incarnation if connection else 0
-        self.ledger.write(ConnectionNote(connect, incarnation, what, peer=partner, detail=why))
+        self.ledger.write(ConnectionChanged(connect, incarnation, what, peer=partner, detail=why))
 
     def _read_inputs(self) -> None:
         while self._commands:
             self._apply(self._commands.popleft())
-            self._roster.wake_all()
+            self._call_order.wake_all()
         self._kernel.poll()
         if self.running:
             self._lines.receive(self._env.now)
-        self._stirred = None if self.calls_all else self._kernel.stirred()
-        if self._stirred is None:
-            self._roster.wake_all()
+        self._ready_handles = None if self.calls_all else self._kernel.ready_handles()
+        if self._ready_handles is None:
+            self._call_order.wake_all()
         else:
-            self._roster.wake(self._stirred.values())
+            self._call_order.wake(self._ready_handles.values())
 
     def _execute_program(self) -> None:
         self._program_ran = self.running
-        self._changed = self._roster.call(self._env.scan - 1) if self.running else ()
+        self._changed = self._call_order.call(self._env.scan - 1) if self.running else ()
 
     def _write_outputs(self) -> None:
         for instance in self._changed:
@@ -278,19 +297,21 @@ class Runtime:
     def _service_communication(self) -> None:
         self._resources.queue.serve()
         self._lines.move(self._env.now)
-        for name in self._connections if self._stirred is None else self._stirred_listeners(self._stirred):
+        for name in (
+            self._connections if self._ready_handles is None else self._ready_listeners(self._ready_handles)
+        ):
             if self._connections[name].service():
-                self._roster.wake((name,))
+                self._call_order.wake((name,))
         for name in tuple(self._resources.unsettled):
             if self._connections[name].watch():
-                self._roster.wake((name,))
+                self._call_order.wake((name,))
 
-    def _stirred_listeners(self, stirred: Mapping[Handle, str]) -> list[str]:
+    def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
         connections = self._connections
         return [
             name
-            for handle, name in stirred.items()
-            if name in connections and (connections[name].handle != handle or connections[name].doom)
+            for handle, name in ready_handles.items()
+            if name in connections and (connections[name].handle != handle or connections[name].pending_loss)
         ]
 
     # -- commands --------------------------------------------------------------------------------------------
@@ -333,7 +354,7 @@ class Runtime:
         instance = self._instance(decl)
         self._instances = _with(self._instances, decl.name, instance, place)
         self._instance_snapshots = _with(self._instance_snapshots, decl.name, instance.snapshot(), place)
-        self._roster = self._new_roster()
+        self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
 
     def _declare(self, decl: DataDecl | ConnectConfig | UdpConfig | AddrParam | ComBufferDecl) -> None:
@@ -353,7 +374,7 @@ class Runtime:
                 self._connection_snapshots[name] = self._link_snapshot(name)
             case AddrParam(name):
                 self._addrs[name] = RemoteAddress(decl)
-        self._roster = self._new_roster()
+        self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(decl.name, "declared"))
 
     def _redeclare(self, before: Part | InstanceDecl, decl: Part | InstanceDecl) -> None:
@@ -387,7 +408,7 @@ class Runtime:
         if not isinstance(decl, DataDecl):
             for instance in [i for i in self._instances.values() if i.name in ends or _has(i.decl, decl)]:
                 self._bind_anew(instance, before)
-        self._roster = self._new_roster()
+        self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(name, "declared anew"))
 
     def _bind_anew(self, instance: Instance, before: Part | InstanceDecl) -> None:
@@ -418,13 +439,13 @@ class Runtime:
                 del self._addrs[name]
             case ComBufferDecl():
                 self._lines.withdraw(name)
-        self._roster = self._new_roster()
+        self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(name, "removed"))
 
     def _delete(self, name: str) -> None:
         instance = self._instances.pop(name)
         del self._instance_snapshots[name]
-        self._roster = self._new_roster()
+        self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(name, "deleted"))
         self._lines.leave(name)
         instance.leave("instance deleted")
@@ -487,13 +508,13 @@ class Runtime:
 
     def _renew_snapshots(self) -> None:
         """Make the snapshots anew of what may have changed; the others stay the same objects."""
-        stirring = self._roster.take_stirring() | set(self._resources.unsettled)
+        awake = self._call_order.take_awake() | set(self._resources.unsettled)
         for name, instance in self._instances.items():
-            if instance.decl.connect in stirring:
+            if instance.decl.connect in awake:
                 self._instance_snapshots[name] = instance.snapshot()
         # The time to the next attempt runs on also where nobody is left to make it.
         pausing = {name for name, connection in self._connections.items() if connection.retry_at is not None}
-        for name in (stirring | pausing) & self._connection_snapshots.keys():
+        for name in (awake | pausing) & self._connection_snapshots.keys():
             if name not in self._lines:
                 self._connection_snapshots[name] = self._link_snapshot(name)
         for name, data in self._data.items():

@@ -23,10 +23,8 @@ from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import OVER_TCP, SerialPorts
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote
-from trcvtui.plc.port_feed import PortFeed
+from trcvtui.plc.serial_line_control import PortFeed, StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import ComBufferSnapshot
-from trcvtui.plc.stream_drain import StreamDrain
-from trcvtui.plc.stream_feed import StreamFeed
 from trcvtui.project.project import ComBufferDecl, InstanceDecl
 
 STREAM: Final = "tcp"  # what a recording says of a source that is a TRCV_C

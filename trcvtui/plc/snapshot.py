@@ -16,9 +16,9 @@ from trcvtui.blocks.serial.receive_data import MILLISECOND
 from trcvtui.blocks.serial.receive_string import text_of
 from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection, State
-from trcvtui.net.connection.udp_config import RemoteAddress
-from trcvtui.net.connection.udp_port import UdpPort
+from trcvtui.net.connection.udp import UdpPort
 from trcvtui.net.results import Fault
 
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from trcvtui.net.connection.config import AddrParam
 from trcvtui.net.connection.config import ConnectConfig as ConnectConfig
-from trcvtui.net.connection.description import Description, Field, FieldType, Value, rows
+from trcvtui.net.connection.description import Description, DescriptionField, FieldType, Value, rows
 from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
-from trcvtui.net.connection.udp_config import AddrParam
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.project.layers import UNSAFE
 
@@ -76,7 +76,7 @@ def initial_values(
 ) -> tuple[Initial, ...]:
     """Return the fields as the initial values of a DB; `remarks` are by field name."""
 
-    def one(field: Field) -> Initial:
+    def one(field: DescriptionField) -> Initial:
         value = _literal(field, description, address)
         return Initial(f"{field.name} := {value}", remarks.get(field.name, ""))
 
@@ -101,7 +101,7 @@ def _rows(data: bytes) -> Iterator[str]:
         yield INDENT + ", ".join(f"16#{byte:02X}" for byte in data[at : at + 8])
 
 
-def _literal(field: Field, description: Description, address: str) -> str:
+def _literal(field: DescriptionField, description: Description, address: str) -> str:
     value: Value = description.value(field.name)
     match field.type, value:
         case FieldType.TRUTH, _:

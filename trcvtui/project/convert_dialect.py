@@ -15,8 +15,7 @@ from trcvtui.dialects.switches import format_value, read_switches
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig
 from trcvtui.net.connection.description import Description
-from trcvtui.net.connection.description_check import Finding, Flaw, Protocol, meaning, narrow_tsap
-from trcvtui.net.connection.tcon_param import as_param
+from trcvtui.net.connection.description_check import Finding, Flaw, Protocol, as_param, meaning, narrow_tsap
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import Endpoint

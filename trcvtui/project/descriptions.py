@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from trcvtui.blocks.rules import Rules
-from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig, parse_address
+from trcvtui.net.connection.config import ANY_ADDRESS, TADDR_PARAM, AddrParam, ConnectConfig, parse_address
 from trcvtui.net.connection.description import (
     ADDRESSES,
     CONNECTIONS,
     LONGEST_NAME,
     Description,
-    Field,
+    DescriptionField,
     FieldType,
     Structure,
     Value,
@@ -30,15 +30,13 @@ from trcvtui.net.connection.description_check import (
     Flaw,
     Meaning,
     Protocol,
+    as_param,
     judge,
     meaning,
     speaks_iso,
     types_of,
 )
-from trcvtui.net.connection.ipv4 import is_loopback, octets
-from trcvtui.net.connection.tcon_param import as_param
-from trcvtui.net.connection.udp_config import TADDR_PARAM, AddrParam
-from trcvtui.net.layer import Settings
+from trcvtui.net.layer import LayerSettings
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import Endpoint
@@ -148,7 +146,7 @@ QDN: Final = of_text(
 )
 
 
-def _kind(field: Field) -> Kind[Any]:
+def _kind(field: DescriptionField) -> Kind[Any]:
     match field.type:
         case FieldType.NUMBER if field.name == "RemotePort":
             return PORT_OR_NAME
@@ -353,7 +351,7 @@ def _remote_address(written: Written, says: Meaning, bench: BenchKeys) -> tuple[
 
 def _session(
     description: Description, says: Meaning, bench: BenchKeys, rules: Rules, certificates: Certificates
-) -> Settings | Finding | None:
+) -> LayerSettings | Finding | None:
     if is_secure(description):
         return secure(description, says, certificates, bench.is_unverified)
     if says.protocol is not Protocol.ISO:

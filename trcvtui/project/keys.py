@@ -29,9 +29,8 @@ from trcvtui.blocks.parameters import (
 from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError
-from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connection.config import ANY_ADDRESS, AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
-from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
 from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings

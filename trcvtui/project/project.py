@@ -13,10 +13,9 @@ from typing import Final
 from trcvtui.blocks.parameters import HAS_ID, PINS, Pin
 from trcvtui.blocks.rules import Rules
 from trcvtui.dialects.dialect import Dialect, SwitchValue
-from trcvtui.net.connection.config import ConnectConfig
+from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description_check import meaning
-from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
-from trcvtui.net.layer import Settings
+from trcvtui.net.layer import LayerSettings
 from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.udt.layout.layout import Layout
@@ -120,7 +119,7 @@ class PeerDecl:
     remote: Endpoint | str | None = None
     replies: tuple[str, ...] = ()
     choice: LayoutChoice = NO_CHOICE
-    session: Settings | None = None
+    session: LayerSettings | None = None
     tls: tuple[tuple[str, bool | int | str], ...] = ()  # what its table says of TLS, certificates by number
 
 

@@ -20,8 +20,7 @@ from trcvtui.blocks.parameters import (
     Pin,
 )
 from trcvtui.errors import mistake
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.udp_config import AddrParam
+from trcvtui.net.connection.config import AddrParam, ConnectConfig
 from trcvtui.project.connect_view import REMARK, Initial, declaration, declaration_of_addr, record
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import InstanceDecl, Project

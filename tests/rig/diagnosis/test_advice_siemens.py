@@ -10,7 +10,7 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.rig.told import Told
 from trcvtui.blocks.conditions import Condition
-from trcvtui.net.events import ConnectionNote, What
+from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.net.results import Fault
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
@@ -114,14 +114,14 @@ def test_a_certificate_that_was_not_shown_stays_told_while_the_next_client_is_wa
 def test_what_kept_a_connection_from_being_built_is_forgotten_when_it_is_built() -> None:
     index = StreamIndex()
     statistics = LinkStatistics(index)
-    failed = ConnectionNote(
+    failed = ConnectionChanged(
         "C1", 0, What.ATTEMPT_FAILED, fault=Fault("description", "wrong TSAP"), detail="x"
     )
     index.take([(2, 20, failed)])
     attempt = statistics.facts("X", "C1").attempt
     assert attempt is not None
     assert (attempt.at.scan, attempt.cause.call, attempt.cause.detail) == (2, "description", "x")
-    index.take([(102, 1020, ConnectionNote("C1", 0, What.CONNECTING))])
+    index.take([(102, 1020, ConnectionChanged("C1", 0, What.CONNECTING))])
     facts = statistics.facts("X", "C1")
     assert (facts.attempt, facts.failures) == (None, ())
 

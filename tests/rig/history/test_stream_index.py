@@ -6,7 +6,7 @@ import pytest
 
 from tests.tui.fakes import receiving
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.net.events import BytesReceived, ConnectionNote, What
+from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import Event, PeerSent
 from trcvtui.rig.history.stream_index import KEPT_STREAMS, StreamIndex
 from trcvtui.tui.view_model.explain import notes_of
@@ -23,9 +23,9 @@ def told(*events: Event, scan: int = 40) -> StreamIndex:
     return index
 
 
-def connected(incarnation: int = 1) -> ConnectionNote:
+def connected(incarnation: int = 1) -> ConnectionChanged:
     """Return the note of an accepted partner."""
-    return ConnectionNote("C1", incarnation, What.CONNECTED, PLC, PEER)
+    return ConnectionChanged("C1", incarnation, What.CONNECTED, PLC, PEER)
 
 
 def sent(message: int, offset: int, size: int) -> PeerSent:

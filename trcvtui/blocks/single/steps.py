@@ -12,8 +12,8 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.status_sequence import Course
 from trcvtui.blocks.tcp.loss_status import loss_cause
-from trcvtui.net.connection.loss import ConnectionLoss, LossKind
-from trcvtui.net.connection.udp_port import UdpPort
+from trcvtui.net.connection.connection import ConnectionLoss, LossKind
+from trcvtui.net.connection.udp import UdpPort
 from trcvtui.net.results import Fault
 
 IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)

@@ -13,9 +13,8 @@ from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
 from trcvtui.blocks.tcp.connection_control import established, set_up_failed
 from trcvtui.blocks.tcp.job_checks import in_use, rival_of
 from trcvtui.blocks.tcp.loss_status import loss_cause
-from trcvtui.net.connection.connection import State
-from trcvtui.net.connection.loss import LossKind
-from trcvtui.net.connection.set_up import Stage, StepFault
+from trcvtui.net.connection.connection import LossKind, State
+from trcvtui.net.connection.set_up import SetUpStage, StepFault
 
 IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the connection is there", pin="REQ", value=1)
 STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
@@ -101,7 +100,7 @@ class Tcon:
         self._connection.keeping.give_back(self._claim)
 
     def _is_silent(self, failed: StepFault) -> bool:
-        return self._env.rules.course.silent_connect and failed.stage is Stage.CONNECT
+        return self._env.rules.course.silent_connect and failed.stage is SetUpStage.CONNECT
 
     def _look_after(self) -> Outcome:
         """Build a lost connection again; a partner who refuses us has let this attempt fail."""
@@ -110,7 +109,7 @@ class Tcon:
         if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
             self._keeps = False
             self._connection.disconnect()
-            return Outcome(course.of_set_up(Stage.CONNECT, loss.fault.error), loss_cause(loss, self.job))
+            return Outcome(course.of_set_up(SetUpStage.CONNECT, loss.fault.error), loss_cause(loss, self.job))
         if self._connection.is_up:
             self._incarnation = self._connection.incarnation
         else:

@@ -15,8 +15,7 @@ from trcvtui.blocks.tcp.fault_repeat import ToldOnce
 from trcvtui.blocks.tcp.known_connection import LinkView
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
-from trcvtui.net.connection.connection import State
-from trcvtui.net.connection.loss import ConnectionLoss
+from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
 class Trcv:

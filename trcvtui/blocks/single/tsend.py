@@ -10,7 +10,7 @@ from trcvtui.blocks.single.steps import IDLE, end_of_job, shown_as
 from trcvtui.blocks.tcp.known_connection import LinkView
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.send_job import SendJob
-from trcvtui.net.connection.loss import ConnectionLoss
+from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class Tsend:

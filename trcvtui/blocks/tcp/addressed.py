@@ -8,9 +8,8 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.connection.config import ANY_ADDRESS
-from trcvtui.net.connection.udp_config import RemoteAddress
-from trcvtui.net.connection.udp_connection import DatagramConnection
+from trcvtui.net.connection.config import ANY_ADDRESS, RemoteAddress
+from trcvtui.net.connection.udp import DatagramConnection
 
 TARGETS: Final = ("TADDR_Param",)
 SOURCES: Final = ("TADDR_Param", "TADDR_RCV_IP")

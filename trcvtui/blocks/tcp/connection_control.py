@@ -19,10 +19,9 @@ from trcvtui.blocks.status_sequence import Course
 from trcvtui.blocks.tcp import disconnect_reset as closing
 from trcvtui.blocks.tcp.job_checks import in_use, rival_of
 from trcvtui.blocks.tcp.one_shot_cont import ContLevel
-from trcvtui.net.connection.connection import Connection, State
-from trcvtui.net.connection.loss import LossKind
-from trcvtui.net.connection.ownership import Claim
-from trcvtui.net.connection.set_up import Stage, StepFault
+from trcvtui.net.connection.connection import Connection, LossKind, State
+from trcvtui.net.connection.resources import Claim
+from trcvtui.net.connection.set_up import SetUpStage, StepFault
 
 
 class KeptOff:
@@ -195,7 +194,7 @@ class ConnectionPart:
         if self.phase is Phase.STARTING:
             self.phase, self.waits = Phase.CONNECTING, 0
         shown = set_up_failed(self._connection, failed, self._course)
-        if self._course.silent_connect and failed.stage is Stage.CONNECT:
+        if self._course.silent_connect and failed.stage is SetUpStage.CONNECT:
             self.waits += 1
             return replace(shown, condition=Condition.ESTABLISHING)
         self._script.extend(self._rebuilding(shown.cause))
@@ -337,7 +336,7 @@ def established(connection: Connection) -> Cause:
 
 def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:
     """Return what a failed step of the set-up shows."""
-    peer = connection.set_up.remote if failed.stage is Stage.CONNECT else None
+    peer = connection.set_up.remote if failed.stage is SetUpStage.CONNECT else None
     cause = cause_of(failed.fault, failed.client or str(peer or ""))
     if failed.detail:
         cause = replace(cause, detail=failed.detail)

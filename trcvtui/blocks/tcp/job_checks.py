@@ -12,7 +12,7 @@ from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.rules import AreaRules
 from trcvtui.net.connection.connection import Connection
-from trcvtui.net.connection.ownership import Claim, Direction
+from trcvtui.net.connection.resources import Claim, DirectionClaims
 
 
 class Wish(NamedTuple):
@@ -31,7 +31,12 @@ class Wish(NamedTuple):
 
 
 def refuse(
-    env: Environment, data: DataArea | None, wish: Wish, direction: Direction, claim: Claim, connect: str
+    env: Environment,
+    data: DataArea | None,
+    wish: Wish,
+    direction: DirectionClaims,
+    claim: Claim,
+    connect: str,
 ) -> Outcome | None:
     """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
     unfit = _misfit(env, data, wish)
@@ -49,7 +54,9 @@ def fits(env: Environment, data: DataArea | None, wish: Wish) -> bool:
     return wish.rival is None and _misfit(env, data, wish) is None
 
 
-def reserve(env: Environment, data: DataArea | None, wish: Wish, direction: Direction, claim: Claim) -> bool:
+def reserve(
+    env: Environment, data: DataArea | None, wish: Wish, direction: DirectionClaims, claim: Claim
+) -> bool:
     """Take the direction for a job that starts in the next call; False: that call would refuse it."""
     if not fits(env, data, wish) or env.resources.buffers.is_full:
         return False

@@ -8,9 +8,8 @@ from dataclasses import replace
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.connection.connection import Connection
-from trcvtui.net.connection.loss import ConnectionLoss
-from trcvtui.net.connection.ownership import Claim
+from trcvtui.net.connection.connection import Connection, ConnectionLoss
+from trcvtui.net.connection.resources import Claim
 
 
 class LinkView:

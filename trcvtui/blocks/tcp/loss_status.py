@@ -7,8 +7,8 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.rules import Rules
-from trcvtui.net.connection.loss import ConnectionLoss, LossKind
-from trcvtui.net.connection.set_up import Stage
+from trcvtui.net.connection.connection import ConnectionLoss, LossKind
+from trcvtui.net.connection.set_up import SetUpStage
 
 _FIN_CALL = {LossKind.CLOSED_BY_PARTNER: "recv"}  # it answered 0 bytes: no errno
 
@@ -42,7 +42,7 @@ def shown(
 def _conditions(loss: ConnectionLoss, rules: Rules, failed: Condition | None) -> list[Condition]:
     course, kind = rules.course, loss.kind
     if kind is LossKind.REFUSED and loss.fault is not None:
-        return [course.of_set_up(Stage.CONNECT, loss.fault.error)]  # as an attempt that failed
+        return [course.of_set_up(SetUpStage.CONNECT, loss.fault.error)]  # as an attempt that failed
     if kind is LossKind.OURS:
         return list(course.let_go)
     if failed is None:

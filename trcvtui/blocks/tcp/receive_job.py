@@ -20,7 +20,7 @@ from trcvtui.blocks.tcp.addressed import unfit
 from trcvtui.blocks.tcp.job_checks import Wish, fits, refuse, reserve, rival_of
 from trcvtui.blocks.tcp.job_checks import changed as area_changed
 from trcvtui.blocks.tcp.loss_status import shown
-from trcvtui.net.connection.loss import ConnectionLoss, LossKind
+from trcvtui.net.connection.connection import ConnectionLoss, LossKind
 from trcvtui.net.results import Datagram, Endpoint, WouldBlock
 
 OUTCOMES_KEPT: Final = 1024  # distinct (have, need) whose outcome is made only once

@@ -21,8 +21,8 @@ from trcvtui.blocks.tcp.addressed import no_target, unfit
 from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse, reserve, rival_of
 from trcvtui.blocks.tcp.loss_status import shown
 from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
-from trcvtui.net.connection.loss import ConnectionLoss
-from trcvtui.net.connection.udp_connection import DatagramConnection
+from trcvtui.net.connection.connection import ConnectionLoss
+from trcvtui.net.connection.udp import DatagramConnection
 from trcvtui.net.results import Fault, WouldBlock
 
 # What a datagram that no route takes shows; every other call that fails is "send failed".

@@ -11,7 +11,7 @@ from trcvtui.blocks.tcp.known_connection import CONNECTED, NO_LINK, LinkView
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.trcv_c import READY
-from trcvtui.net.connection.loss import ConnectionLoss
+from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class Trcv:

@@ -12,7 +12,7 @@ from trcvtui.blocks.tcp.fault_repeat import ToldOnce
 from trcvtui.blocks.tcp.not_connected import StandingRequest, not_connected
 from trcvtui.blocks.tcp.one_shot_cont import BY_EN_R, ContLevel
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
-from trcvtui.net.connection.loss import ConnectionLoss
+from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class TrcvC:

@@ -9,7 +9,7 @@ from trcvtui.blocks.tcp.known_connection import NO_LINK, LinkView
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.blocks.tcp.tsend_c import READY
-from trcvtui.net.connection.loss import ConnectionLoss
+from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class Tsend:

@@ -13,7 +13,7 @@ from trcvtui.blocks.tcp.connection_control import ConnectionPart
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.one_shot_cont import BY_REQ, ContLevel
 from trcvtui.blocks.tcp.send_job import SendJob
-from trcvtui.net.connection.loss import ConnectionLoss
+from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class TsendC:

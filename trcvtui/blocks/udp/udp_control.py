@@ -15,10 +15,10 @@ from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.status_sequence import PLAIN_SET_UP
-from trcvtui.net.connection.ownership import Claim
+from trcvtui.net.connection.config import RemoteAddress
+from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import StepFault
-from trcvtui.net.connection.udp_config import RemoteAddress
-from trcvtui.net.connection.udp_port import UdpPort
+from trcvtui.net.connection.udp import UdpPort
 
 
 @dataclass(frozen=True, slots=True)

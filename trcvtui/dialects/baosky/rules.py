@@ -12,7 +12,7 @@ from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.dialects.baosky.udp import UDP_STATUS
 from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue
-from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.config import Policy
 
 SECOND: Final = 1_000_000_000  # ns
 MAX_DATAGRAM: Final = 2048  # bytes, manual 7.15.14 and 7.15.15

@@ -16,12 +16,12 @@ from trcvtui.blocks.status_sequence import Course
 from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.blocks import ALL
 from trcvtui.dialects.siemens.status import STATUS
-from trcvtui.net.connection.connection_ids import Taken
+from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.connection import LossKind
 from trcvtui.net.connection.description_check import Flaw
-from trcvtui.net.connection.loss import LossKind
-from trcvtui.net.connection.policy import Policy
-from trcvtui.net.connection.set_up import Stage
-from trcvtui.net.tls_words import TlsError
+from trcvtui.net.connection.resources import TakenId
+from trcvtui.net.connection.set_up import SetUpStage
+from trcvtui.net.layer import TlsError
 
 # Words and numbers of State and Kind are the help's; the order of the fields is that of T_DIAG's table.
 TDIAG_STATUS: Final = """
@@ -67,18 +67,18 @@ _NAMES: Final = {
     "EAI_NONAME": Condition.NAME_UNKNOWN,
     "EAI_FAIL": Condition.NAME_UNKNOWN,
 }
-SECURE_SET_UP: Final[dict[tuple[Stage, str], Condition]] = {
+SECURE_SET_UP: Final[dict[tuple[SetUpStage, str], Condition]] = {
     **{
         (stage, error): shows
-        for stage in (Stage.CONNECT, Stage.ACCEPT)
+        for stage in (SetUpStage.CONNECT, SetUpStage.ACCEPT)
         for error, shows in (_TLS | _CHANGED).items()
     },
-    **{(Stage.CONNECT, error): shows for error, shows in _NAMES.items()},
-    (Stage.DESCRIPTION, Flaw.SERVER_BARE): Condition.TLS_SERVER_BARE,
-    (Stage.DESCRIPTION, Flaw.SECURE_DATAGRAMS): Condition.TLS_DATAGRAMS,
-    (Stage.DESCRIPTION, Flaw.CLIENT_ASKS): Condition.TLS_CLIENT_ASKS,
-    (Stage.DESCRIPTION, Flaw.SERVER_CHECKS): Condition.TLS_SERVER_CHECKS,
-    (Stage.DESCRIPTION, Flaw.CERTIFICATE): Condition.TLS_REFERENCE,
+    **{(SetUpStage.CONNECT, error): shows for error, shows in _NAMES.items()},
+    (SetUpStage.DESCRIPTION, Flaw.SERVER_BARE): Condition.TLS_SERVER_BARE,
+    (SetUpStage.DESCRIPTION, Flaw.SECURE_DATAGRAMS): Condition.TLS_DATAGRAMS,
+    (SetUpStage.DESCRIPTION, Flaw.CLIENT_ASKS): Condition.TLS_CLIENT_ASKS,
+    (SetUpStage.DESCRIPTION, Flaw.SERVER_CHECKS): Condition.TLS_SERVER_CHECKS,
+    (SetUpStage.DESCRIPTION, Flaw.CERTIFICATE): Condition.TLS_REFERENCE,
 }
 
 
@@ -149,40 +149,40 @@ SWITCHES: Final = (
 # siemens.md 1.9: refused or closed by the partner is 80C5, no way to it 80C6; 2.1: a taken port is 80A1;
 # 4.4: a taken ID.
 SET_UP: Final = {
-    (Stage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
-    (Stage.DESCRIPTION, Flaw.STRUCTURE): Condition.DESCRIPTION_LENGTH,
-    (Stage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
-    (Stage.DESCRIPTION, Flaw.ID): Condition.ID_WRONG,
-    (Stage.DESCRIPTION, Flaw.INTERFACE): Condition.INTERFACE_WRONG,
-    (Stage.DESCRIPTION, Flaw.NO_LOCAL_ADDRESS): Condition.INTERFACE_BARE,
-    (Stage.DESCRIPTION, Flaw.TYPE): Condition.TYPE_WRONG,
-    (Stage.DESCRIPTION, Flaw.NEEDS_ADDR): Condition.NEEDS_ADDR,
-    (Stage.DESCRIPTION, Flaw.UDP_ACTIVE): Condition.UDP_ACTIVE,
-    (Stage.DESCRIPTION, Flaw.TSAP): Condition.TSAP_WRONG,
-    (Stage.DESCRIPTION, Flaw.PARAMETER): Condition.PARAMETER_WRONG,
-    (Stage.DESCRIPTION, Flaw.PORT_RESERVED): Condition.PORT_RESERVED,
-    (Stage.DESCRIPTION, Flaw.REMOTE): Condition.REMOTE_WRONG,
-    (Stage.DESCRIPTION, Flaw.NAME_EMPTY): Condition.NAME_EMPTY,
-    (Stage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
-    (Stage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
-    (Stage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
-    (Stage.IDENTITY, Taken.SAME): Condition.ENDPOINT_THERE,
-    (Stage.IDENTITY, Taken.BUILDING): Condition.ID_BUILDING,
-    (Stage.IDENTITY, Taken.OTHER): Condition.ID_OTHER,
-    (Stage.SOCKET, ""): Condition.NO_SOCKET,
-    (Stage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
-    (Stage.REUSE, ""): Condition.NOT_NOW,
-    (Stage.BIND, ""): Condition.NOT_NOW,
-    (Stage.BIND, "EADDRINUSE"): Condition.PORT_IN_USE,
-    (Stage.BIND, "EACCES"): Condition.PORT_RESERVED,
-    (Stage.POLL_ADD, ""): Condition.NOT_NOW,
-    (Stage.ACCEPT, ""): Condition.NOT_NOW,
-    (Stage.CONNECT, ""): Condition.NOT_NOW,
-    (Stage.CONNECT, "ECONNREFUSED"): Condition.REFUSED,
-    (Stage.CONNECT, "ECONNRESET"): Condition.REFUSED,
-    (Stage.CONNECT, "ETIMEDOUT"): Condition.UNREACHABLE,
-    (Stage.CONNECT, "ENETUNREACH"): Condition.UNREACHABLE,
-    (Stage.CONNECT, "EHOSTUNREACH"): Condition.UNREACHABLE,
+    (SetUpStage.DESCRIPTION, Flaw.NO_DESCRIPTION): Condition.NO_DESCRIPTION,
+    (SetUpStage.DESCRIPTION, Flaw.STRUCTURE): Condition.DESCRIPTION_LENGTH,
+    (SetUpStage.DESCRIPTION, Flaw.LENGTH): Condition.DESCRIPTION_LENGTH,
+    (SetUpStage.DESCRIPTION, Flaw.ID): Condition.ID_WRONG,
+    (SetUpStage.DESCRIPTION, Flaw.INTERFACE): Condition.INTERFACE_WRONG,
+    (SetUpStage.DESCRIPTION, Flaw.NO_LOCAL_ADDRESS): Condition.INTERFACE_BARE,
+    (SetUpStage.DESCRIPTION, Flaw.TYPE): Condition.TYPE_WRONG,
+    (SetUpStage.DESCRIPTION, Flaw.NEEDS_ADDR): Condition.NEEDS_ADDR,
+    (SetUpStage.DESCRIPTION, Flaw.UDP_ACTIVE): Condition.UDP_ACTIVE,
+    (SetUpStage.DESCRIPTION, Flaw.TSAP): Condition.TSAP_WRONG,
+    (SetUpStage.DESCRIPTION, Flaw.PARAMETER): Condition.PARAMETER_WRONG,
+    (SetUpStage.DESCRIPTION, Flaw.PORT_RESERVED): Condition.PORT_RESERVED,
+    (SetUpStage.DESCRIPTION, Flaw.REMOTE): Condition.REMOTE_WRONG,
+    (SetUpStage.DESCRIPTION, Flaw.NAME_EMPTY): Condition.NAME_EMPTY,
+    (SetUpStage.DESCRIPTION, Flaw.NAME_NOT_FULL): Condition.NAME_NOT_FULL,
+    (SetUpStage.DESCRIPTION, Flaw.NO_RESOLVER): Condition.NO_RESOLVER,
+    (SetUpStage.DESCRIPTION, Flaw.NAME_UNKNOWN): Condition.NAME_UNKNOWN,
+    (SetUpStage.IDENTITY, TakenId.SAME): Condition.ENDPOINT_THERE,
+    (SetUpStage.IDENTITY, TakenId.BUILDING): Condition.ID_BUILDING,
+    (SetUpStage.IDENTITY, TakenId.OTHER): Condition.ID_OTHER,
+    (SetUpStage.SOCKET, ""): Condition.NO_SOCKET,
+    (SetUpStage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
+    (SetUpStage.REUSE, ""): Condition.NOT_NOW,
+    (SetUpStage.BIND, ""): Condition.NOT_NOW,
+    (SetUpStage.BIND, "EADDRINUSE"): Condition.PORT_IN_USE,
+    (SetUpStage.BIND, "EACCES"): Condition.PORT_RESERVED,
+    (SetUpStage.POLL_ADD, ""): Condition.NOT_NOW,
+    (SetUpStage.ACCEPT, ""): Condition.NOT_NOW,
+    (SetUpStage.CONNECT, ""): Condition.NOT_NOW,
+    (SetUpStage.CONNECT, "ECONNREFUSED"): Condition.REFUSED,
+    (SetUpStage.CONNECT, "ECONNRESET"): Condition.REFUSED,
+    (SetUpStage.CONNECT, "ETIMEDOUT"): Condition.UNREACHABLE,
+    (SetUpStage.CONNECT, "ENETUNREACH"): Condition.UNREACHABLE,
+    (SetUpStage.CONNECT, "EHOSTUNREACH"): Condition.UNREACHABLE,
     **SECURE_SET_UP,
 }
 JOB_LOSS: Final = {

@@ -1,15 +1,37 @@
-"""TCP_CONNECTCONFIG: the record that says who connects to whom (baosky.md section 1)."""
+"""What is configured: TCP_CONNECTCONFIG, UDP_CONFIG, ADDR_PARAM (baosky.md 1 and 6), and a dialect's policy.
+
+Nothing here needs a kernel, so that a dialect's table of answers needs none.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.net.connection.description import Description
+from trcvtui.net.connection.description import ADDRESSES, Description, Value, pack
 from trcvtui.net.connection.description_check import Finding
-from trcvtui.net.connection.ipv4 import octets
-from trcvtui.net.layer import Settings
-from trcvtui.net.results import Endpoint
+from trcvtui.net.layer import LayerSettings
+from trcvtui.net.results import Endpoint, Fault, octets
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What a dialect decides about connections; times in ns."""
+
+    retry_ns: int = 1_000_000_000
+    pauses_behind_idle: bool = False  # an active end whose connection fell before a byte moved waits retry_ns
+    attempt_limit_ns: int = 5_000_000_000
+    strict_local_address: bool = False
+    check_remote_ip: bool = True
+    check_remote_port: bool = False
+    second_client: str = "reject"
+    backlog: int = 128  # clients that the listener's queue holds
+    small_buffers: bool = False
+    tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP who tells no size
+    narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 behind it, then ASCII
+    user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection
+
 
 ANY_ADDRESS: Final = "0.0.0.0"
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
@@ -34,7 +56,7 @@ class ConnectConfig:
     remote_port: int | str = 0
     send_delay_opt: bool = False
     keep_alive_interval_s: int = 0
-    session: Settings | None = None
+    session: LayerSettings | None = None
     description: Description | None = None
     flaw: Finding | None = None
     any_local: bool = False
@@ -69,3 +91,69 @@ def parse_address(text: str) -> str | None:
     """Return the address when it is exactly four octets 0..255, else None; never ask a resolver."""
     numbers = octets(text)
     return ".".join(map(str, numbers)) if numbers is not None else None
+
+
+TADDR_PARAM: Final = ADDRESSES["TADDR_Param"]
+
+
+@dataclass(frozen=True, slots=True)
+class UdpConfig:
+    """One UDP_CONFIG. LocalPort 0 takes a free port and keeps it until STOP."""
+
+    name: str
+    local: Endpoint = ANY_END
+
+
+@dataclass(frozen=True, slots=True)
+class AddrParam:
+    """One ADDR_PARAM as it stands in the file; `@NAME` for RemotePort, resolved at each send.
+
+    `description`: the bytes of a TADDR_Param, or of what stands there instead; None: only an end is given.
+    """
+
+    name: str
+    remote_address: str = ANY_ADDRESS
+    remote_port: int | str = 0
+    description: Description | None = None
+
+    @property
+    def written(self) -> Description:
+        """Return it as the TADDR_Param that it stands for."""
+        if self.description is not None:
+            return self.description
+        port = self.remote_port if isinstance(self.remote_port, int) else 0
+        values: dict[str, Value] = {"rem_ip_addr": self.remote_address, "rem_port_nr": port}
+        return Description(TADDR_PARAM, pack(TADDR_PARAM, values))
+
+
+class RemoteAddress:
+    """One ADDR_PARAM at work: USEND_C reads it, URECV_C writes the source of a datagram into it.
+
+    `generation` counts the writes.
+    """
+
+    def __init__(self, param: AddrParam) -> None:
+        self.name = param.name
+        self.description = param.description  # as it was declared: its structure and its length
+        self.address = param.remote_address
+        self.port = param.remote_port
+        self.generation = 0
+
+    def take(self, source: Endpoint) -> None:
+        """Become the source of a datagram."""
+        if (self.address, self.port) != (source.address, source.port):
+            self.address, self.port = source.address, source.port
+            self.generation += 1
+
+    def target(self, resolve: Callable[[str], int | None]) -> Endpoint | Fault:
+        """Return where a datagram goes; `resolve` says where `@NAME` listens now."""
+        port = resolve(self.port) if isinstance(self.port, str) else self.port
+        if port is None:
+            return Fault("resolve", f"{self.port} does not listen")
+        if self.address == ANY_ADDRESS:  # 0.0.0.0 would silently mean loopback
+            return Fault("address", f"{self.address} is no address to send to")
+        return Endpoint(self.address, port)
+
+    def __str__(self) -> str:
+        """Return `127.0.0.1:2000`, or `127.0.0.1:@P1` as long as the file's name stands there."""
+        return f"{self.address}:{self.port}"

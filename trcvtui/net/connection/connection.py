@@ -11,18 +11,92 @@ Rule 4: who comes after the partner's FIN or RST is his successor, and waits; no
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
+from typing import Final
 
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.loss import ConnectionLoss, Losses, LossKind, loss_of
-from trcvtui.net.connection.ownership import Claim, Direction
-from trcvtui.net.connection.policy import Policy
-from trcvtui.net.connection.resources import Resources
-from trcvtui.net.connection.set_up import SetUp, Stage, StepFault
-from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionNote, Note, What
-from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, Loss
+from trcvtui.net.connection.config import ConnectConfig, Policy
+from trcvtui.net.connection.resources import Claim, DirectionClaims, Resources
+from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
+from trcvtui.net.events import (
+    BytesDropped,
+    BytesReceived,
+    BytesSent,
+    ConnectionChanged,
+    ConnectionEvent,
+    What,
+)
+from trcvtui.net.kernel import DRAIN_BYTES, Accepted, Handle, Kernel, KernelLoss
+from trcvtui.net.layer import TlsError
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+
+
+class LossKind(Enum):
+    """How an established connection ended."""
+
+    CLOSED_BY_PARTNER = auto()
+    RESET_BY_PARTNER = auto()
+    REFUSED = auto()  # at the end of a handshake that was over for us: the partner does not take us
+    LINK_DEAD = auto()
+    FAILED = auto()
+    OURS = auto()
+
+
+# 3.2: this whole family, on an established connection, means that the link is dead.
+LINK_DEAD_ERRORS: Final = frozenset({"ETIMEDOUT", "EHOSTUNREACH", "ENETUNREACH", "EHOSTDOWN", "ENETDOWN"})
+# The partner has ended a session, with a word of its own or without the one that belongs there.
+ENDED_ERRORS: Final = frozenset({TlsError.REFUSED, TlsError.TRUNCATED})
+LOSSES_KEPT: Final = 8
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionLoss:
+    """How one incarnation ended; `release_fault` is a failure to take its socket out of the poll set."""
+
+    kind: LossKind
+    peer: str
+    fault: Fault | None = None
+    release_fault: Fault | None = None
+
+
+class Losses:
+    """How the newest incarnations of one connection ended."""
+
+    def __init__(self) -> None:
+        self._of: dict[int, ConnectionLoss] = {}
+
+    def add(self, incarnation: int, loss: ConnectionLoss) -> None:
+        """Keep how this incarnation ended; the oldest one is forgotten."""
+        self._of[incarnation] = loss
+        if len(self._of) > LOSSES_KEPT:
+            del self._of[min(self._of)]
+
+    def of(self, incarnation: int) -> ConnectionLoss | None:
+        """Return how that incarnation ended, None where nobody knows."""
+        return self._of.get(incarnation)
+
+    @property
+    def newest(self) -> ConnectionLoss | None:
+        """Return how the newest one that is lost ended."""
+        return self._of[max(self._of)] if self._of else None
+
+
+def loss_of(fault: Fault | None, peer: str, may_refuse: bool = False) -> ConnectionLoss:
+    """Return the loss that a call's answer means; None is the partner's FIN.
+
+    `may_refuse`: we have called, and nothing of the partner's data has come: an alert of TLS refuses us.
+    """
+    if may_refuse and fault is not None and fault.error == TlsError.REFUSED:
+        kind = LossKind.REFUSED
+    elif fault is None or fault.error in ENDED_ERRORS:
+        kind = LossKind.CLOSED_BY_PARTNER
+    elif fault.error == "ECONNRESET":
+        kind = LossKind.RESET_BY_PARTNER
+    elif fault.error in LINK_DEAD_ERRORS:
+        kind = LossKind.LINK_DEAD
+    else:
+        kind = LossKind.FAILED
+    return ConnectionLoss(kind, peer, fault)
 
 
 class State(StrEnum):
@@ -91,23 +165,23 @@ class Connection:
         resources: Resources,
         policy: Policy,
         resolve: Callable[[str], int | None],
-        write: Callable[[Note], None],
+        write: Callable[[ConnectionEvent], None],
     ) -> None:
         self.config = config
         self.state = State.CLOSED
         self.incarnation = self.attempts = 0
         self.peer: Endpoint | None = None
-        self.receiving = Direction()
-        self.sending = Direction()
-        self.keeping = Direction()  # blocks that build it, and hold it
+        self.receiving = DirectionClaims()
+        self.sending = DirectionClaims()
+        self.keeping = DirectionClaims()  # blocks that build it, and hold it
         self.readers: dict[str, Callable[[bool], bool]] = {}  # instance -> would it read? True: in its turn
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
-        self.doom: ConnectionLoss | None = None  # known, but somebody still reads what came before it
+        self.pending_loss: ConnectionLoss | None = None  # known, but somebody still reads what came before it
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.handle: Handle | None = None
         self.set_up = SetUp(
-            config, kernel, policy, resolve, resources.identities, self._note_set_up, resources.work
+            config, kernel, policy, resolve, resources.connection_ids, self._note_set_up, resources.work
         )
         self._kernel = kernel
         self._resources = resources
@@ -124,7 +198,7 @@ class Connection:
     @property
     def is_up(self) -> bool:
         """Return whether the connection stands, as far as anybody knows."""
-        return self.state is State.CONNECTED and self.doom is None
+        return self.state is State.CONNECTED and self.pending_loss is None
 
     def stands_for(self, claim: Claim) -> bool:
         """Return whether the connection stands for this instance: a reader has it to the last byte."""
@@ -165,7 +239,7 @@ class Connection:
             self._stepped_in = scan
             self._step_fault = failed = self._take_step(now)
             if failed is not None:
-                what = What.ACCEPT_FAILED if failed.stage is Stage.ACCEPT else What.ATTEMPT_FAILED
+                what = What.ACCEPT_FAILED if failed.stage is SetUpStage.ACCEPT else What.ATTEMPT_FAILED
                 self._note(what, self.set_up.remote, failed.fault, failed.detail)
         return self._step_fault
 
@@ -176,7 +250,7 @@ class Connection:
             case State.CREATED:
                 return self._prepare(now)
             case State.CONNECTED:
-                self.end_if_doomed()
+                self.end_if_loss_pending()
                 return None
             case _ if self.set_up.listener is not None:
                 return self._adopt(self.set_up.accept(), now)
@@ -193,7 +267,7 @@ class Connection:
         self.attempts += 1
         self.state = State.CREATED
         short = self._resources.budget.acquire(self.config.name)
-        full = StepFault(Stage.SOCKET, short) if short else None
+        full = StepFault(SetUpStage.SOCKET, short) if short else None
         failed = self.set_up.judge() or full or self.set_up.create()
         return self._failed(failed, now) if failed else None
 
@@ -207,7 +281,7 @@ class Connection:
             return None
         if isinstance(got, StepFault):
             # A failed accept leaves the listener and the waiting client where they are.
-            return got if got.stage is Stage.ACCEPT else self._failed(got, now)
+            return got if got.stage is SetUpStage.ACCEPT else self._failed(got, now)
         if not self.config.active:
             refused = self.set_up.take_over(got)
             if refused is not None:
@@ -236,7 +310,7 @@ class Connection:
 
     def service(self) -> bool:
         """Turn second clients away, bounded work a scan; return whether blocks must look at this CONNECT."""
-        if self.end_if_doomed():
+        if self.end_if_loss_pending():
             return True
         listener = self.set_up.listener
         if listener is None or self.state is not State.CONNECTED or not self._kernel.readable(listener):
@@ -244,7 +318,7 @@ class Connection:
         if self._policy.second_client == "queue":
             return False
         before = self.incarnation
-        while not self._is_over():  # accept ends when the scan has done its part (net/work.py)
+        while not self._is_over():  # accept ends when the scan has done its part (Work)
             got = self.set_up.accept()
             # When a newcomer could not be taken over, nobody is left: the next step adopts whoever waits.
             if not isinstance(got, Accepted):
@@ -260,7 +334,7 @@ class Connection:
 
     def _is_over(self) -> bool:
         """Return whether the partner has ended the connection by now, also after the last poll."""
-        return self.doom is not None or (self.handle is not None and self._kernel.renew(self.handle))
+        return self.pending_loss is not None or (self.handle is not None and self._kernel.renew(self.handle))
 
     def _second_client(self, client: Accepted) -> bool:
         if self._policy.second_client == "reject":
@@ -278,32 +352,32 @@ class Connection:
         """Read at most len(into) bytes; a loss is answered behind the last queued byte, and releases."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
-        if got is WOULD_BLOCK and self.doom is not None:
+        if got is WOULD_BLOCK and self.pending_loss is not None:
             self._kernel.renew(self.handle)  # what doomed it came after the poll, bytes perhaps before that
             got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
-            return WOULD_BLOCK if self.doom is None else self._read_out(self.doom)
+            return WOULD_BLOCK if self.pending_loss is None else self._read_out(self.pending_loss)
         if isinstance(got, int):
             if got == 0:
-                return self._read_out(self.doom or self._loss_of(None))
+                return self._read_out(self.pending_loss or self._loss_of(None))
             self._took(got, instance)
             return got
         if isinstance(got, Fault) and got.error != "EAGAIN":
-            return self._read_out(self.doom or self._loss_of(got))
+            return self._read_out(self.pending_loss or self._loss_of(got))
         return WOULD_BLOCK
 
     def _read_out(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
         """Release the connection behind the last byte; a whole frame that others have read shows before."""
         if not self.receiving.has_frame():
             return self._lose(loss)
-        self.doom = loss
+        self.pending_loss = loss
         return WOULD_BLOCK
 
     def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
         """Take one message; what there is no room for is gone. A loss is answered behind the last message."""
         assert self.handle is not None
         got = self._kernel.recv_from(self.handle, into)
-        if got is WOULD_BLOCK and self.doom is not None:
+        if got is WOULD_BLOCK and self.pending_loss is not None:
             self._kernel.renew(self.handle)
             got = self._kernel.recv_from(self.handle, into)
         if isinstance(got, Datagram):
@@ -311,8 +385,8 @@ class Connection:
             return got
         if got is HELD_BACK:
             return WOULD_BLOCK
-        seen = Loss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
-        loss = self.doom or (self._loss_of(seen.fault) if seen else None)
+        seen = KernelLoss(got, 0) if isinstance(got, Fault) else self._kernel.loss(self.handle)
+        loss = self.pending_loss or (self._loss_of(seen.fault) if seen else None)
         return WOULD_BLOCK if loss is None else self._read_out(loss)
 
     def _took(self, size: int, instance: str) -> None:
@@ -331,8 +405,8 @@ class Connection:
         return self._look_for_loss(self.handle, asking)
 
     def _look_for_loss(self, handle: Handle, asking: Claim | None = None) -> ConnectionLoss | None:
-        if self.doom is not None:
-            return self._found(self.doom, asking)
+        if self.pending_loss is not None:
+            return self._found(self.pending_loss, asking)
         seen = self._kernel.loss(handle)
         return None if seen is None else self._found(self._loss_of(seen.fault), asking)
 
@@ -340,22 +414,22 @@ class Connection:
         """Release the connection, or leave that to whoever else still reads."""
         if not self._others_read(asking):
             return self._lose(loss)
-        self.doom = loss
+        self.pending_loss = loss
         return loss
 
-    def end_if_doomed(self) -> bool:
+    def end_if_loss_pending(self) -> bool:
         """Release a doomed connection that nobody reads any more; return whether it was one."""
-        if self.doom is None or self._others_read(None):
+        if self.pending_loss is None or self._others_read(None):
             return False
-        self._lose(self.doom)
+        self._lose(self.pending_loss)
         return True
 
     def lost(self, incarnation: int, asking: Claim | None = None) -> ConnectionLoss | None:
         """Return how that incarnation ended, None while it stands; to its receiver it stands to the last."""
         if self.state is State.CONNECTED and self.incarnation == incarnation:
-            if self.doom is None or self._reads(asking):
+            if self.pending_loss is None or self._reads(asking):
                 return None
-            return self._found(self.doom)
+            return self._found(self.pending_loss)
         return self._losses.of(incarnation) or ConnectionLoss(LossKind.OURS, str(self.peer))
 
     @property
@@ -423,7 +497,7 @@ class Connection:
         sent = Sent.SETTLED if self.handle is None else self._dead_link.look(self.handle)
         if sent is Sent.SETTLED:
             self._resources.unsettled.pop(self._name, None)
-        if sent is not Sent.DEAD or self.doom is not None:
+        if sent is not Sent.DEAD or self.pending_loss is not None:
             return False
         self._found(self._loss_of(Fault("path", "ETIMEDOUT")))
         return True
@@ -480,7 +554,7 @@ class Connection:
 
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
         self._losses.add(self.incarnation, loss)
-        self.handle, self.doom, self.retry_at = None, None, None
+        self.handle, self.pending_loss, self.retry_at = None, None, None
         self.peer, self._local = None, None
         self.receiving.end()
         self.sending.end()
@@ -495,4 +569,4 @@ class Connection:
         self, what: What, peer: Endpoint | None = None, fault: Fault | None = None, detail: str = ""
     ) -> None:
         local, other = str(self.local or ""), str(peer or self.peer or "")
-        self._write(ConnectionNote(self.config.name, self.incarnation, what, local, other, fault, detail))
+        self._write(ConnectionChanged(self.config.name, self.incarnation, what, local, other, fault, detail))

@@ -31,7 +31,7 @@ class FieldType(StrEnum):
     BYTES = "ARRAY OF BYTE"
 
 
-class Field(NamedTuple):
+class DescriptionField(NamedTuple):
     """One field of a structure; offset and size in bytes."""
 
     name: str
@@ -45,10 +45,10 @@ class Structure(NamedTuple):
 
     name: str
     size: int
-    fields: tuple[Field, ...]
+    fields: tuple[DescriptionField, ...]
     spare: int = 0
 
-    def field(self, name: str) -> Field | None:
+    def field(self, name: str) -> DescriptionField | None:
         """Return the field of that name."""
         return next((field for field in self.fields if field.name == name), None)
 
@@ -57,58 +57,58 @@ NUMBER, TRUTH, BYTES = FieldType.NUMBER, FieldType.TRUTH, FieldType.BYTES
 ADDRESS, SELECTOR, NAME = FieldType.ADDRESS, FieldType.SELECTOR, FieldType.NAME
 
 _HEAD: Final = (
-    Field("InterfaceId", 0, NUMBER, 2),
-    Field("ID", 2, NUMBER, 2),
-    Field("ConnectionType", 4, NUMBER, 1),
+    DescriptionField("InterfaceId", 0, NUMBER, 2),
+    DescriptionField("ID", 2, NUMBER, 2),
+    DescriptionField("ConnectionType", 4, NUMBER, 1),
 )
-_OPEN: Final = (*_HEAD, Field("ActiveEstablished", 5, TRUTH, 1))
+_OPEN: Final = (*_HEAD, DescriptionField("ActiveEstablished", 5, TRUTH, 1))
 _IP_V4: Final = (
     *_OPEN,
-    Field("RemoteAddress", 6, ADDRESS, 4),
-    Field("RemotePort", 10, NUMBER, 2),
-    Field("LocalPort", 12, NUMBER, 2),
+    DescriptionField("RemoteAddress", 6, ADDRESS, 4),
+    DescriptionField("RemotePort", 10, NUMBER, 2),
+    DescriptionField("LocalPort", 12, NUMBER, 2),
 )
 _QDN: Final = (
     *_OPEN,
-    Field("RemoteQDN", 6, NAME, NAME_SIZE),
-    Field("RemotePort", 262, NUMBER, 2),
-    Field("LocalPort", 264, NUMBER, 2),
+    DescriptionField("RemoteQDN", 6, NAME, NAME_SIZE),
+    DescriptionField("RemotePort", 262, NUMBER, 2),
+    DescriptionField("LocalPort", 264, NUMBER, 2),
 )
 
 
-def _secure(at: int) -> tuple[Field, ...]:
+def _secure(at: int) -> tuple[DescriptionField, ...]:
     return (
-        Field("ActivateSecureConn", at, TRUTH, 1),
-        Field("TLSServerReqClientCert", at + 1, TRUTH, 1),
-        Field("ExtTLSCapabilities", at + 2, NUMBER, 2),
-        Field("TLSServerCertRef", at + 4, NUMBER, 4),
-        Field("TLSClientCertRef", at + 8, NUMBER, 4),
+        DescriptionField("ActivateSecureConn", at, TRUTH, 1),
+        DescriptionField("TLSServerReqClientCert", at + 1, TRUTH, 1),
+        DescriptionField("ExtTLSCapabilities", at + 2, NUMBER, 2),
+        DescriptionField("TLSServerCertRef", at + 4, NUMBER, 4),
+        DescriptionField("TLSClientCertRef", at + 8, NUMBER, 4),
     )
 
 
 _PARAM: Final = (
-    Field("block_length", 0, NUMBER, 2),
-    Field("id", 2, NUMBER, 2),
-    Field("connection_type", 4, NUMBER, 1),
-    Field("active_est", 5, TRUTH, 1),
-    Field("local_device_id", 6, NUMBER, 1),
-    Field("local_tsap_id_len", 7, NUMBER, 1),
-    Field("rem_subnet_id_len", 8, NUMBER, 1),
-    Field("rem_staddr_len", 9, NUMBER, 1),
-    Field("rem_tsap_id_len", 10, NUMBER, 1),
-    Field("next_staddr_len", 11, NUMBER, 1),
-    Field("local_tsap_id", 12, BYTES, 16),
-    Field("rem_subnet_id", 28, BYTES, 6),
-    Field("rem_staddr", 34, BYTES, 6),
-    Field("rem_tsap_id", 40, BYTES, 16),
-    Field("next_staddr", 56, BYTES, 6),
-    Field("spare", 62, NUMBER, 2),
+    DescriptionField("block_length", 0, NUMBER, 2),
+    DescriptionField("id", 2, NUMBER, 2),
+    DescriptionField("connection_type", 4, NUMBER, 1),
+    DescriptionField("active_est", 5, TRUTH, 1),
+    DescriptionField("local_device_id", 6, NUMBER, 1),
+    DescriptionField("local_tsap_id_len", 7, NUMBER, 1),
+    DescriptionField("rem_subnet_id_len", 8, NUMBER, 1),
+    DescriptionField("rem_staddr_len", 9, NUMBER, 1),
+    DescriptionField("rem_tsap_id_len", 10, NUMBER, 1),
+    DescriptionField("next_staddr_len", 11, NUMBER, 1),
+    DescriptionField("local_tsap_id", 12, BYTES, 16),
+    DescriptionField("rem_subnet_id", 28, BYTES, 6),
+    DescriptionField("rem_staddr", 34, BYTES, 6),
+    DescriptionField("rem_tsap_id", 40, BYTES, 16),
+    DescriptionField("next_staddr", 56, BYTES, 6),
+    DescriptionField("spare", 62, NUMBER, 2),
 )
 _RFC: Final = (
     *_OPEN,
-    Field("RemoteAddress", 8, ADDRESS, 4),
-    Field("RemoteTSelector", 12, SELECTOR, SELECTOR_SIZE),
-    Field("LocalTSelector", 46, SELECTOR, SELECTOR_SIZE),
+    DescriptionField("RemoteAddress", 8, ADDRESS, 4),
+    DescriptionField("RemoteTSelector", 12, SELECTOR, SELECTOR_SIZE),
+    DescriptionField("LocalTSelector", 46, SELECTOR, SELECTOR_SIZE),
 )
 
 CONNECTIONS: Final = {
@@ -130,28 +130,28 @@ ADDRESSES: Final = {
             "TADDR_Param",
             8,
             (
-                Field("rem_ip_addr", 0, ADDRESS, 4),
-                Field("rem_port_nr", 4, NUMBER, 2),
-                Field("reserved", 6, NUMBER, 2),
+                DescriptionField("rem_ip_addr", 0, ADDRESS, 4),
+                DescriptionField("rem_port_nr", 4, NUMBER, 2),
+                DescriptionField("reserved", 6, NUMBER, 2),
             ),
         ),
         Structure(
             "TADDR_SEND_QDN",
             260,
             (
-                Field("RemoteQDN", 0, NAME, NAME_SIZE),
-                Field("RemotePort", 256, NUMBER, 2),
-                Field("reserved", 258, NUMBER, 2),
+                DescriptionField("RemoteQDN", 0, NAME, NAME_SIZE),
+                DescriptionField("RemotePort", 256, NUMBER, 2),
+                DescriptionField("reserved", 258, NUMBER, 2),
             ),
         ),
         Structure(
             "TADDR_RCV_IP",
             20,
             (
-                Field("RemoteAddress", 0, BYTES, 16),
-                Field("RemotePort", 16, NUMBER, 2),
-                Field("type", 18, NUMBER, 1),
-                Field("reserved", 19, NUMBER, 1),
+                DescriptionField("RemoteAddress", 0, BYTES, 16),
+                DescriptionField("RemotePort", 16, NUMBER, 2),
+                DescriptionField("type", 18, NUMBER, 1),
+                DescriptionField("reserved", 19, NUMBER, 1),
             ),
         ),
     )
@@ -191,7 +191,7 @@ class Description:
         return {field.name: self.value(field.name) for field in self.structure.fields}
 
 
-def _read(field: Field, raw: bytes) -> Value:
+def _read(field: DescriptionField, raw: bytes) -> Value:
     match field.type:
         case FieldType.NUMBER:
             return int.from_bytes(raw, "big")
@@ -218,7 +218,7 @@ def pack(structure: Structure, values: Mapping[str, Value]) -> bytes:
     return bytes(data)
 
 
-def _write(field: Field, value: Value) -> bytes:
+def _write(field: DescriptionField, value: Value) -> bytes:
     match field.type, value:
         case FieldType.ADDRESS, str():
             return bytes(map(int, value.split(".")))
@@ -288,7 +288,7 @@ def _gap(data: bytes, begin: int, end: int) -> list[DescriptionRow]:
     return [DescriptionRow(begin, "", data[begin:end], "")] if data[begin:end] else []
 
 
-def _shown(field: Field, value: Value) -> str:
+def _shown(field: DescriptionField, value: Value) -> str:
     match value:
         case bool():
             return "TRUE" if value else "FALSE"

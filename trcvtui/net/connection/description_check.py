@@ -10,8 +10,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from trcvtui.net.connection.description import CONFIGURED, LONGEST_SELECTOR, Description
-from trcvtui.net.connection.ipv4 import is_group, is_loopback
+from trcvtui.net.connection.description import (
+    CONFIGURED,
+    CONNECTIONS,
+    LONGEST_SELECTOR,
+    Description,
+    Value,
+    pack,
+)
+from trcvtui.net.results import is_group, is_loopback
 
 ANY_ADDRESS: Final = "0.0.0.0"
 MOST_ID: Final = 4095
@@ -407,3 +414,44 @@ _QUESTIONS: Final[tuple[Callable[[Asked], Finding | None], ...]] = (
     _structure, _length, _identity, _configured, _interface, _secure_type, _type, _tsap,
     _udp_active, _param, _udp, _ports, _remote, _local_port, _name, _secure,
 )  # fmt: skip
+
+
+STRUCTURE: Final = CONNECTIONS["TCON_Param"]
+_PARAM_TYPES: Final = {Protocol.TCP: 17, Protocol.ISO: 18, Protocol.UDP: 19}
+
+
+def as_param(says: Meaning, has_interface: bool) -> Description | None:
+    """Return the TCON_Param that says the same; None: it has no place for that.
+
+    `has_interface`: the description names an interface, which is the first one here.
+    """
+    if says.protocol not in _PARAM_TYPES or says.remote_name:
+        return None
+    local, remote = _ends(says)
+    if max(len(local), len(remote)) >= TSAP_SIZES.stop:
+        return None
+    address = bytes(map(int, says.remote_address.split("."))) if says.remote_address != ANY_ADDRESS else b""
+    values: dict[str, Value] = {
+        "block_length": STRUCTURE.size,
+        "id": says.identity,
+        "connection_type": _PARAM_TYPES[says.protocol],
+        "active_est": says.is_active,
+        "local_device_id": int(has_interface),
+        "local_tsap_id_len": len(local),
+        "rem_staddr_len": len(address),
+        "rem_tsap_id_len": len(remote),
+        "local_tsap_id": local,
+        "rem_staddr": address,
+        "rem_tsap_id": remote,
+    }
+    return Description(STRUCTURE, pack(STRUCTURE, values))
+
+
+def _ends(says: Meaning) -> tuple[bytes, bytes]:
+    """Return what stands for the local and for the remote end: T-selectors, or ports."""
+    if says.protocol is Protocol.ISO:
+        return says.local_tsap, says.remote_tsap
+    local, remote = says.local_port.to_bytes(2, "big"), says.remote_port.to_bytes(2, "big")
+    if says.is_active:
+        return local if says.local_port else b"", remote
+    return local, remote if says.remote_port and says.protocol is Protocol.TCP else b""

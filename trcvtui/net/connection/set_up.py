@@ -10,27 +10,39 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final
 
-from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig
-from trcvtui.net.connection.connection_ids import Holder, Identities
-from trcvtui.net.connection.local_address import wrong_local_address
-from trcvtui.net.connection.policy import Policy
+from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig, Policy
+from trcvtui.net.connection.resources import ACCEPT, TURN_AWAY, ConnectionIds, IdHolder, Party, Work
 from trcvtui.net.events import What
-from trcvtui.net.kernel import (
-    WOULD_BLOCK,
-    Accepted,
-    Endpoint,
-    Fault,
-    Handle,
-    Kernel,
-    SocketOptions,
-    WouldBlock,
-)
-from trcvtui.net.work import ACCEPT, TURN_AWAY, Party, Work
+from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault, WouldBlock, is_group, is_loopback
+
+
+def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:
+    """Return why the address cannot be used, or "" when it can; strict refuses loopback too.
+
+    An empty `own` is a list that the system could not give: then bind decides.
+    """
+    if address == ANY_ADDRESS:
+        return "0.0.0.0 names no port of the PLC"
+    if is_group(address):
+        return f"{address} is a multicast or broadcast address"
+    mine = next((a for a in own if a.address == address), None)
+    everybody = next((a for a in own if a.broadcast == address), None)
+    if everybody is not None and mine is None:
+        return f"{address} is the broadcast address of {everybody.interface}"
+    if is_loopback(address):
+        return f"{address} is loopback, no Ethernet port" if strict else ""
+    if not own:
+        return ""
+    if mine is None:
+        return f"{address} is no address of this machine"
+    return "" if mine.ethernet else f"{address} is on {mine.interface}, which is no Ethernet port"
+
 
 PORT_TAKEN_ERRORS: Final = frozenset({"EADDRINUSE", "EADDRNOTAVAIL"})
 
 
-class Stage(Enum):
+class SetUpStage(Enum):
     """Which part of the set-up failed."""
 
     DESCRIPTION = auto()
@@ -48,7 +60,7 @@ class Stage(Enum):
 class StepFault:
     """A set-up step that failed; `detail` is what a person should read."""
 
-    stage: Stage
+    stage: SetUpStage
     fault: Fault
     detail: str = ""
     client: str = ""  # who was accepted, where that is what failed
@@ -63,7 +75,7 @@ class SetUp:
         kernel: Kernel,
         policy: Policy,
         resolve: Callable[[str], int | None],
-        identities: Identities,
+        connection_ids: ConnectionIds,
         note: Callable[[What, Endpoint | None, str], None],
         work: Work,
     ) -> None:
@@ -75,8 +87,8 @@ class SetUp:
         self.is_withdrawn = False  # somebody wants it closed who may not, before it has been established
         self.is_closing = False  # a block is still showing that it closes the endpoint
         self._clients = Party(work, config.name, What.CLIENTS_WAIT)
-        self._holder = Holder(config)
-        self._identities = identities
+        self._holder = IdHolder(config)
+        self._connection_ids = connection_ids
         self._kernel = kernel
         self._policy = policy
         self._resolve = resolve
@@ -107,19 +119,19 @@ class SetUp:
         """Look at the connection description, and take its ID."""
         flaw = self.config.flaw
         if flaw is not None:
-            return StepFault(Stage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
-        taken = self._identities.take(self._holder)
+            return StepFault(SetUpStage.DESCRIPTION, Fault("description", flaw.flaw), flaw.text)
+        taken = self._connection_ids.take(self._holder)
         if taken is None:
             return None
         how, holder = taken
         text = f"ID {self._holder.identity} is that of {holder}"
-        return StepFault(Stage.IDENTITY, Fault("identity", how), text)
+        return StepFault(SetUpStage.IDENTITY, Fault("identity", how), text)
 
     def create(self) -> StepFault | None:
         """Make the socket of a new attempt."""
         made = self._kernel.socket(self.config.name)
         if isinstance(made, Fault):
-            return StepFault(Stage.SOCKET, made)
+            return StepFault(SetUpStage.SOCKET, made)
         self.attempt = made
         return None
 
@@ -139,14 +151,14 @@ class SetUp:
         own = self._kernel.local_addresses()
         wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
         if wrong and not self.config.any_local:
-            return StepFault(Stage.ADDRESS, Fault("address", wrong))
+            return StepFault(SetUpStage.ADDRESS, Fault("address", wrong))
         fault = self._reuse(handle)
         if fault is not None:
-            return StepFault(Stage.REUSE, fault)
+            return StepFault(SetUpStage.REUSE, fault)
         fault = self._kernel.bind(handle, local)
         if fault is None:
             return None
-        stage = Stage.ADDRESS if fault.error == "EADDRNOTAVAIL" else Stage.BIND
+        stage = SetUpStage.ADDRESS if fault.error == "EADDRNOTAVAIL" else SetUpStage.BIND
         return StepFault(stage, fault, self._hint(fault, local))
 
     def _reuse(self, handle: Handle) -> Fault | None:
@@ -161,10 +173,10 @@ class SetUp:
     def _listen(self, handle: Handle) -> StepFault | None:
         fault = self._kernel.listen(handle, self._policy.backlog)
         if fault is not None:
-            return StepFault(Stage.BIND, fault)  # EADDRINUSE of listen is a taken port too (3.1)
+            return StepFault(SetUpStage.BIND, fault)  # EADDRINUSE of listen is a taken port too (3.1)
         fault = self._kernel.poll_add(handle)
         if fault is not None:
-            return StepFault(Stage.POLL_ADD, fault)
+            return StepFault(SetUpStage.POLL_ADD, fault)
         self.listener, self.attempt = handle, None
         self.local = self._kernel.local_end(handle)
         if self.local is not None:
@@ -175,7 +187,7 @@ class SetUp:
     def _connect(self, handle: Handle, now: int) -> StepFault | None:
         fault = self._kernel.poll_add(handle)
         if fault is not None:
-            return StepFault(Stage.POLL_ADD, fault)
+            return StepFault(SetUpStage.POLL_ADD, fault)
         self.local = self._kernel.local_end(handle)
         self._deadline = now + self._policy.attempt_limit_ns
         # A refusal by the call itself is held until the next look: a first attempt shows 7002 before 80A0.
@@ -223,7 +235,7 @@ class SetUp:
             verdict = Fault("attempt_limit", "ETIMEDOUT")
         if isinstance(verdict, Fault):
             taken = self.config.local.port and verdict.error in PORT_TAKEN_ERRORS
-            return StepFault(Stage.BIND if taken else Stage.CONNECT, verdict)
+            return StepFault(SetUpStage.BIND if taken else SetUpStage.CONNECT, verdict)
         assert self.remote is not None
         handle, self.attempt = self.attempt, None
         self._holder.has_been_up = True
@@ -254,7 +266,7 @@ class SetUp:
         if isinstance(got, Accepted):
             self._clients.spend(ACCEPT)
             return got
-        return StepFault(Stage.ACCEPT, got) if isinstance(got, Fault) else None
+        return StepFault(SetUpStage.ACCEPT, got) if isinstance(got, Fault) else None
 
     def _is_wrong_partner(self, peer: Endpoint) -> bool:
         address, port = self.config.remote_address, self._remote_port()
@@ -273,7 +285,7 @@ class SetUp:
         fault = self._kernel.poll_add(client.handle)
         if fault is not None:
             self._kernel.abort(client.handle)
-            return StepFault(Stage.POLL_ADD, fault, client=str(client.peer))
+            return StepFault(SetUpStage.POLL_ADD, fault, client=str(client.peer))
         self._set_options(client.handle)
         self._holder.has_been_up = True
         return None
@@ -296,7 +308,7 @@ class SetUp:
         """Close the listener and withdraw the attempt."""
         fault = None
         self.is_withdrawn = self._has_told_limit = False
-        self._identities.give_back(self._holder)
+        self._connection_ids.give_back(self._holder)
         if self._successor is not None:
             self._kernel.abort(self._successor.handle)
             self._successor = None

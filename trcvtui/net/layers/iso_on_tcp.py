@@ -12,26 +12,284 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from enum import Enum, auto
-from typing import Final
+from enum import Enum, IntEnum, auto
+from typing import Final, NamedTuple
 
-from trcvtui.net.layer import Ended, Message, Settings
-from trcvtui.net.layers.cotp import (
-    DATA_HEADER,
-    NO_LIMIT,
-    Code,
-    Connect,
-    Data,
-    Disconnect,
-    Ignored,
-    Malformed,
-    Refusal,
-    Rejected,
-    Tpdu,
-    TpktReader,
-    encode,
-    segments,
-)
+from trcvtui.net.layer import Ended, LayerMessage, LayerSettings
+
+# -- TPDUs -----------------------------------------------------------------------------------------------
+#
+# Rule 1: what the partner sends is judged, never trusted: a TPDU that cannot be read is `Malformed`.
+# Rule 2: a reader holds one TPKT at most (65535 bytes), however the bytes are cut.
+# Layout and vectors: siemens.md 5.1 and 5.3. All numbers are big-endian.
+
+TPKT_VERSION: Final = 3
+TPKT_HEADER: Final = 4  # bytes: version, reserved, length of the whole
+CODE_AT: Final = 5  # where the code of the TPDU stands in a TPKT
+LONGEST_HEADER: Final = 255  # bytes of a TPDU without data: its length indicator has one byte
+NO_LIMIT: Final = 1 << 62
+LEAST_TPKT: Final = 7
+DATA_HEADER: Final = 3  # bytes of a DT that count against the negotiated size
+TAKEN_AS_0: Final = (0, 4)  # some texts of RFC 1006 show class 4
+LEAST_SIZE_CODE: Final = 2  # 4 bytes, of which 1 is data
+LAST: Final = 0x80  # of the message: the EOT mark of a DT
+LONGEST_TSAP: Final = 32
+
+
+class Code(IntEnum):
+    """The TPDU codes that class 0 knows."""
+
+    CR = 0xE0
+    CC = 0xD0
+    DR = 0x80
+    DT = 0xF0
+    ER = 0x70
+
+
+class Refusal(IntEnum):
+    """Reasons of a DR (siemens.md 5.1)."""
+
+    UNSPECIFIED = 0x00
+    NOBODY_WAITS = 0x02
+    UNKNOWN_TSAP = 0x03
+    NORMAL = 0x80
+    PROTOCOL_ERROR = 0x85
+    NEGOTIATION_FAILED = 0x82
+    REFUSED = 0x88
+
+
+class _Parameter(IntEnum):
+    SIZE = 0xC0
+    CALLING = 0xC1
+    CALLED = 0xC2
+
+
+class Connect(NamedTuple):
+    """A CR or CC. `calling` is the TSAP of the CR's sender; `size_code` n is 2**n bytes, None: not told.
+
+    `other_class`: the one that it asks for where that is not taken as class 0.
+    """
+
+    code: Code
+    destination_ref: int
+    source_ref: int
+    calling: bytes = b""
+    called: bytes = b""
+    size_code: int | None = None
+    other_class: int = 0
+
+    @property
+    def unfit(self) -> str:
+        """Return what class 0 cannot agree to; "" where there is nothing."""
+        if self.other_class:
+            return f"class {self.other_class} in a {self.code.name}"
+        if self.size_code is not None and self.size_code < LEAST_SIZE_CODE:
+            return f"the TPDU size code {self.size_code:02X} leaves no room for data"
+        return ""
+
+
+class Data(NamedTuple):
+    """A DT: a piece of a message, and whether it is the last."""
+
+    payload: bytes
+    is_last: bool
+
+
+class Disconnect(NamedTuple):
+    """A DR."""
+
+    destination_ref: int
+    source_ref: int
+    reason: int
+
+
+class Rejected(NamedTuple):
+    """An ER: the partner could not read a TPDU of ours."""
+
+    destination_ref: int
+    cause: int
+
+
+class Ignored(NamedTuple):
+    """A TPDU that class 0 has no use for."""
+
+    code: int
+
+
+class Malformed(NamedTuple):
+    """What cannot be read; the connection cannot go on behind it."""
+
+    what: str
+
+
+Tpdu = Connect | Data | Disconnect | Rejected | Ignored | Malformed
+
+
+class TpktReader:
+    """Puts TPDUs together from bytes that come in any pieces; behind `Malformed` nothing more is read."""
+
+    def __init__(self) -> None:
+        self.agreed: int | None = None  # bytes of a DT, where both ends have told
+        self.stopped_short = False  # a TPDU that is complete may wait here
+        self._held = bytearray()
+        self._is_lost = False
+
+    @property
+    def held(self) -> int:
+        """Return how many bytes of a TPKT that is not complete are kept."""
+        return len(self._held)
+
+    def feed(self, data: bytes | memoryview, most: int = NO_LIMIT) -> list[Tpdu]:
+        """Take bytes and return the TPDUs that they complete, in order, at most so many."""
+        if self._is_lost:
+            return []
+        self._held += data
+        self.stopped_short = False
+        found: list[Tpdu] = []
+        begin = 0
+        while not self._is_lost and len(self._held) - begin >= TPKT_HEADER:
+            if len(found) == most:
+                self.stopped_short = True
+                break
+            size = int.from_bytes(self._held[begin + 2 : begin + 4], "big")
+            wrong = _wrong_tpkt(self._held[begin], size) or self._too_large(begin, size)
+            if wrong:
+                found.append(Malformed(wrong))
+            elif len(self._held) - begin < size:
+                break
+            else:
+                found.append(parse(bytes(self._held[begin + TPKT_HEADER : begin + size])))
+            begin += size
+            self._is_lost = isinstance(found[-1], Malformed)
+        if self._is_lost:
+            self._held.clear()
+        else:
+            del self._held[:begin]
+        return found
+
+    def _too_large(self, begin: int, size: int) -> str:
+        """Return what is wrong with a TPKT larger than agreed; its header is enough to know."""
+        tpdu = size - TPKT_HEADER
+        if self.agreed is None or tpdu <= self.agreed:
+            return ""
+        if self._held[begin + CODE_AT : begin + CODE_AT + 1] == bytes([Code.DT]):
+            return f"a DT of {tpdu} bytes, {self.agreed} are agreed"
+        if tpdu <= LONGEST_HEADER:  # it may be a TPDU that carries no data
+            return ""
+        return f"a TPKT of {size} bytes, TPDUs of {self.agreed} are agreed"
+
+
+def _wrong_tpkt(version: int, size: int) -> str:
+    if version != TPKT_VERSION:
+        return f"TPKT version {version}"
+    return f"a TPKT of {size} bytes" if size < LEAST_TPKT else ""
+
+
+def parse(tpdu: bytes) -> Tpdu:
+    """Return the TPDU behind a TPKT header; `tpdu` begins with its length indicator."""
+    length = tpdu[0]
+    if length < 2 or length == 255 or length + 1 > len(tpdu):
+        return Malformed(f"length indicator {length} in a TPDU of {len(tpdu)} bytes")
+    header, rest = tpdu[1 : length + 1], tpdu[length + 1 :]
+    code = header[0] if header[0] & 0xF0 == Code.DR else header[0] & 0xF0
+    match code:
+        case Code.CR | Code.CC:
+            return _connect(Code(code), header)
+        case Code.DT:
+            return Data(rest, bool(header[1] & LAST))
+        case Code.DR:
+            return _disconnect(header)
+        case Code.ER:
+            return _rejected(header)
+    return Ignored(header[0])
+
+
+def _connect(code: Code, header: bytes) -> Tpdu:
+    if len(header) < 6:
+        return Malformed(f"a {code.name} of {len(header)} bytes")
+    parameters = _parameters(header[6:])
+    if parameters is None:
+        return Malformed(f"parameters of a {code.name} that run over its end")
+    calling, called = parameters.get(_Parameter.CALLING, b""), parameters.get(_Parameter.CALLED, b"")
+    if max(len(calling), len(called)) > LONGEST_TSAP:
+        return Malformed(f"a TSAP of {max(len(calling), len(called))} bytes")
+    size = parameters.get(_Parameter.SIZE)
+    asked = header[5] >> 4
+    return Connect(
+        code,
+        int.from_bytes(header[1:3], "big"),
+        int.from_bytes(header[3:5], "big"),
+        calling,
+        called,
+        size[0] if size is not None and len(size) == 1 else None,
+        asked if asked not in TAKEN_AS_0 else 0,
+    )
+
+
+def _parameters(data: bytes) -> dict[int, bytes] | None:
+    found: dict[int, bytes] = {}
+    at = 0
+    while at < len(data):
+        if at + 2 > len(data) or at + 2 + data[at + 1] > len(data):
+            return None
+        found[data[at]] = data[at + 2 : at + 2 + data[at + 1]]
+        at += 2 + data[at + 1]
+    return found
+
+
+def _disconnect(header: bytes) -> Tpdu:
+    if len(header) < 6:
+        return Malformed(f"a DR of {len(header)} bytes")
+    return Disconnect(int.from_bytes(header[1:3], "big"), int.from_bytes(header[3:5], "big"), header[5])
+
+
+def _rejected(header: bytes) -> Tpdu:
+    if len(header) < 4:
+        return Malformed(f"an ER of {len(header)} bytes")
+    return Rejected(int.from_bytes(header[1:3], "big"), header[3])
+
+
+# -- values to bytes ---------------------------------------------------------------------------------
+
+
+def encode(tpdu: Connect | Data | Disconnect | Rejected) -> bytes:
+    """Return the TPDU with its TPKT header."""
+    match tpdu:
+        case Connect():
+            refs = _refs(tpdu.destination_ref, tpdu.source_ref)
+            body = bytes([tpdu.code]) + refs + bytes([tpdu.other_class << 4]) + _own(tpdu)
+        case Data():
+            return _framed(bytes([2, Code.DT, LAST if tpdu.is_last else 0]) + tpdu.payload)
+        case Disconnect():
+            refs = _refs(tpdu.destination_ref, tpdu.source_ref)
+            body = bytes([Code.DR]) + refs + bytes([tpdu.reason])
+        case Rejected():
+            body = bytes([Code.ER]) + tpdu.destination_ref.to_bytes(2, "big") + bytes([tpdu.cause])
+    return _framed(bytes([len(body)]) + body)
+
+
+def _refs(destination: int, source: int) -> bytes:
+    return destination.to_bytes(2, "big") + source.to_bytes(2, "big")
+
+
+def _own(tpdu: Connect) -> bytes:
+    # C1, C2, C0: the one order that every partner is known to take (LOGO! takes no other).
+    given = [(_Parameter.CALLING, tpdu.calling), (_Parameter.CALLED, tpdu.called)]
+    if tpdu.size_code is not None:
+        given.append((_Parameter.SIZE, bytes([tpdu.size_code])))
+    return b"".join(bytes([code, len(value)]) + value for code, value in given if value)
+
+
+def _framed(tpdu: bytes) -> bytes:
+    size = TPKT_HEADER + len(tpdu)
+    return bytes([TPKT_VERSION, 0]) + size.to_bytes(2, "big") + tpdu
+
+
+def segments(message: bytes | memoryview, most: int) -> bytes:
+    """Return the DTs of one message, at most `most` bytes of it in each; an empty message is one empty DT."""
+    pieces = [bytes(message[at : at + most]) for at in range(0, len(message), most)] or [b""]
+    return b"".join(encode(Data(piece, n == len(pieces))) for n, piece in enumerate(pieces, 1))
+
 
 REFERENCE: Final = 1
 OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
@@ -44,7 +302,7 @@ NO_SUCH_TSAP: Final = "no CONNECT has the TSAP"
 REMARKS: Final = 4  # so many TPDUs that were passed over are told of one connection
 
 
-class Phase(Enum):
+class IsoPhase(Enum):
     """How far the connection is."""
 
     WAITS_FOR_CR = auto()
@@ -78,7 +336,7 @@ class IsoOnTcp:
     """One end. The passive one waits for a CR, and then for somebody who takes it (`give_to`) or says no."""
 
     def __init__(self, settings: IsoSettings, is_active: bool) -> None:
-        self.phase = Phase.WAITS_FOR_CC if is_active else Phase.WAITS_FOR_CR
+        self.phase = IsoPhase.WAITS_FOR_CC if is_active else IsoPhase.WAITS_FOR_CR
         self.ended: Ended | None = None
         self.can_take_back = True
         self.request: Connect | None = None  # the partner's CR, until it is answered
@@ -93,7 +351,7 @@ class IsoOnTcp:
         self._has_begun = False  # a message whose last DT has not come
         self._ignored = 0
         self._remarks: list[str] = []
-        self._messages: deque[Message] = deque()
+        self._messages: deque[LayerMessage] = deque()
         if is_active:
             request = Connect(Code.CR, 0, REFERENCE, settings.local, settings.remote, settings.size_code)
             self._output += encode(request)
@@ -103,7 +361,7 @@ class IsoOnTcp:
     @property
     def is_up(self) -> bool:
         """Return whether messages may flow."""
-        return self.phase is Phase.UP
+        return self.phase is IsoPhase.UP
 
     @property
     def has_data(self) -> bool:
@@ -113,7 +371,7 @@ class IsoOnTcp:
     @property
     def wants_more(self) -> bool:
         """Return whether bytes may be fed: nobody has to take a message, or answer a CR, first."""
-        if self.phase is Phase.ENDED or self.request is not None:
+        if self.phase is IsoPhase.ENDED or self.request is not None:
             return False
         return len(self._messages) < MESSAGES_WAITING and self._waiting() < self._settings.cap
 
@@ -129,7 +387,7 @@ class IsoOnTcp:
         """Take bytes of the stream, and at most so many TPDUs of them; return how many were taken."""
         tpdus = self._reader.feed(data, most)
         for tpdu in tpdus:
-            if self.phase is not Phase.ENDED:
+            if self.phase is not IsoPhase.ENDED:
                 self._take(tpdu)
         return len(tpdus)
 
@@ -169,7 +427,7 @@ class IsoOnTcp:
 
     def partner_closed(self) -> None:
         """Note that the stream has ended, which is how class 0 releases; before the CC it is a refusal."""
-        if self.phase is Phase.WAITS_FOR_CC:
+        if self.phase is IsoPhase.WAITS_FOR_CC:
             self._end("ECONNREFUSED", "closed instead of a CC")
 
     def take_output(self) -> bytes:
@@ -178,14 +436,14 @@ class IsoOnTcp:
         self._output.clear()
         return output
 
-    def read(self, into: memoryview) -> Message | None:
+    def read(self, into: memoryview) -> LayerMessage | None:
         """Take the next message: as much of it as there is room for goes into `into`."""
         if not self._messages:
             return None
         data, whole = self._messages.popleft()
         size = min(len(data), len(into))
         into[:size] = data[:size]
-        return Message(data[:size], whole)
+        return LayerMessage(data[:size], whole)
 
     def encode(self, data: bytes) -> bytes:
         """Return the DTs that carry one message."""
@@ -204,12 +462,12 @@ class IsoOnTcp:
         """Return whether a CR waits for its answer."""
         return self.request is not None
 
-    def names(self, settings: Settings) -> bool:
+    def names(self, settings: LayerSettings) -> bool:
         """Return whether the CR names this CONNECT's TSAP."""
         assert self.request is not None
         return isinstance(settings, IsoSettings) and self.request.called == settings.local
 
-    def is_for(self, settings: Settings) -> str:
+    def is_for(self, settings: LayerSettings) -> str:
         """Return "" when the CR asks for this CONNECT, else why not."""
         assert self.request is not None
         if not isinstance(settings, IsoSettings) or not self.names(settings):
@@ -218,7 +476,7 @@ class IsoOnTcp:
             return f"the TSAP {self.request.calling.hex(' ')} is not the partner's"
         return ""
 
-    def give_to(self, settings: Settings) -> None:
+    def give_to(self, settings: LayerSettings) -> None:
         """Answer the CR with a CC: the connection is up."""
         request = self.request
         assert request is not None
@@ -245,14 +503,14 @@ class IsoOnTcp:
                 self._end("EPROTO", what)
             case Connect(unfit=unfit) if unfit:
                 self._cannot_agree(tpdu)
-            case Connect(code=Code.CR) if self.phase is Phase.WAITS_FOR_CR and self.request is None:
+            case Connect(code=Code.CR) if self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
                 self.request = tpdu
-            case Connect(code=Code.CC) if self.phase is Phase.WAITS_FOR_CC:
+            case Connect(code=Code.CC) if self.phase is IsoPhase.WAITS_FOR_CC:
                 self._begin(_agreed(tpdu.size_code, self._settings.size_code))
-            case Data() if self.phase is Phase.UP:
+            case Data() if self.phase is IsoPhase.UP:
                 self._take_data(tpdu)
             case Disconnect(reason=reason):
-                was_asking = self.phase is Phase.WAITS_FOR_CC
+                was_asking = self.phase is IsoPhase.WAITS_FOR_CC
                 self._end("ECONNREFUSED" if was_asking else "ECONNRESET", f"DR, reason {reason:02X}")
             case Rejected(cause=cause):
                 self._end("EPROTO", f"ER, cause {cause:02X}")
@@ -265,7 +523,7 @@ class IsoOnTcp:
 
     def _cannot_agree(self, asked: Connect) -> None:
         """End it; who has asked for a connection is told by a DR."""
-        if asked.code is Code.CR and self.phase is Phase.WAITS_FOR_CR and self.request is None:
+        if asked.code is Code.CR and self.phase is IsoPhase.WAITS_FOR_CR and self.request is None:
             self._output += encode(Disconnect(asked.source_ref, 0, Refusal.NEGOTIATION_FAILED))
         self._end("EPROTO", asked.unfit)
 
@@ -277,7 +535,7 @@ class IsoOnTcp:
             self._remarks.append("more of them are not told")
 
     def _begin(self, size_code: int | None) -> None:
-        self.phase = Phase.UP
+        self.phase = IsoPhase.UP
         agreed = self._reader.agreed = 1 << size_code if size_code is not None else None
         own = 1 << self._settings.size_code
         self._most = (agreed or min(self._settings.not_told, own)) - DATA_HEADER
@@ -304,7 +562,7 @@ class IsoOnTcp:
             return
         self._finished += 1
         if self._whole:  # an empty message is none (siemens.md 5.2)
-            self._messages.append(Message(bytes(self._collected), self._whole))
+            self._messages.append(LayerMessage(bytes(self._collected), self._whole))
         self._collected.clear()
         self._whole = self._pieces = self._empty_pieces = 0
 
@@ -321,7 +579,7 @@ class IsoOnTcp:
     def _end(self, error: str, detail: str) -> None:
         if self.ended is None:
             self.ended = Ended(error, detail)
-        self.phase = Phase.ENDED
+        self.phase = IsoPhase.ENDED
         self._collected.clear()
 
 

@@ -12,35 +12,30 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final, Protocol, runtime_checkable
 
+from trcvtui.net.connection.resources import Party, Work
 from trcvtui.net.events import What
 from trcvtui.net.kernel import (
     DRAIN_BYTES,
-    HELD_BACK,
-    WOULD_BLOCK,
     Accepted,
-    Datagram,
-    Endpoint,
-    Fault,
     Handle,
     Kernel,
+    KernelLoss,
     LocalAddress,
-    Loss,
     PathInfo,
     SocketOptions,
-    WouldBlock,
 )
-from trcvtui.net.layer import Settings
-from trcvtui.net.layers.shared_listener import (
+from trcvtui.net.layer import LayerSettings
+from trcvtui.net.layers.layered_stream import (
     CLIENTS_QUEUED,
     ENDED,
     IGNORED,
     Choosing,
-    Listener,
-    Member,
+    LayeredStream,
+    PortMember,
+    SharedListener,
     Told,
 )
-from trcvtui.net.layers.stream import Stream
-from trcvtui.net.work import Party, Work
+from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
 # Below a CONNECT's own limit of an attempt (5 s), so that a partner who is there and says nothing is told
 # from one who is not there.
@@ -48,10 +43,10 @@ ATTEMPT_LIMIT: Final = 4_000_000_000  # ns
 
 
 @runtime_checkable
-class Stirring(Kernel, Protocol):
+class ReadyKernel(Kernel, Protocol):
     """A kernel that can say which handles its last poll saw."""
 
-    def stirred(self) -> Mapping[Handle, str] | None:
+    def ready_handles(self) -> Mapping[Handle, str] | None:
         """Return the handles with their owners; None: look at everything."""
         ...
 
@@ -83,15 +78,15 @@ class SessionKernel:
         self._told = told
         self._polls = polls
         self._owners: dict[Handle, str] = {}
-        self._wanted: dict[Handle, Settings] = {}
+        self._wanted: dict[Handle, LayerSettings] = {}
         self._fixed: set[Handle] = set()  # bound to a port that somebody chose
         self._ends: dict[Handle, Endpoint] = {}  # of handles that join a port which is listened on already
         self._connecting: dict[Handle, Endpoint] = {}
-        self._streams: dict[Handle, Stream] = {}
-        self._listeners: dict[Handle, Listener] = {}  # by member
-        self._ports: dict[Endpoint, Listener] = {}
+        self._streams: dict[Handle, LayeredStream] = {}
+        self._listeners: dict[Handle, SharedListener] = {}  # by member
+        self._ports: dict[Endpoint, SharedListener] = {}
         self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
-        self._stirred_inside = inner.stirred if isinstance(inner, Stirring) else nothing_known
+        self._ready_inside = inner.ready_handles if isinstance(inner, ReadyKernel) else nothing_known
         # What nothing is done to goes to the kernel without a second call.
         self.local_addresses: Callable[[], tuple[LocalAddress, ...]] = inner.local_addresses
         self.set_link: Callable[[str, bool], str] = inner.set_link
@@ -120,20 +115,20 @@ class SessionKernel:
             stream.watch(self._clock())
             self._tell(handle, stream)
 
-    def _in_turn(self) -> list[Listener]:
+    def _in_turn(self) -> list[SharedListener]:
         """Return the listeners, another one first in each scan: one scan may have one handshake for all."""
         listeners = list(dict.fromkeys(self._listeners.values()))
         first = self._work.scan % len(listeners) if listeners else 0
         return listeners[first:] + listeners[:first]
 
-    def _party(self, handle: Handle, settings: Settings) -> Party:
+    def _party(self, handle: Handle, settings: LayerSettings) -> Party:
         return Party(
             self._work,
             self._owners.get(handle, ""),
             What.TPDUS_WAIT if settings.is_message_oriented else What.RECORDS_WAIT,
         )
 
-    def _tell(self, handle: Handle, stream: Stream) -> None:
+    def _tell(self, handle: Handle, stream: LayeredStream) -> None:
         """Tell what was passed over, and why the session has ended."""
         owner, partner = self._owners.get(handle, ""), str(stream.peer)
         for remark in stream.session.take_remarks():
@@ -162,12 +157,12 @@ class SessionKernel:
         return stream.is_over or stream.end is not None
 
     @staticmethod
-    def _has_news(stream: Stream) -> bool:
+    def _has_news(stream: LayeredStream) -> bool:
         return stream.session.has_data or stream.is_over or stream.session.ended is not None
 
-    def stirred(self) -> Mapping[Handle, str] | None:
+    def ready_handles(self) -> Mapping[Handle, str] | None:
         """Return the handles with news and their owners; None: look at everything."""
-        seen = self._stirred_inside()
+        seen = self._ready_inside()
         if seen is None:
             return None
         more = {handle: self._owners[handle] for handle, one in self._streams.items() if self._has_news(one)}
@@ -226,11 +221,11 @@ class SessionKernel:
             if fault is not None:
                 return fault
             party = Party(self._work, self._owners.get(handle, ""), What.CLIENTS_WAIT)
-            joined = Listener(self.inner, handle, self._told, self._polls, party)
+            joined = SharedListener(self.inner, handle, self._told, self._polls, party)
             end = self.inner.local_end(handle)
             if wanted.shares_port and end is not None:
                 self._ports[end] = joined
-        joined.members[handle] = Member(self._owners.get(handle, ""), wanted)
+        joined.members[handle] = PortMember(self._owners.get(handle, ""), wanted)
         self._listeners[handle] = joined
         return None
 
@@ -284,7 +279,7 @@ class SessionKernel:
                 return verdict
             wanted, since = self._wanted[handle], self._clock()
             place = handle, end, wanted.new(is_active=True), since, self._party(handle, wanted)
-            stream = self._streams[handle] = Stream(self.inner, *place)
+            stream = self._streams[handle] = LayeredStream(self.inner, *place)
         stream.pump()
         if stream.session.is_up:
             del self._connecting[handle]
@@ -326,13 +321,13 @@ class SessionKernel:
         stream = self._streams.get(handle)
         return self.inner.send(handle, data) if stream is None else stream.send(data)
 
-    def loss(self, handle: Handle) -> Loss | None:
+    def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, without consuming data."""
         stream = self._streams.get(handle)
         if stream is None:
             return self.inner.loss(handle)
         if stream.end is not None or stream.is_over:
-            return Loss(stream.end, self.unread(handle))
+            return KernelLoss(stream.end, self.unread(handle))
         return self.inner.loss(handle)
 
     def unread(self, handle: Handle) -> int:
@@ -395,7 +390,7 @@ class SessionKernel:
         if listener is None:
             return False
         for client in listener.members.pop(handle).ready:
-            if isinstance(client, Stream):
+            if isinstance(client, LayeredStream):
                 client.goodbye()
                 self.inner.close(client.handle)
         if listener.members:
@@ -404,6 +399,6 @@ class SessionKernel:
         listener.close()
         return not joined  # the listener's own handle has just been closed
 
-    def _member(self, handle: Handle) -> Member | None:
+    def _member(self, handle: Handle) -> PortMember | None:
         listener = self._listeners.get(handle)
         return listener.members[handle] if listener else None

@@ -12,33 +12,95 @@ import socket
 from collections.abc import Callable, Collection
 from typing import Final, cast
 
-from trcvtui.net.connection.ipv4 import pair
-from trcvtui.net.kernel import (
-    WOULD_BLOCK,
-    Accepted,
-    Endpoint,
-    Fault,
-    Handle,
-    LocalAddress,
-    Loss,
-    PathInfo,
-    SocketOptions,
-    WouldBlock,
-)
-from trcvtui.net.os.addresses import interface_addresses
-from trcvtui.net.os.datagrams import DatagramCalls
-from trcvtui.net.os.link import CutLinks
-from trcvtui.net.os.names import Questions
-from trcvtui.net.os.options import (
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
+from trcvtui.net.os.network import Questions, interface_addresses
+from trcvtui.net.os.system_calls import (
     BASE,
+    GONE,
+    IN,
+    OUT,
+    RDHUP,
     RESET_ON_CLOSE,
     REUSE,
+    VERDICT,
+    CutLinks,
+    PollList,
+    PollSet,
     apply_options,
     error_name,
     limit_unacknowledged,
+    look_at,
+    new_poll_set,
+    path_of,
+    read_away,
+    unread_bytes,
 )
-from trcvtui.net.os.poll import GONE, IN, OUT, RDHUP, VERDICT, PollList, PollSet, look_at, new_poll_set
-from trcvtui.net.os.queues import path_of, read_away, unread_bytes
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, pair
+
+# A late ICMP message about a datagram that was sent says nothing about the socket. Windows tells it to the
+# next call (ECONNRESET, ENETRESET), others may tell ECONNREFUSED; the call is then made once more.
+
+ICMP_ERRORS: Final = frozenset({"ECONNRESET", "ECONNREFUSED", "ENETRESET"})
+MOST_ICMP: Final = 64  # so many messages are passed over in one call
+LARGEST: Final = 65536  # no datagram is larger
+
+# Every datagram is read in here first: no other way tells on all systems how large the cut one was.
+_landing: Final = memoryview(bytearray(LARGEST))
+
+
+class DatagramCalls:
+    """The part of OsKernel that sends and takes datagrams, on its handles and its poll set's picture."""
+
+    _sockets: dict[int, socket.socket]
+    _polled: set[int]
+    _ready: dict[int, int]
+    _links: CutLinks
+
+    def _keep(self, made: socket.socket, owner: str) -> Handle:
+        raise NotImplementedError
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        """Make a non-blocking UDP socket."""
+        try:
+            return self._keep(socket.socket(socket.AF_INET, socket.SOCK_DGRAM), owner)
+        except OSError as problem:
+            return Fault("socket", error_name(problem))
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        """Send one datagram; the stack takes all of it or nothing."""
+        if self._links.is_down(handle):
+            return len(data)  # a datagram has no connection whose other end could be made deaf
+        error = ""
+        for _ in range(MOST_ICMP):
+            try:
+                return self._sockets[handle].sendto(data, pair(end))
+            except BlockingIOError:
+                return WOULD_BLOCK
+            except (OSError, ValueError, KeyError) as problem:
+                error = error_name(problem)
+                if error not in ICMP_ERRORS:
+                    break
+        return Fault("send", error)
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        """Take one datagram; what is larger than the view is cut off."""
+        if handle in self._polled and handle not in self._ready:
+            return WOULD_BLOCK
+        for _ in range(MOST_ICMP):
+            try:
+                whole, (address, port) = self._sockets[handle].recvfrom_into(_landing)
+            except BlockingIOError:
+                return WOULD_BLOCK
+            except (OSError, ValueError, KeyError) as problem:
+                error = error_name(problem)
+                if error not in ICMP_ERRORS:
+                    return Fault("recv", error)
+            else:
+                size = min(whole, len(into))
+                into[:size] = _landing[:size]
+                return Datagram(size, Endpoint(address, port), whole)
+        return WOULD_BLOCK
+
 
 MOST_READS: Final = 16  # of one call; what is left stays in the stack for the next
 Socket = socket.socket  # inside the class `socket` is the call
@@ -272,21 +334,21 @@ class OsKernel(DatagramCalls):
         except (OSError, ValueError, KeyError) as problem:
             return self._failed("send", handle, problem) or Fault("send", "EPIPE")
 
-    def loss(self, handle: Handle) -> Loss | None:
+    def loss(self, handle: Handle) -> KernelLoss | None:
         """Return why the connection is gone, without consuming data; None while it stands."""
         polled = handle in self._polled
         if polled and handle not in self._ready:
             return None
         sock = self._sockets.get(handle)
         if sock is None:
-            return Loss(Fault("recv", "EBADF"), 0)
+            return KernelLoss(Fault("recv", "EBADF"), 0)
         mask = self._ready[handle] if polled else self._look(handle, IN)
         if not mask & GONE and (RDHUP or not self._peeks_the_end(handle, sock)):
             return None
         error = self._take_error(handle, sock)
         # A RST behind a FIN is EPIPE: the FIN came first, and recv answers 0 too.
         fault = Fault("recv", error) if error and error != "EPIPE" else None
-        return Loss(fault, self.unread(handle))
+        return KernelLoss(fault, self.unread(handle))
 
     def _peeks_the_end(self, handle: int, sock: Socket) -> bool:
         """Return whether an error is pending or the next recv would find FIN (systems without RDHUP)."""

@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from trcvtui.errors import mistake
-from trcvtui.net.os.options import error_name
+from trcvtui.net.os.system_calls import error_name
 from trcvtui.net.results import Fault
 from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 
@@ -22,7 +22,7 @@ from trcvtui.net.serial_line import OPENING, Opening, SerialSettings
 # must not. They hold nothing but their port.
 
 
-class Attempt:
+class OpenAttempt:
     """An attempt that runs. `is_over` tells when `port` or `problem` is there."""
 
     def __init__(self, make_port: Callable[[], Any]) -> None:
@@ -127,13 +127,13 @@ class OsSerialPort:
         self._settings = settings
         self._serial = serial
         self._port: Any = None
-        self._attempt: Attempt | None = None
+        self._attempt: OpenAttempt | None = None
         self._is_given_up = False  # the attempt that still runs
 
     def open(self) -> Fault | Opening | None:
         """Open it; return what is in the way, OPENING as long as that is not known."""
         if self._attempt is None:
-            self._attempt, self._is_given_up = Attempt(self._made), False
+            self._attempt, self._is_given_up = OpenAttempt(self._made), False
         if not self._attempt.is_over:
             return OPENING
         attempt, self._attempt = self._attempt, None

@@ -8,21 +8,199 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
-from typing import Final, Protocol
+from enum import Enum, IntFlag
+from typing import Final, NamedTuple, Protocol
 
-from trcvtui.net.kernel import WOULD_BLOCK, Endpoint, PathInfo, WouldBlock
-from trcvtui.net.sim.halves import RESET, Flag, ReceiveHalf, Segment, SendHalf
-from trcvtui.net.sim.ports import Claim
-from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, Verdict
+from trcvtui.net.kernel import PathInfo
+from trcvtui.net.results import WOULD_BLOCK, Endpoint, WouldBlock
+from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerVerdict
 
+# Positions count bytes from 0; FIN is one number behind the last byte. A window never shrinks, and sending
+# again goes back to the first unacknowledged byte.
+
+SEGMENT_BYTES: Final = 1460
+
+
+class Flag(IntFlag):
+    """What a segment means besides its data."""
+
+    NONE = 0
+    SYN_ACK = 1
+    FIN = 2
+    RST = 4
+    PROBE = 8
+
+
+class Segment(NamedTuple):
+    """What is carried: where its data stand in the stream, what is acknowledged, how far the window goes."""
+
+    seq: int
+    ack: int
+    edge: int
+    data: bytes = b""
+    flags: Flag = Flag.NONE
+
+
+RESET: Final = Segment(0, 0, 0, b"", Flag.RST)
+
+
+class SendHalf:
+    """Bytes taken from the program until the partner has acknowledged them."""
+
+    __slots__ = ("_edge", "_first", "_queue", "fin", "fin_acked", "next", "room")
+
+    def __init__(self, room: int) -> None:
+        self.room = room
+        self.fin = self.fin_acked = False
+        self.next = 0  # what the next new segment begins with
+        self._queue = bytearray()
+        self._first = 0  # where the queue begins: the first unacknowledged position
+        self._edge = 0  # how far the partner's window goes
+
+    @property
+    def unacked(self) -> int:
+        """Return how many bytes are in flight."""
+        return len(self._queue) - self.unsent
+
+    @property
+    def unsent(self) -> int:
+        """Return how many bytes the partner's window holds back."""
+        return max(0, self._first + len(self._queue) - self.next)
+
+    @property
+    def is_in_flight(self) -> bool:
+        """Return whether data or FIN is sent and unacknowledged."""
+        return self._first < self.next
+
+    @property
+    def is_waiting(self) -> bool:
+        """Return whether anything is unacknowledged or held back."""
+        return self._first < self.next or bool(self._queue)
+
+    def put(self, data: memoryview) -> int:
+        """Queue what there is room for; return how many bytes that was."""
+        taken = data[: max(0, self.room - len(self._queue))]
+        self._queue += taken
+        return len(taken)
+
+    def open_window(self, edge: int) -> bool:
+        """Let the window go to edge; return whether that is farther than before."""
+        wider = edge > self._edge
+        self._edge = max(self._edge, edge)
+        return wider
+
+    def acknowledge(self, ack: int) -> bool:
+        """Drop what has arrived there; return whether anything of it is new."""
+        taken = ack - self._first
+        if taken <= 0:
+            return False
+        self.fin_acked = taken > len(self._queue)
+        del self._queue[:taken]
+        self._first = ack
+        return True
+
+    def rewind(self) -> None:
+        """Send everything unacknowledged again."""
+        self.next = self._first
+
+    def emit(self) -> tuple[int, bytes, Flag] | None:
+        """Return position, data and flags of what may be sent now, and count it as sent."""
+        end = self._first + len(self._queue)
+        seq, limit = self.next, min(end, self._edge)
+        data = b""
+        if seq < limit:
+            data = bytes(self._queue[seq - self._first : limit - self._first])
+            self.next = limit
+        if self.fin and self.next == end and not self.fin_acked:
+            self.next = end + 1
+            return seq, data, Flag.FIN
+        return (seq, data, Flag.NONE) if data else None
+
+    def clear(self) -> None:
+        """Forget what is queued: the connection is over."""
+        self._queue.clear()
+        self.next = self._first
+
+
+class ReceiveHalf:
+    """Bytes received until the program reads them."""
+
+    __slots__ = ("_offered", "fin", "inbox", "next", "room")
+
+    def __init__(self, room: int) -> None:
+        self.room = room
+        self.fin = False
+        self.inbox = bytearray()
+        self.next = 0  # the position that is expected next
+        self._offered = room  # how far the window has been opened
+
+    def take(self, into: memoryview, most: int) -> int:
+        """Move bytes to the program; return how many."""
+        size = min(len(into), len(self.inbox), most)
+        into[:size] = self.inbox[:size]
+        del self.inbox[:size]
+        return size
+
+    def offer(self) -> int:
+        """Return how far the window goes now."""
+        self._offered = max(self._offered, self.next + self.room - len(self.inbox))
+        return self._offered
+
+    @property
+    def should_tell(self) -> bool:
+        """Return whether the window has doubled: Linux tells no less, so small reads cost no segment each."""
+        left, free = self._offered - self.next, self.room - len(self.inbox)
+        return 2 * left <= self.room and free >= 2 * left and free >= min(self.room // 2, SEGMENT_BYTES)
+
+    def brings_news(self, segment: Segment) -> bool:
+        """Return whether it carries bytes that are not here yet."""
+        return segment.seq + len(segment.data) > self.next
+
+    def accept(self, segment: Segment) -> None:
+        """Take in what is next in line; a partner never sends beyond the window he was told."""
+        known = self.next - segment.seq
+        if known < 0:  # something in front of it was lost
+            return
+        fresh = segment.data[known:] if known else segment.data
+        self.inbox += fresh
+        self.next += len(fresh)
+        ends_here = segment.seq + len(segment.data) == self.next
+        if segment.flags & Flag.FIN and ends_here and not self.fin:
+            self.fin = True
+            self.next += 1
+
+
+ANY: Final = "0.0.0.0"
 SEND_BUFFER: Final = 2_621_440  # with the receive buffer the 4.19 MB that Linux swallowed before EAGAIN
 RECEIVE_BUFFER: Final = 1_572_864
 ORPHAN_LIFE: Final = 120 * SECOND
 RTO_MAX: Final = 1 * SECOND  # TCP_RTO_MAX_MS is accepted here
 
 
-class Phase(Enum):
+@dataclass(slots=True, eq=False)
+class PortClaim:
+    """One socket's hold on a local end; port 0 = none yet.
+
+    `fixed` says that the program asked for this very port: it is then kept until the handle is freed.
+    """
+
+    address: str = ANY
+    port: int = 0
+    reuse: bool = False
+    listening: bool = False
+    fixed: bool = False
+
+    @property
+    def end(self) -> Endpoint | None:
+        """Return the local end, None while there is none."""
+        return Endpoint(self.address, self.port) if self.port else None
+
+    def child(self, address: str) -> PortClaim:
+        """Return the claim of a connection that a listener accepts: it shares port and REUSEADDR."""
+        return PortClaim(address, self.port, self.reuse)
+
+
+class StreamPhase(Enum):
     """Where the connection stands, as far as its program can tell."""
 
     SYN_SENT = "connecting"
@@ -48,16 +226,16 @@ class Wire(Protocol):
     def now(self) -> int: ...
     def at(self, due: int, act: Callable[[], None]) -> Ticket: ...
     def cancel(self, ticket: Ticket | None) -> None: ...
-    def syn(self, client: Stream) -> None: ...
-    def carry(self, source: Stream, segment: Segment) -> None: ...
-    def over(self, stream: Stream, linger: bool) -> None: ...
+    def syn(self, client: SimStream) -> None: ...
+    def carry(self, source: SimStream, segment: Segment) -> None: ...
+    def over(self, stream: SimStream, linger: bool) -> None: ...
 
 
 def nobody_looks() -> None:
     """Do nothing: what a stream's change means while no handle has it."""
 
 
-class Stream:
+class SimStream:
     """One end. `partner` is the other one, once the handshake has found it."""
 
     __slots__ = (
@@ -67,13 +245,13 @@ class Stream:
     )  # fmt: skip
 
     def __init__(
-        self, wire: Wire, owner: str, claim: Claim, local: Endpoint, remote: Endpoint, tuning: Tuning
+        self, wire: Wire, owner: str, claim: PortClaim, local: Endpoint, remote: Endpoint, tuning: Tuning
     ) -> None:
         self._wire, self.tuning = wire, tuning
         self.owner, self.claim, self.local, self.remote = owner, claim, local, remote
-        self.partner: Stream | None = None
+        self.partner: SimStream | None = None
         self.changed: Callable[[], None] = nobody_looks
-        self.phase = Phase.SYN_SENT
+        self.phase = StreamPhase.SYN_SENT
         self.error = ""
         self.held = True  # a program, or an accept queue, still has it
         self.lingering = False  # in TIME_WAIT
@@ -94,7 +272,7 @@ class Stream:
     @property
     def is_gone(self) -> bool:
         """Return whether FIN, an error or an own shutdown shows (RDHUP, ERR or HUP)."""
-        return self._in.fin or self.read_shut or self.phase is Phase.OVER
+        return self._in.fin or self.read_shut or self.phase is StreamPhase.OVER
 
     @property
     def is_readable(self) -> bool:
@@ -132,17 +310,17 @@ class Stream:
         size = self._in.take(into, most)
         if not self._in.inbox:
             self.changed()
-        if self._in.should_tell and self.phase is Phase.OPEN:
+        if self._in.should_tell and self.phase is StreamPhase.OPEN:
             self._carry()
         return size
 
     def write(self, data: memoryview) -> int | WouldBlock | str:
         """Take what the send buffer has room for; a str is an errno name."""
-        if self.phase is Phase.SYN_SENT:
+        if self.phase is StreamPhase.SYN_SENT:
             return WOULD_BLOCK
         if self.error:
             return self.take_error()
-        if self._out.fin or self.phase is Phase.OVER:
+        if self._out.fin or self.phase is StreamPhase.OVER:
             return "EPIPE"
         taken = self._out.put(data)
         if not taken and data:
@@ -157,9 +335,9 @@ class Stream:
 
     def shut(self, both: bool) -> str:
         """Send FIN behind the queued data; return "" or ENOTCONN."""
-        if self.phase is Phase.OVER:
+        if self.phase is StreamPhase.OVER:
             return "ENOTCONN"
-        if self.phase is Phase.SYN_SENT:
+        if self.phase is StreamPhase.SYN_SENT:
             self.give_up("ECONNRESET")
             return ""
         self.read_shut = self.read_shut or both
@@ -175,20 +353,20 @@ class Stream:
 
     def close(self) -> None:
         """Let go: FIN behind the queued data, or RST when received data is unread."""
-        if self.phase is not Phase.OPEN or self._in.inbox:
+        if self.phase is not StreamPhase.OPEN or self._in.inbox:
             self.abort()
             return
         self.held = False
         self.read_shut = True
         self._send_fin()
-        if self.phase is Phase.OPEN:
+        if self.phase is StreamPhase.OPEN:
             self._end_ticket = self._wire.at(self._wire.now + ORPHAN_LIFE, self.abort)
 
     def abort(self) -> None:
         """Let go with RST."""
         self.held = False
-        was_open = self.phase is Phase.OPEN
-        if self.phase is not Phase.OVER:
+        was_open = self.phase is StreamPhase.OPEN
+        if self.phase is not StreamPhase.OVER:
             self._end(linger=False)
         if was_open:
             self._wire.carry(self, RESET)
@@ -216,7 +394,7 @@ class Stream:
 
     def no_host(self) -> None:
         """End an attempt to which no machine has answered."""
-        if self.phase is Phase.SYN_SENT:
+        if self.phase is StreamPhase.SYN_SENT:
             self.give_up("EHOSTUNREACH")
 
     def answer_syn(self) -> Segment:
@@ -226,7 +404,7 @@ class Stream:
     def open(self, edge: int) -> None:
         """Become established; edge is how far the partner's window goes."""
         self._stop_retry()
-        self.phase = Phase.OPEN
+        self.phase = StreamPhase.OPEN
         self.heard = self._wire.now
         self._out.open_window(edge)
         self._start_keep_alive()
@@ -236,14 +414,14 @@ class Stream:
 
     def arrive(self, segment: Segment) -> None:
         """Take one segment from the partner."""
-        if self.phase is Phase.SYN_SENT:
+        if self.phase is StreamPhase.SYN_SENT:
             self._arrive_connecting(segment)
         elif segment.flags & Flag.RST:
             self.reset()
         else:
             self.heard = self._wire.now
             self._acknowledged(segment)
-            if self.phase is Phase.OPEN and (segment.data or segment.flags):
+            if self.phase is StreamPhase.OPEN and (segment.data or segment.flags):
                 self._take_in(segment)
 
     def _arrive_connecting(self, segment: Segment) -> None:
@@ -254,7 +432,7 @@ class Stream:
 
     def reset(self) -> None:
         """End because of a RST, or because the partner's machine has begun anew with the same ends."""
-        if self.phase is Phase.OPEN:
+        if self.phase is StreamPhase.OPEN:
             # In CLOSE_WAIT Linux calls it EPIPE: the FIN was the end, the RST answers our later data.
             self.give_up("EPIPE" if self._in.fin and not self._out.fin else "ECONNRESET")
 
@@ -281,7 +459,7 @@ class Stream:
         self._in.accept(segment)
         self.changed()
         self._carry()
-        if self._is_finished and self.phase is Phase.OPEN:
+        if self._is_finished and self.phase is StreamPhase.OPEN:
             self._end(self._closed_first)
 
     # -- what is carried -----------------------------------------------------------------------------
@@ -296,7 +474,7 @@ class Stream:
 
     def _push(self) -> None:
         """Send what the partner's window lets through, and FIN behind the last byte."""
-        if self.phase is not Phase.OPEN:
+        if self.phase is not StreamPhase.OPEN:
             return
         sent = self._out.emit()
         if sent is not None:
@@ -308,7 +486,7 @@ class Stream:
 
     def _watch(self) -> None:
         """Keep the retransmission clock running while anything is unacknowledged or held back."""
-        if self._retry_ticket is None and self._out.is_waiting and self.phase is Phase.OPEN:
+        if self._retry_ticket is None and self._out.is_waiting and self.phase is StreamPhase.OPEN:
             if self._retry.due is None:
                 self._retry.start(self._wire.now)
             self._retry_ticket = self._wire.at(self._retry.due or 0, self._retry_strikes)
@@ -322,7 +500,7 @@ class Stream:
         self._retry_ticket = None
         probing, tuning = not self._out.is_in_flight, self.tuning
         verdict = self._retry.strike(self._wire.now, probing, tuning.user_timeout, tuning.longest_wait)
-        if verdict is Verdict.DEAD:
+        if verdict is TimerVerdict.DEAD:
             self.give_up("ETIMEDOUT")
         elif probing:
             self._carry(Flag.PROBE)
@@ -334,7 +512,7 @@ class Stream:
     def _start_keep_alive(self) -> None:
         self._wire.cancel(self._alive_ticket)
         self._alive_ticket = None
-        if self.tuning.keep_alive and self.phase is Phase.OPEN:
+        if self.tuning.keep_alive and self.phase is StreamPhase.OPEN:
             self._alive = KeepAlive(self.tuning.keep_alive, self.heard)
             self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
 
@@ -342,9 +520,9 @@ class Stream:
         busy, limit = self._out.is_waiting, self.tuning.user_timeout
         verdict = self._alive.strike(self._wire.now, self.heard, busy, limit)
         self._alive_ticket = self._wire.at(self._alive.due, self._alive_strikes)
-        if verdict is Verdict.DEAD:
+        if verdict is TimerVerdict.DEAD:
             self.give_up("ETIMEDOUT")
-        elif verdict is Verdict.ASK:
+        elif verdict is TimerVerdict.ASK:
             self._carry(Flag.PROBE)
 
     # -- the end -------------------------------------------------------------------------------------
@@ -355,7 +533,7 @@ class Stream:
         self._end(linger=False)
 
     def _end(self, linger: bool) -> None:
-        self.phase = Phase.OVER
+        self.phase = StreamPhase.OVER
         self._out.clear()
         self._stop_retry()
         self._wire.cancel(self._alive_ticket)

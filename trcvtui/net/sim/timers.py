@@ -75,7 +75,7 @@ class Agenda:
         return len(self._heap)
 
 
-class Verdict(Enum):
+class TimerVerdict(Enum):
     """What a clock says when it strikes."""
 
     WAIT = "wait"
@@ -94,23 +94,23 @@ class KeepAlive:
         self._probes = 0
         self._asked_at = 0
 
-    def strike(self, now: int, heard: int, busy: bool, user_timeout: int) -> Verdict:
+    def strike(self, now: int, heard: int, busy: bool, user_timeout: int) -> TimerVerdict:
         """Decide at `due`, and set the next one; busy = sent or unsent data is waiting for the partner."""
         silent = now - heard
         if heard >= self._asked_at:
             self._probes = 0
         self.due = now + self.interval
         if busy:
-            return Verdict.WAIT
+            return TimerVerdict.WAIT
         if silent < self.interval:
             self.due = heard + self.interval
-            return Verdict.WAIT
+            return TimerVerdict.WAIT
         # A user timeout takes the place of the probe count, and lengthens the time as well.
         if silent >= user_timeout and self._probes > 0 if user_timeout else self._probes >= KEEP_ALIVE_PROBES:
-            return Verdict.DEAD
+            return TimerVerdict.DEAD
         self._probes += 1
         self._asked_at = now
-        return Verdict.ASK
+        return TimerVerdict.ASK
 
 
 class Retry:
@@ -138,18 +138,18 @@ class Retry:
         """Note that the partner lives, though its window stays closed."""
         self._unanswered = 0
 
-    def strike(self, now: int, probing: bool, user_timeout: int, longest: int) -> Verdict:
+    def strike(self, now: int, probing: bool, user_timeout: int, longest: int) -> TimerVerdict:
         """Decide at `due`, and set the next one; probing = the window is closed and nothing is in flight."""
         if self._since is None and (probing or self._tries > 0):
             self._since = now
         if self._is_over(now, user_timeout):
-            return Verdict.DEAD
+            return TimerVerdict.DEAD
         self._tries += 1
         self._unanswered += 1
         self.due = now + self._wait(longest)
         if user_timeout and self._since is not None:
             self.due = min(self.due, self._since + user_timeout)
-        return Verdict.ASK
+        return TimerVerdict.ASK
 
     def _is_over(self, now: int, user_timeout: int) -> bool:
         if user_timeout:

@@ -8,17 +8,15 @@ from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources
-from trcvtui.net.faults import FaultPlan, FaultyKernel
+from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, Work
+from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.layers.layer_kernel import SessionKernel
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.os.serial import OsSerialPort
 from trcvtui.net.results import Endpoint, Fault
-from trcvtui.net.serial_line import SerialPort, SerialSettings
-from trcvtui.net.serial_ports import FaultyPort, SimSerialPort
+from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
-from trcvtui.net.work import Work
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.runtime import Runtime

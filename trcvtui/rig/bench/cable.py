@@ -6,9 +6,10 @@ from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.kernel import Kernel
-from trcvtui.net.os import namespace as os_namespace
 from trcvtui.net.os.kernel import OsKernel
-from trcvtui.net.os.namespace import is_own_network as is_own_network
+from trcvtui.net.os.network import LOOPBACK, set_loopback
+from trcvtui.net.os.network import enter as enter_namespace
+from trcvtui.net.os.network import is_own_network as is_own_network
 from trcvtui.project.project import SimDecl
 
 NO_ADDRESSES: Final = SimDecl()
@@ -18,7 +19,7 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
     """Move this process into a fresh network with the addresses of [sim]; raise UserError where it cannot."""
     if kernel != "live":
         raise mistake("--netns", f"--kernel {kernel}", "--kernel live, which has a network to be moved")
-    wrong = os_namespace.enter(sim.addresses, sim.not_ethernet)
+    wrong = enter_namespace(sim.addresses, sim.not_ethernet)
     if wrong:
         raise mistake("--netns", wrong, "one that lets a program have a network of its own")
 
@@ -29,5 +30,5 @@ def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
         return kernel.set_link(connect, up), "simulated wire"
     if is_own_network():
         how = "up" if up else "down: it carries every CONNECT and peer"
-        return os_namespace.set_loopback(up), f"interface {os_namespace.LOOPBACK} {how}"
+        return set_loopback(up), f"interface {LOOPBACK} {how}"
     return kernel.set_link(connect, up), "packets pass again" if up else "packets dropped at the sockets"

@@ -12,8 +12,7 @@ from typing import Any, Final
 
 from trcvtui.blocks.parameters import BUFFER_PIN, POINTERS
 from trcvtui.errors import UserError, mistake
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.udp_config import UdpConfig
+from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.project.edit import (
     adding,
     changing,

@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from trcvtui.blocks.parameters import BUFFER_PIN, HAS_DATA, ON_CONNECT, RECEIVERS, SPEAKS_UDP
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.udp_config import UdpConfig
+from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import read_entry, with_entry
 from trcvtui.project.keys import free_name

@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
-from trcvtui.net.connection.config import ConnectConfig
-from trcvtui.net.connection.udp_config import AddrParam, UdpConfig
+from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.plc import commands
 from trcvtui.project.project import (
     CertificateDecl,

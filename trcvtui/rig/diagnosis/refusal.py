@@ -11,7 +11,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.net.connection.description import selector_text
 from trcvtui.net.connection.description_check import Protocol, meaning
-from trcvtui.net.tls_words import TlsError
+from trcvtui.net.layer import TlsError
 from trcvtui.rig.diagnosis import job as job
 from trcvtui.rig.diagnosis import link as link
 from trcvtui.rig.diagnosis.evidence import Evidence

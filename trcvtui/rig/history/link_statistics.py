@@ -14,10 +14,10 @@ from typing import Final
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded
-from trcvtui.net.events import BytesReceived, ConnectionNote, What
+from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.net.layers.iso_on_tcp import NO_SUCH_TSAP
-from trcvtui.net.layers.shared_listener import DROPPED
-from trcvtui.net.layers.shared_listener import ENDED as SESSION_ENDED
+from trcvtui.net.layers.layered_stream import DROPPED
+from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.rig.history.records import (
     NOT_BUILT,
@@ -101,7 +101,7 @@ class LinkStatistics:
             {
                 BytesReceived: self._bytes,
                 JobEnded: self._job_ended,
-                ConnectionNote: self._connection,
+                ConnectionChanged: self._connection,
                 StatusEdge: self._status,
                 BenchNote: self._note,
             }
@@ -127,7 +127,7 @@ class LinkStatistics:
         need = started.size if started is not None else 0
         link.drop = Drop(Moment(scan, t_ns), event.instance, event.reason, event.size, need, end)
 
-    def _connection(self, scan: int, t_ns: int, event: ConnectionNote) -> None:
+    def _connection(self, scan: int, t_ns: int, event: ConnectionChanged) -> None:
         link, at = self._link(event.connection), Moment(scan, t_ns)
         if event.what is What.CONNECTED:
             link.incarnation = event.incarnation
@@ -152,7 +152,7 @@ class LinkStatistics:
             link.down_since = link.down_since or at
             link.is_built()
 
-    def _ended(self, link: _LinkFacts, at: Moment, event: ConnectionNote) -> None:
+    def _ended(self, link: _LinkFacts, at: Moment, event: ConnectionChanged) -> None:
         if event.what in (What.DISCONNECTED, What.STOPPED):
             link.down_since, link.listening = None, ""
         if link.up_since is None:
@@ -165,7 +165,7 @@ class LinkStatistics:
         goes_on = event.what not in (What.DISCONNECTED, What.STOPPED)
         link.up_since, link.down_since = None, at if goes_on else None
 
-    def _failed(self, link: _LinkFacts, at: Moment, event: ConnectionNote) -> None:
+    def _failed(self, link: _LinkFacts, at: Moment, event: ConnectionChanged) -> None:
         link.down_since = link.down_since or at
         fault = event.fault
         error = f"{fault.call} {fault.error}" if fault else str(event.what)

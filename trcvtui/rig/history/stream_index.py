@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.net.events import BytesReceived, ConnectionNote, What
+from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import Event, PeerSent
 from trcvtui.rig.history.records import PAUSE_SCANS, MessageSpan, Moment, RecvSpan, SentMessage, Sizes
 
@@ -136,7 +136,7 @@ class StreamIndex:
             BytesReceived: [self._bytes_received],
             JobStarted: [self._job_started],
             JobEnded: [self._job_ended],
-            ConnectionNote: [self._connection_noted],
+            ConnectionChanged: [self._connection_noted],
         }
 
     def listen(self, listeners: Mapping[type, Listener]) -> None:
@@ -168,7 +168,7 @@ class StreamIndex:
             sent = self._sent.setdefault((ends, turn), _Sent())
         sent.add(event, self._kept_messages)
 
-    def _connection_noted(self, scan: int, t_ns: int, event: ConnectionNote) -> None:
+    def _connection_noted(self, scan: int, t_ns: int, event: ConnectionChanged) -> None:
         if event.what is not What.CONNECTED:
             return
         ends = event.peer, event.local

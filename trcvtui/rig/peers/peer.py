@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.net.kernel import Accepted, Endpoint, Fault, Handle, Kernel, SocketOptions
+from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
+from trcvtui.net.results import Endpoint, Fault
 from trcvtui.plc.ledger import BenchNote, Event
 from trcvtui.project.project import PeerDecl
 from trcvtui.rig.commands.inbox import Inbox

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-from trcvtui.net.kernel import WOULD_BLOCK, Fault, Handle, Kernel, WouldBlock
+from trcvtui.net.kernel import Handle, Kernel
+from trcvtui.net.results import WOULD_BLOCK, Fault, WouldBlock
 from trcvtui.plc.ledger import Event, PeerSent
 from trcvtui.rig.commands.inbox import Inbox
 from trcvtui.rig.commands.words import PeerSend

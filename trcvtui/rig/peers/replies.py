@@ -46,7 +46,7 @@ class _Contained:
         return hits
 
 
-class _Started:
+class _Beginning:
     """A beginning that has come in part goes on in the next scan; a whole or a wrong one is over."""
 
     def __init__(self, match: Starts) -> None:
@@ -115,7 +115,7 @@ def _looking(match: Match) -> Looking:
         case Contains():
             return _Contained(match)
         case Starts():
-            return _Started(match)
+            return _Beginning(match)
         case Matches():
             return _Matched(match)
         case FieldIs():

@@ -10,7 +10,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from trcvtui.net.kernel import WOULD_BLOCK, Datagram, Endpoint, Fault, Handle, Kernel
+from trcvtui.net.kernel import Handle, Kernel
+from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
 from trcvtui.project.project import PeerDecl
 from trcvtui.rig.commands.inbox import Inbox

@@ -17,7 +17,7 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.errors import mistake
-from trcvtui.net.events import ConnectionNote, What
+from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.plc.instance import Outputs
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.rig.bench.bench import Bench
@@ -190,7 +190,7 @@ class Session:
         for _, _, event in ledger.stamped_since(0):
             if isinstance(event, BenchNote) and event.what == "connected":
                 ours.add(event.detail.partition(" to ")[0])
-            elif isinstance(event, ConnectionNote) and event.what is What.CONNECTED:
+            elif isinstance(event, ConnectionChanged) and event.what is What.CONNECTED:
                 calls.append(event)
         strange = [call for call in calls if call.peer not in ours]
         partners = tuple(dict.fromkeys(call.peer for call in strange))

@@ -1,0 +1,293 @@
+"""The network of this machine: its addresses, the names it knows, and a network of this process's own."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import functools
+import os
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from trcvtui.net.connection.config import ANY_ADDRESS
+from trcvtui.net.kernel import LocalAddress
+from trcvtui.net.os.system_calls import error_name
+from trcvtui.net.results import WOULD_BLOCK, Fault, WouldBlock, broadcast_of, octets
+
+# -- a network of our own, without privileges: a user and a network namespace of Linux ---------------------
+#
+# Everything in it crosses `lo`, whatever address it is for: with `lo` down every wire in it is cut for real.
+# A process is in one network at a time, so this state belongs to the process; enter before any thread starts.
+
+with suppress(ImportError):  # Windows
+    import fcntl
+
+LOOPBACK: Final = "lo"
+ETHERNET: Final = "plc0"  # a bridge without ports: the Ethernet port that carries the PLC's own addresses
+CLONE_NEWUSER: Final = 0x10000000
+CLONE_NEWNET: Final = 0x40000000
+SIOCSIFFLAGS: Final = 0x8914
+SIOCSIFADDR: Final = 0x8916
+SIOCSIFNETMASK: Final = 0x891C
+SIOCBRADDBR: Final = 0x89A0
+IFF_UP: Final = 1
+NAME_BYTES: Final = 16
+REQUEST: Final = "16s24s"  # struct ifreq: a name and a union
+SOCKET_ADDRESS: Final = "=H2x4s8x"  # struct sockaddr_in
+
+_own_user = False  # this process has a user namespace of its own
+_own_network = False
+
+
+def is_own_network() -> bool:
+    """Return whether this process has a network of its own, where `set_loopback` harms nobody."""
+    return _own_network
+
+
+def enter(addresses: Sequence[str] = (), not_ethernet: Sequence[str] = ()) -> str:
+    """Move this process into a fresh network that has these addresses; return what is wrong, or ""."""
+    if sys.platform != "linux":
+        return "a system without network namespaces"
+    error = _unshare()
+    if error:
+        return f"a system that refuses a namespace ({error})"
+    try:
+        _set_up(LOOPBACK, up=True)
+        if addresses:
+            _make_bridge(ETHERNET)
+        for number, address in enumerate(addresses):
+            _add_address(f"{ETHERNET}:{number}" if number else ETHERNET, address, "255.255.255.0")
+        for number, address in enumerate(not_ethernet):
+            # On loopback a wider mask would make the whole subnet local.
+            _add_address(f"{LOOPBACK}:{number}", address, "255.255.255.255")
+    except OSError as problem:
+        return f"a system that refuses interfaces in a namespace ({_name(problem.errno)})"
+    return ""
+
+
+def set_loopback(up: bool) -> str:
+    """Set `lo` of the own network up or down; return what is wrong, or ""."""
+    if not _own_network:
+        return "this is no network of its own"
+    try:
+        _set_up(LOOPBACK, up)
+    except OSError as problem:
+        return f"interface {LOOPBACK}: {_name(problem.errno)}"
+    return ""
+
+
+def _unshare() -> str:
+    """Leave the present network for an empty one; return the errno of a refusal, or ""."""
+    global _own_user, _own_network
+    unshare = ctypes.CDLL(None, use_errno=True).unshare
+    outside = os.getuid(), os.getgid()
+    if not _own_user and unshare(CLONE_NEWUSER | CLONE_NEWNET) == 0:
+        _own_user = _own_network = True
+        _map_ids(*outside)
+        return ""
+    if unshare(CLONE_NEWNET) == 0:  # a second time, or root where user namespaces are switched off
+        _own_network = True
+        return ""
+    return _name(ctypes.get_errno())
+
+
+def _map_ids(user: int, group: int) -> None:
+    """Be root in here, so that a program started from here keeps its rights; files stay the user's own."""
+    with suppress(OSError):  # the rights are there without a map, as long as nothing is started
+        Path("/proc/self/setgroups").write_text("deny")
+        Path("/proc/self/uid_map").write_text(f"0 {user} 1")
+        Path("/proc/self/gid_map").write_text(f"0 {group} 1")
+
+
+def _set_up(interface: str, up: bool) -> None:
+    _request(SIOCSIFFLAGS, interface, struct.pack("h", IFF_UP if up else 0))
+
+
+def _make_bridge(name: str) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
+        fcntl.ioctl(door, SIOCBRADDBR, name.encode().ljust(NAME_BYTES, b"\0"))
+
+
+def _add_address(label: str, address: str, mask: str) -> None:
+    """Give an address to the interface whose name the label begins with."""
+    for request, what in ((SIOCSIFADDR, address), (SIOCSIFNETMASK, mask)):
+        _request(request, label, struct.pack(SOCKET_ADDRESS, socket.AF_INET, socket.inet_aton(what)))
+    _set_up(label.partition(":")[0], up=True)
+
+
+def _request(request: int, interface: str, union: bytes) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
+        fcntl.ioctl(door, request, struct.pack(REQUEST, interface.encode(), union))
+
+
+def _name(number: int | None) -> str:
+    return errno.errorcode.get(number or 0, str(number))
+
+
+# -- names: the system's own resolver, asked by a process of its own, so that no scan waits ----------------
+#
+# Rule 1: the system decides where names are known (hosts file, DNS, ...): nothing here speaks DNS.
+# Rule 2: at most QUESTIONS processes run at a time; one that is no longer asked for is ended.
+
+QUESTIONS: Final = 8
+LONGEST_ANSWER: Final = 64  # bytes
+UNKNOWN: Final = "EAI_NONAME"
+# Prints an address or why there is none. Whether nobody knows the name or nobody answers says more of this
+# machine than of the partner: both are an unknown name, as on the simulated network. A hosts file knows
+# names without their last dot.
+PROGRAM: Final = """
+import socket, sys
+said = "EAI_NONAME"
+for name in (sys.argv[1], sys.argv[1].rstrip(".")):
+    try:
+        said = socket.getaddrinfo(name, None, socket.AF_INET, socket.SOCK_STREAM)[0][4][0]
+        break
+    except (OSError, UnicodeError):
+        pass
+print(said)
+"""
+
+
+class Questions:
+    """What is being asked, by the handle on whose behalf."""
+
+    def __init__(self) -> None:
+        self._asked: dict[int, subprocess.Popen[bytes]] = {}
+
+    def ask(self, handle: int, name: str) -> str | WouldBlock | Fault:
+        """Return the address, WOULD_BLOCK while nobody has answered, else the Fault."""
+        program = self._asked.get(handle)
+        if program is None:
+            return self._begin(handle, name)
+        if program.poll() is None:
+            return WOULD_BLOCK
+        assert program.stdout is not None
+        said = program.stdout.read(LONGEST_ANSWER).decode("ascii", "replace").strip()
+        self.forget(handle)
+        if octets(said) is not None:
+            return said
+        return Fault("resolve", UNKNOWN)
+
+    def _begin(self, handle: int, name: str) -> WouldBlock | Fault:
+        if len(self._asked) < QUESTIONS:
+            words = [sys.executable, "-I", "-S", "-c", PROGRAM, name]
+            null = subprocess.DEVNULL
+            try:
+                asked = subprocess.Popen(words, stdin=null, stdout=subprocess.PIPE, stderr=null)
+            except OSError as problem:
+                return Fault("resolve", error_name(problem))
+            except ValueError:  # a NUL in the name
+                return Fault("resolve", UNKNOWN)
+            self._asked[handle] = asked
+        return WOULD_BLOCK
+
+    def forget(self, handle: int) -> None:
+        """End the question of a handle, if there is one."""
+        program = self._asked.pop(handle, None)
+        if program is not None:
+            program.kill()
+            program.wait()
+            assert program.stdout is not None
+            program.stdout.close()
+
+
+AF_INET: Final = 2  # the same number on Linux, macOS and Windows
+ARPHRD_ETHER: Final = 1  # also veth, bridge, macvlan, VLAN and WLAN; tun is 65534, loopback 772
+IFF_BROADCAST: Final = 0x2
+IFF_LOOPBACK: Final = 0x8
+IFF_POINTOPOINT: Final = 0x10
+LOOPBACK_ONLY: Final = (
+    LocalAddress("127.0.0.1", "lo", ethernet=False, loopback=True, broadcast="127.255.255.255"),
+)
+
+
+class _IfAddrs(ctypes.Structure):
+    """The head of `struct ifaddrs`, which Linux and the BSDs share; the rest is not read.
+
+    `everybody` is the broadcast address, of a point-to-point interface the partner's.
+    """
+
+
+_IfAddrs._fields_ = [
+    ("next", ctypes.POINTER(_IfAddrs)),
+    ("name", ctypes.c_char_p),
+    ("flags", ctypes.c_uint),
+    ("address", ctypes.c_void_p),
+    ("netmask", ctypes.c_void_p),
+    ("everybody", ctypes.c_void_p),
+]
+
+
+@functools.cache
+def _library() -> ctypes.CDLL | None:
+    """Return the C library that the process has already loaded, None where it has no getifaddrs.
+
+    It is loaded once: a bind asks in the middle of a scan, and looking for the file would start a process.
+    """
+    try:
+        library = ctypes.CDLL(None)
+        return library if library.getifaddrs and library.freeifaddrs else None
+    except (OSError, AttributeError, TypeError):  # Windows has no such call, and no library without a name
+        return None
+
+
+def interface_addresses() -> tuple[LocalAddress, ...] | None:
+    """Return every IPv4 address with its interface, None when the system cannot say now (EMFILE).
+
+    () on a system that has no getifaddrs: nobody can say. Only 127.0.0.1 where there is no address at all.
+    """
+    library = _library()
+    if library is None:
+        return ()
+    head = ctypes.POINTER(_IfAddrs)()
+    if library.getifaddrs(ctypes.byref(head)) != 0:
+        return None
+    try:
+        return tuple(_entries(head)) or LOOPBACK_ONLY
+    finally:
+        library.freeifaddrs(head)
+
+
+def _entries(entry: ctypes._Pointer[_IfAddrs]) -> Iterator[LocalAddress]:
+    while entry:
+        item = entry.contents
+        address = _ipv4(item.address)
+        if address is not None:
+            name, loopback = item.name.decode(errors="replace"), bool(item.flags & IFF_LOOPBACK)
+            everybody = _broadcast(address, item)
+            yield LocalAddress(address, name, _is_ethernet(name, item.flags), loopback, everybody)
+        entry = item.next
+
+
+def _broadcast(address: str, item: _IfAddrs) -> str:
+    """Return the broadcast address that the interface tells, else that of its network."""
+    told = _ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
+    if told in (None, ANY_ADDRESS):
+        told = broadcast_of(address, _ipv4(item.netmask) or "")
+    return "" if told is None or told == address else told
+
+
+def _ipv4(address: int | None) -> str | None:
+    """Return the dotted text of a `struct sockaddr`, None when it is of another family."""
+    if not address:
+        return None
+    head = ctypes.string_at(address, 2)
+    # Linux begins with a 16-bit family, the BSDs with a length byte and an 8-bit family.
+    family = int.from_bytes(head, sys.byteorder) if sys.platform.startswith("linux") else head[1]
+    if family != AF_INET:
+        return None
+    return ".".join(str(octet) for octet in ctypes.string_at(address + 4, 4))
+
+
+def _is_ethernet(interface: str, flags: int) -> bool:
+    device = interface.partition(":")[0]  # eth0:1 is a label of eth0
+    try:
+        return int(Path("/sys/class/net", device, "type").read_text()) == ARPHRD_ETHER
+    except (OSError, ValueError):
+        return not flags & (IFF_LOOPBACK | IFF_POINTOPOINT)

@@ -1,0 +1,341 @@
+"""What one system calls otherwise than another: poll sets, socket options, what a stack holds, cut links."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import select
+import socket
+import struct
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from typing import Final, Protocol
+
+from trcvtui.net.kernel import PathInfo, SocketOptions
+
+# poll and epoll share these numbers.
+IN: Final = 0x1
+OUT: Final = 0x4
+ERR: Final = 0x8
+HUP: Final = 0x10
+RDHUP: Final = getattr(select, "EPOLLRDHUP", 0)
+HAS_POLL: Final = hasattr(select, "poll")
+GONE: Final = ERR | HUP | RDHUP
+# An ICMP message raises ERR alone while an attempt to connect goes on: no verdict (3.3).
+# select has no HUP: there ERR is how a refusal shows (section 4, Windows).
+VERDICT: Final = OUT | HUP if HAS_POLL else OUT | ERR
+
+
+class PollSet(Protocol):
+    """What select.epoll offers."""
+
+    def register(self, fd: int, mask: int) -> None: ...
+    def unregister(self, fd: int) -> None: ...
+    def poll(self, timeout: float, maxevents: int) -> list[tuple[int, int]]: ...
+    def close(self) -> None: ...
+
+
+class PollList:
+    """The poll set of a system without epoll."""
+
+    def __init__(self) -> None:
+        self._wanted: dict[int, int] = {}
+
+    def register(self, fd: int, mask: int) -> None:
+        """Take fd in; EEXIST when it is in."""
+        if fd in self._wanted:
+            raise OSError(errno.EEXIST, "already in the poll set")
+        self._wanted[fd] = mask
+
+    def unregister(self, fd: int) -> None:
+        """Take fd out; ENOENT when it is not in."""
+        if self._wanted.pop(fd, None) is None:
+            raise OSError(errno.ENOENT, "not in the poll set")
+
+    def poll(self, timeout: float, maxevents: int) -> list[tuple[int, int]]:
+        """Return (descriptor, events) of those that are ready now."""
+        return look_at(self._wanted) if self._wanted else []
+
+    def close(self) -> None:
+        """Forget all."""
+        self._wanted.clear()
+
+
+def new_poll_set() -> PollSet:
+    """Return an empty poll set; raises OSError (EMFILE) when the system has no descriptor for it."""
+    return select.epoll() if hasattr(select, "epoll") else PollList()
+
+
+def look_at(wanted: dict[int, int]) -> list[tuple[int, int]]:
+    """Return (descriptor, events) of those that are ready now, without waiting."""
+    if HAS_POLL:
+        poller = select.poll()
+        for fd, mask in wanted.items():
+            poller.register(fd, mask)
+        return poller.poll(0)
+    return _select(wanted)
+
+
+def _select(wanted: dict[int, int]) -> list[tuple[int, int]]:
+    readers = [fd for fd, mask in wanted.items() if mask & IN]
+    writers = [fd for fd, mask in wanted.items() if mask & OUT]
+    seen: dict[int, int] = {}
+    for fds, mask in zip(select.select(readers, writers, list(wanted), 0), (IN, OUT, ERR), strict=True):
+        for fd in fds:
+            seen[fd] = seen.get(fd, 0) | mask
+    return list(seen.items())
+
+
+SAME_ERROR: Final = {"EWOULDBLOCK": "EAGAIN", "ENOTSUP": "EOPNOTSUPP"}
+
+
+def error_name(problem: OSError | ValueError | KeyError) -> str:
+    """Return the POSIX name of a failure; an unknown handle and a closed socket object are EBADF."""
+    if not isinstance(problem, OSError):
+        return "EBADF"
+    name = errno.errorcode.get(problem.errno or 0, f"E{problem.errno}").removeprefix("WSA")
+    return SAME_ERROR.get(name, name)
+
+
+KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
+KEEP_ALIVE_PROBES: Final = 2
+SMALL_SEND_BUFFER: Final = 4608
+SMALL_RECEIVE_BUFFER: Final = 2304
+RTO_MAX_MS: Final = 1000
+LARGEST: Final = (1 << 31) - 1  # a socket option is a C int
+
+TCP: Final = socket.IPPROTO_TCP
+BASE: Final = socket.SOL_SOCKET
+# Numbers that the socket module does not name; TCP_RTO_MAX_MS is Linux 6.15 and later.
+TCP_RTO_MAX_MS: Final = 44 if sys.platform == "linux" else None
+TCP_KEEPIDLE: Final = getattr(socket, "TCP_KEEPIDLE", None) or getattr(socket, "TCP_KEEPALIVE", None)
+TCP_KEEPINTVL: Final = getattr(socket, "TCP_KEEPINTVL", None)
+TCP_KEEPCNT: Final = getattr(socket, "TCP_KEEPCNT", None)
+# TCP_USER_TIMEOUT, TCP_RXT_CONNDROPTIME, TCP_MAXRT, and how many milliseconds their unit has.
+USER_TIMEOUT: Final = {"linux": (18, 1), "darwin": (0x80, 1000), "win32": (5, 1000)}.get(sys.platform)
+# On Windows SO_REUSEADDR allows stealing a listening port; SO_EXCLUSIVEADDRUSE is its like (section 4).
+REUSE: Final = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+RESET_ON_CLOSE: Final = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)
+
+
+def apply_options(sock: socket.socket, options: SocketOptions) -> tuple[str, ...]:
+    """Set the options; return the names of those that this system refused."""
+    low, high = KEEP_ALIVE_LIMITS_S
+    refused = [
+        name
+        for name, level, option, value in _wanted(options)
+        if (name in ("TCP_KEEPIDLE", "TCP_KEEPINTVL") and not low <= value <= high)
+        or not _accepts(sock, level, option, value)
+    ]
+    # Nobody asked for this one: where it is unknown, `probes_often` says so.
+    _accepts(sock, TCP, TCP_RTO_MAX_MS, RTO_MAX_MS)
+    if not limit_unacknowledged(sock, options.user_timeout_ms) and options.user_timeout_ms:
+        refused.append("TCP_USER_TIMEOUT")
+    return tuple(refused)
+
+
+def limit_unacknowledged(sock: socket.socket, milliseconds: int) -> bool:
+    """Limit how long sent data may stay unacknowledged; return whether the system took it."""
+    option, unit = USER_TIMEOUT or (None, 1)
+    return _accepts(sock, TCP, option, -(-milliseconds // unit))
+
+
+def probes_often(sock: socket.socket) -> bool:
+    """Return whether retransmissions and window probes are at most a second apart."""
+    try:
+        return TCP_RTO_MAX_MS is not None and sock.getsockopt(TCP, TCP_RTO_MAX_MS) <= RTO_MAX_MS
+    except (OSError, ValueError):
+        return False
+
+
+def _wanted(options: SocketOptions) -> Iterator[tuple[str, int, int | None, int]]:
+    """Yield (name, level, option or None where unknown, value) in the order of setting."""
+    yield "TCP_NODELAY", TCP, socket.TCP_NODELAY, int(options.nodelay)
+    yield "TCP_KEEPIDLE", TCP, TCP_KEEPIDLE, options.keep_alive_s
+    yield "TCP_KEEPINTVL", TCP, TCP_KEEPINTVL, options.keep_alive_s
+    yield "TCP_KEEPCNT", TCP, TCP_KEEPCNT, KEEP_ALIVE_PROBES
+    yield "SO_KEEPALIVE", BASE, socket.SO_KEEPALIVE, 1
+    if options.small_buffers:
+        yield "SO_SNDBUF", BASE, socket.SO_SNDBUF, SMALL_SEND_BUFFER
+        yield "SO_RCVBUF", BASE, socket.SO_RCVBUF, SMALL_RECEIVE_BUFFER
+
+
+def _accepts(sock: socket.socket, level: int, option: int | None, value: int) -> bool:
+    if option is None or not -LARGEST <= value <= LARGEST:
+        return False
+    try:
+        sock.setsockopt(level, option, value)
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+try:
+    import fcntl
+    import termios
+except ImportError:  # Windows
+    CAN_ASK = False
+else:
+    CAN_ASK = True
+
+PEEK_BYTES: Final = 65536
+MOST_READS: Final = 64  # a partner who sends byte by byte must not keep the scan here
+# struct tcp_info of Linux: milliseconds since the last ACK, bytes not yet sent.
+LAST_ACK_AT: Final = 56
+UNSENT_AT: Final = 144
+TCP_INFO_BYTES: Final = 160
+
+
+def unread_bytes(sock: socket.socket | None) -> int:
+    """Return how many received bytes wait in the stack; at most 65536 where it does not count them."""
+    try:
+        if sock is None:
+            return 0
+        return _ask(sock, termios.FIONREAD) if CAN_ASK else len(sock.recv(PEEK_BYTES, socket.MSG_PEEK))
+    except (OSError, ValueError):
+        return 0
+
+
+def read_away(sock: socket.socket | None, most: int) -> int:
+    """Read away at most so many queued bytes, in MOST_READS calls at most, and return how many."""
+    waste, gone = bytearray(min(most, PEEK_BYTES)), 0
+    try:
+        for _ in range(MOST_READS):
+            if sock is None or gone >= most:
+                break
+            taken = sock.recv_into(waste)
+            if not taken:
+                break
+            gone += taken
+    except (OSError, ValueError):
+        pass  # empty, or at an end: what was read away is what counts
+    return gone
+
+
+def path_of(sock: socket.socket | None) -> PathInfo | None:
+    """Return the send side's state from TCP_INFO, or None where the system does not say."""
+    if sock is None or sys.platform != "linux":
+        return None
+    try:
+        info = sock.getsockopt(TCP, socket.TCP_INFO, TCP_INFO_BYTES).ljust(TCP_INFO_BYTES, b"\0")
+        queued = _ask(sock, termios.TIOCOUTQ)
+        often = probes_often(sock)
+    except (OSError, ValueError):
+        return None
+    (last_ack_ms,) = struct.unpack_from("=I", info, LAST_ACK_AT)
+    (unsent,) = struct.unpack_from("=I", info, UNSENT_AT)
+    return PathInfo(max(0, queued - unsent), unsent, last_ack_ms, often)
+
+
+def _ask(sock: socket.socket, request: int) -> int:
+    """Return the int that an ioctl answers."""
+    (number,) = struct.unpack("i", fcntl.ioctl(sock.fileno(), request, b"\0\0\0\0"))
+    return int(number)
+
+
+# -- a wire that goes silent without privileges: a packet filter at a socket that lets nothing in ----------
+#
+# Linux lets a program put a classic BPF filter on its own sockets. "Take 0 bytes" on every socket of a
+# CONNECT, and on the bench's own sockets at the other end of them, silences that wire both ways without FIN
+# or RST; the stack's own timers find out. A partner outside this bench still hears the PLC's segments, only
+# his answers are dropped; a socket that is already closed (TIME_WAIT, an unfinished FIN) keeps what it had.
+
+CAN_CUT: Final = sys.platform == "linux"
+CANNOT_CUT: Final = "this system cannot drop packets at a socket: link works on Linux and with --kernel sim"
+SO_ATTACH_FILTER: Final = 26
+SO_DETACH_FILTER: Final = 27
+RETURN_0: Final = struct.pack("HBBI", 0x06, 0, 0, 0)  # one struct sock_filter: BPF_RET | BPF_K, take 0 bytes
+
+_program: Final = ctypes.create_string_buffer(RETURN_0)
+_filter: Final = struct.pack("HP", 1, ctypes.addressof(_program))  # struct sock_fprog
+
+Ends = tuple[object, object]
+
+
+class CutLinks:
+    """Whose wires are cut, and which sockets are deaf because of whom."""
+
+    def __init__(self, sockets: Mapping[int, socket.socket]) -> None:
+        self._sockets = sockets
+        self._owners: dict[int, str] = {}
+        self._down: set[str] = set()
+        self._deaf: dict[int, set[str]] = {}
+
+    def owner(self, handle: int) -> str:
+        """Return on whose behalf the handle exists."""
+        return self._owners.get(handle, "")
+
+    def is_down(self, handle: int) -> bool:
+        """Return whether the wire of the handle's owner is cut."""
+        return bool(self._down) and self.owner(handle) in self._down
+
+    def made(self, handle: int, owner: str) -> None:
+        """Take in a new handle; on a cut wire it is born deaf."""
+        self._owners[handle] = owner
+        if self._down:
+            self._deafen_wires([handle])
+
+    def freed(self, handle: int) -> None:
+        """Forget a handle."""
+        self._owners.pop(handle, None)
+        self._deaf.pop(handle, None)
+
+    def set_link(self, owner: str, up: bool) -> str:
+        """Cut the wire of all handles of an owner, or mend it; return what is wrong, or ""."""
+        if not CAN_CUT:
+            return CANNOT_CUT
+        if up:
+            self._mend(owner)
+            return ""
+        self._down.add(owner)
+        refused = self._deafen_wires(list(self._sockets))
+        if refused:
+            self._mend(owner)
+            return f"the system refuses a packet filter: {refused}"
+        return ""
+
+    def _deafen_wires(self, handles: Iterable[int]) -> str:
+        """Let both ends of each cut wire among these hear nothing; return the errno of a refusal, or ""."""
+        by_ends = {ends: handle for handle, sock in self._sockets.items() if (ends := _ends(sock))}
+        refused = ""
+        for handle in handles:
+            ends = _ends(self._sockets[handle])
+            partner = by_ends.get((ends[1], ends[0])) if ends else None
+            both = {handle, handle if partner is None else partner}
+            for owner in {self.owner(end) for end in both} & self._down:
+                for end in both:
+                    refused = self._deafen(end, owner) or refused
+        return refused
+
+    def _deafen(self, handle: int, because_of: str) -> str:
+        owners = self._deaf.setdefault(handle, set())
+        if not owners:
+            try:
+                self._sockets[handle].setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, _filter)
+            except (OSError, ValueError) as problem:
+                del self._deaf[handle]
+                return error_name(problem)
+        owners.add(because_of)
+        return ""
+
+    def _mend(self, owner: str) -> None:
+        self._down.discard(owner)
+        for handle, owners in list(self._deaf.items()):
+            owners.discard(owner)
+            if not owners:
+                del self._deaf[handle]
+                _hear_again(self._sockets[handle])
+
+
+def _ends(sock: socket.socket) -> Ends | None:
+    """Return local and remote end of a connection, None while there is none."""
+    try:
+        return sock.getsockname(), sock.getpeername()
+    except (OSError, ValueError):
+        return None
+
+
+def _hear_again(sock: socket.socket) -> None:
+    with suppress(OSError, ValueError):  # a descriptor that is gone has nothing left to hear
+        sock.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)

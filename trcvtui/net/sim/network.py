@@ -1,0 +1,472 @@
+"""The simulated network: its ports, the wire that carries segments, and the socket behind each handle.
+
+The methods of a socket answer "" or an errno name, as the system calls of Linux do (status-reproduction
+2.2, 2.3, 3.1).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from trcvtui.net.kernel import SocketOptions
+from trcvtui.net.results import Endpoint, is_group, is_loopback, octets
+from trcvtui.net.sim.stream import (
+    ANY,
+    RESET,
+    RTO_MAX,
+    Flag,
+    PortClaim,
+    Segment,
+    SimStream,
+    StreamPhase,
+    Tuning,
+    nobody_looks,
+)
+from trcvtui.net.sim.timers import MS, SECOND, Agenda, Ticket
+
+FIRST_FREE: Final = 32768
+LAST_FREE: Final = 60999
+
+
+class PortTable:
+    """All claims of one machine, by port."""
+
+    def __init__(self) -> None:
+        self._claims: dict[int, list[PortClaim]] = {}
+        self._next = FIRST_FREE
+
+    def bind(self, claim: PortClaim, end: Endpoint) -> str:
+        """Give the end to the claim; return "" or the errno name."""
+        port = end.port or self._free_port()
+        if not port or self._is_taken(claim, end.address, port):
+            return "EADDRINUSE"
+        claim.address, claim.port, claim.fixed = end.address, port, end.port != 0
+        self.add(claim)
+        return ""
+
+    def borrow(self, claim: PortClaim, address: str) -> bool:
+        """Give a claim without port a free one for a connect; return whether there was one."""
+        claim.address = address
+        if claim.port:
+            return True
+        claim.port = self._free_port()
+        if claim.port:
+            self.add(claim)
+        return claim.port != 0
+
+    def listen(self, claim: PortClaim) -> str:
+        """Make the claim exclusive; return "" or the errno name."""
+        if not claim.port and not self.borrow(claim, claim.address):
+            return "EADDRINUSE"
+        if self._is_taken(claim, claim.address, claim.port):
+            return "EADDRINUSE"
+        claim.listening = True
+        return ""
+
+    def add(self, claim: PortClaim) -> None:
+        """Enter a claim whose end is known."""
+        self._claims.setdefault(claim.port, []).append(claim)
+
+    def release(self, claim: PortClaim) -> None:
+        """Drop a claim; one that is not entered is no fault."""
+        holders = self._claims.get(claim.port)
+        if holders is not None and claim in holders:
+            holders.remove(claim)
+            if not holders:
+                del self._claims[claim.port]
+
+    def _is_taken(self, claim: PortClaim, address: str, port: int) -> bool:
+        return any(
+            other is not claim
+            and (address == other.address or ANY in (address, other.address))
+            and (other.listening or not (claim.reuse and other.reuse))
+            for other in self._claims.get(port, ())
+        )
+
+    def _free_port(self) -> int:
+        """Return a port that nobody holds, 0 when there is none."""
+        for _ in range(FIRST_FREE, LAST_FREE + 1):
+            port = self._next
+            self._next = port + 1 if port < LAST_FREE else FIRST_FREE
+            if port not in self._claims:
+                return port
+        return 0
+
+
+NO_HOST_AFTER: Final = 3070 * MS  # ARP unanswered (2.3)
+TIME_WAIT: Final = 60 * SECOND
+
+
+class SimListener:
+    """A listening socket: finished handshakes wait in its queue."""
+
+    __slots__ = ("backlog", "changed", "claim", "owner", "queue", "tuning")
+
+    def __init__(
+        self, owner: str, claim: PortClaim, tuning: Tuning, backlog: int, changed: Callable[[], None]
+    ) -> None:
+        self.owner = owner
+        self.claim = claim
+        self.tuning = tuning
+        self.backlog = backlog
+        self.changed = changed
+        self.queue: deque[SimStream] = deque()
+
+
+class SimWire:
+    """The one machine that all handles share: loopback and its own addresses, nobody else."""
+
+    def __init__(self, addresses: tuple[str, ...], latency: int) -> None:
+        self.addresses = addresses
+        self.ports = PortTable()
+        self.agenda = Agenda()
+        self._latency = latency
+        self._down: dict[str, None] = {}
+        self._listeners: dict[Endpoint, SimListener] = {}
+        self._streams: dict[tuple[Endpoint, Endpoint], SimStream] = {}
+
+    # -- time ----------------------------------------------------------------------------------------
+
+    @property
+    def now(self) -> int:
+        """Return the virtual time in ns."""
+        return self.agenda.now
+
+    def at(self, due: int, act: Callable[[], None]) -> Ticket:
+        """Do act at the time due."""
+        return self.agenda.at(due, act)
+
+    def cancel(self, ticket: Ticket | None) -> None:
+        """Take a ticket back."""
+        self.agenda.cancel(ticket)
+
+    # -- links ---------------------------------------------------------------------------------------
+
+    def set_link(self, owner: str, up: bool) -> None:
+        """Let all traffic of the owner's handles go silent, or return."""
+        if up:
+            self._down.pop(owner, None)
+        else:
+            self._down[owner] = None
+
+    def is_up(self, one: str, other: str) -> bool:
+        """Return whether the links of both owners are up."""
+        return not self._down or not (one in self._down or other in self._down)
+
+    def owns(self, address: str) -> bool:
+        """Return whether the address is one of this machine."""
+        return is_loopback(address) or address in self.addresses
+
+    # -- segments ------------------------------------------------------------------------------------
+
+    def carry(self, source: SimStream, segment: Segment) -> None:
+        """Carry a segment to the partner, unless a link is down when it leaves or arrives."""
+        partner = source.partner
+        if partner is None or (self._down and not self.is_up(source.owner, partner.owner)):
+            return
+        if self._latency:
+            self.at(self.now + self._latency, lambda: self._deliver(source, partner, segment))
+        else:
+            self._deliver(source, partner, segment)
+
+    def _deliver(self, source: SimStream, partner: SimStream, segment: Segment) -> None:
+        if self._down and not self.is_up(source.owner, partner.owner):
+            return
+        if partner.phase is not StreamPhase.OVER:
+            partner.arrive(segment)
+        elif partner.lingering and not segment.data:
+            if segment.flags:
+                partner.acknowledge()
+        elif not segment.flags & Flag.RST:
+            self.carry(partner, RESET)
+
+    # -- the handshake -------------------------------------------------------------------------------
+
+    def listen(self, listener: SimListener) -> None:
+        """Let SYNs reach the listener."""
+        assert listener.claim.end is not None
+        self._listeners[listener.claim.end] = listener
+
+    def stop_listening(self, listener: SimListener) -> None:
+        """Refuse newcomers, and reset those that are queued."""
+        assert listener.claim.end is not None
+        self._listeners.pop(listener.claim.end, None)
+        for client in listener.queue:
+            client.abort()
+        listener.queue.clear()
+
+    def is_taken(self, client: SimStream) -> bool:
+        """Return whether a connection with the same two ends stands; TIME_WAIT is none (timestamps)."""
+        old = self._streams.get((client.local, client.remote))
+        return old is not None and not old.lingering
+
+    def connect(self, client: SimStream) -> None:
+        """Begin a connection whose ends are free."""
+        ends = (client.local, client.remote)
+        if ends in self._streams:
+            self._leave(self._streams[ends])
+        self._streams[ends] = client
+        if not self.owns(client.remote.address):
+            self.at(self.now + NO_HOST_AFTER, client.no_host)
+        client.connect()
+
+    def syn(self, client: SimStream) -> None:
+        """Carry a SYN to whoever has the address."""
+        if client.owner in self._down or not self.owns(client.remote.address):
+            return
+        if client.local == client.remote:
+            client.partner = client
+            client.open(client.answer_syn().edge)
+        elif self._latency:
+            self.at(self.now + self._latency, lambda: self._syn_arrives(client))
+        else:
+            self._syn_arrives(client)
+
+    def _syn_arrives(self, client: SimStream) -> None:
+        if client.phase is not StreamPhase.SYN_SENT:
+            return
+        listener = self._listener_at(client.remote)
+        if listener is None:
+            self._refuse(client)
+        elif self.is_up(client.owner, listener.owner):
+            server = client.partner or self._admit(listener, client)
+            if server is not None:
+                self.carry(server, server.answer_syn())
+
+    def _refuse(self, client: SimStream) -> None:
+        """Answer a SYN with RST in the name of the machine."""
+        if self._latency:
+            self.at(self.now + self._latency, lambda: self._refusal_arrives(client))
+        else:
+            client.arrive(RESET)
+
+    def _refusal_arrives(self, client: SimStream) -> None:
+        if client.owner not in self._down and client.phase is StreamPhase.SYN_SENT:
+            client.arrive(RESET)
+
+    def _listener_at(self, end: Endpoint) -> SimListener | None:
+        return self._listeners.get(end) or self._listeners.get(Endpoint(ANY, end.port))
+
+    def _admit(self, listener: SimListener, client: SimStream) -> SimStream | None:
+        """Return the server side of a new connection, None when the queue holds backlog + 1 already."""
+        ends = (client.remote, client.local)
+        old = self._streams.get(ends)
+        if old is not None:  # the partner's machine has forgotten it, else it could not begin anew
+            self._leave(old) if old.lingering else old.reset()
+        if len(listener.queue) > listener.backlog:
+            return None
+        claim = listener.claim.child(client.remote.address)
+        server = SimStream(self, listener.owner, claim, *ends, replace(listener.tuning))
+        self.ports.add(claim)
+        self._streams[ends] = server
+        server.partner, client.partner = client, server
+        server.open(client.answer_syn().edge)
+        listener.queue.append(server)
+        listener.changed()
+        return server
+
+    # -- the end -------------------------------------------------------------------------------------
+
+    def over(self, stream: SimStream, linger: bool) -> None:
+        """Take a connection that has ended out of the tables, at once or after TIME_WAIT."""
+        stream.lingering = linger
+        if linger:
+            self.at(self.now + TIME_WAIT, lambda: self._leave(stream))
+        else:
+            self._leave(stream)
+
+    def _leave(self, stream: SimStream) -> None:
+        stream.lingering = False
+        ends = (stream.local, stream.remote)
+        if self._streams.get(ends) is stream:
+            del self._streams[ends]
+        if not (stream.claim.fixed and stream.held):
+            self.ports.release(stream.claim)
+
+    def let_go(self, stream: SimStream) -> None:
+        """Free the port of a connection that had ended before its handle was freed."""
+        if stream.phase is StreamPhase.OVER and not stream.lingering:
+            self.ports.release(stream.claim)
+
+
+LOOPBACK: Final = "127.0.0.1"
+KEEP_ALIVE_LIMITS_S: Final = (1, 32767)
+KEEP_ALIVE_DEFAULT: Final = 7200 * SECOND
+SMALL_SEND_BUFFER: Final = 2 * 4608  # Linux doubles what it is asked for
+SMALL_RECEIVE_BUFFER: Final = 2 * 2304
+# What a second connect on the same socket answers (3.3).
+CONNECT_AGAIN: Final = {
+    StreamPhase.SYN_SENT: "EALREADY",
+    StreamPhase.OPEN: "EISCONN",
+    StreamPhase.OVER: "ECONNABORTED",
+}
+
+
+class SimSocket:
+    """One socket. `changed` is called whenever its readiness may be another one."""
+
+    __slots__ = ("_wire", "changed", "claim", "listener", "owner", "polled", "stream", "tuning")
+
+    def __init__(self, wire: SimWire, owner: str, stream: SimStream | None = None) -> None:
+        self._wire = wire
+        self.owner = owner
+        self.stream = stream
+        self.claim = PortClaim() if stream is None else stream.claim
+        self.tuning = Tuning() if stream is None else stream.tuning
+        self.listener: SimListener | None = None
+        self.polled = False
+        self.changed: Callable[[], None] = nobody_looks
+
+    def watched_by(self, changed: Callable[[], None]) -> None:
+        """Tell every change of readiness to changed."""
+        self.changed = changed
+        if self.stream is not None:
+            self.stream.changed = changed
+
+    @property
+    def is_readable(self) -> bool:
+        """Return whether poll would see it; a socket that is nothing yet shows HUP."""
+        if self.stream is not None:
+            return self.stream.is_readable
+        return self.listener is None or bool(self.listener.queue)
+
+    @property
+    def is_gone(self) -> bool:
+        """Return whether poll would see FIN, HUP or an error."""
+        return self.stream.is_gone if self.stream is not None else self.listener is None
+
+    @property
+    def end(self) -> Endpoint | None:
+        """Return the local end, None while there is none."""
+        return self.stream.local if self.stream is not None else self.claim.end
+
+    def __str__(self) -> str:
+        """Return owner, state and ends for a list of leaks."""
+        if self.stream is not None:
+            return f"{self.owner} {self.stream.phase.value} {self.stream.local} {self.stream.remote}"
+        state = "fresh" if self.listener is None else "listening"
+        return f"{self.owner} {state} {self.claim.end or ''}".rstrip()
+
+    def set_options(self, options: SocketOptions) -> tuple[str, ...]:
+        """Obey the options; return the names of those that were refused."""
+        low, high = KEEP_ALIVE_LIMITS_S
+        is_valid = low <= options.keep_alive_s <= high
+        self.tuning.keep_alive = options.keep_alive_s * SECOND if is_valid else KEEP_ALIVE_DEFAULT
+        self.tuning.user_timeout = options.user_timeout_ms * MS
+        self.tuning.longest_wait = RTO_MAX
+        if options.small_buffers:
+            self.tuning.send_room, self.tuning.receive_room = SMALL_SEND_BUFFER, SMALL_RECEIVE_BUFFER
+        if self.stream is not None:
+            self.stream.obey_options()
+        return () if is_valid else ("TCP_KEEPIDLE", "TCP_KEEPINTVL")
+
+    def bind(self, end: Endpoint) -> str:
+        """Bind to a local end; port 0 takes a free one."""
+        return self._cannot_bind(end) or self._wire.ports.bind(self.claim, end)
+
+    def _cannot_bind(self, end: Endpoint) -> str:
+        if not is_sane(end) or self.claim.port:
+            return "EINVAL"
+        # Linux binds to broadcast and multicast addresses without complaint (2.2, 8081).
+        if not (self._wire.owns(end.address) or end.address == ANY or is_group(end.address)):
+            return "EADDRNOTAVAIL"
+        return ""
+
+    def listen(self, backlog: int) -> str:
+        """Start to listen; backlog + 1 handshakes are finished without accept."""
+        if self.stream is not None:
+            return "EINVAL"
+        if self.listener is not None:
+            self.listener.backlog = backlog
+            return ""
+        error = self._wire.ports.listen(self.claim)
+        if not error:
+            self.listener = SimListener(self.owner, self.claim, self.tuning, backlog, self.changed)
+            self._wire.listen(self.listener)
+            self.changed()
+        return error
+
+    def connect(self, end: Endpoint) -> str:
+        """Start to connect; "" = pending."""
+        if self.listener is not None:
+            return "EISCONN"
+        if self.stream is not None:
+            return CONNECT_AGAIN[self.stream.phase]
+        if not is_sane(end):
+            return "EINVAL"
+        remote = Endpoint(LOOPBACK, end.port) if end.address == ANY else end
+        error = self._no_way_to(remote.address)
+        if error:
+            return error
+        local = self._source_for(remote.address)
+        if not self._wire.ports.borrow(self.claim, local):
+            return "EADDRNOTAVAIL"
+        return self._begin(Endpoint(local, self.claim.port), remote)
+
+    def _begin(self, local: Endpoint, remote: Endpoint) -> str:
+        stream = SimStream(self._wire, self.owner, self.claim, local, remote, self.tuning)
+        if self._wire.is_taken(stream):
+            return "EADDRNOTAVAIL"
+        self.stream = stream
+        self.watched_by(self.changed)
+        self._wire.connect(stream)
+        self.changed()
+        return ""
+
+    def _no_way_to(self, remote: str) -> str:
+        """Return why the call itself refuses a target (2.3, 80A0)."""
+        if is_group(remote):
+            return "ENETUNREACH"
+        if self._wire.owns(remote):
+            return ""
+        if is_loopback(self.claim.address):
+            return "EINVAL"
+        return "" if self._wire.addresses else "ENETUNREACH"
+
+    def _source_for(self, remote: str) -> str:
+        if self.claim.address != ANY:
+            return self.claim.address
+        if is_loopback(remote):
+            return LOOPBACK
+        return remote if self._wire.owns(remote) else self._wire.addresses[0]
+
+    def probe(self) -> str:
+        """Return what `shut` would answer, without a FIN."""
+        return "ENOTCONN" if self.stream is None or self.stream.phase is StreamPhase.OVER else ""
+
+    def shut(self, both: bool) -> str:
+        """Send FIN; a listener stops to listen when reading is shut as well."""
+        if self.stream is not None:
+            return self.stream.shut(both)
+        if self.listener is None:
+            return "ENOTCONN"
+        if both:
+            self._stop_listening()
+            self.changed()
+        return ""
+
+    def free(self, abort: bool) -> None:
+        """Let the connection, the listener and the port go."""
+        self._stop_listening()
+        if self.stream is None:
+            self._wire.ports.release(self.claim)
+            return
+        if abort:
+            self.stream.abort()
+        else:
+            self.stream.close()
+        self._wire.let_go(self.stream)
+
+    def _stop_listening(self) -> None:
+        if self.listener is not None:
+            self._wire.stop_listening(self.listener)
+            self.claim.listening = False
+            self.listener = None
+
+
+def is_sane(end: Endpoint) -> bool:
+    """Return whether it is a dotted address and a port."""
+    return octets(end.address) is not None and 0 <= end.port < 65536

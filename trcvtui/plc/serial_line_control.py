@@ -1,0 +1,291 @@
+"""The bytes of a ComBuffer: from and to a serial port, a TRCV_C or a TSEND_C, chunk by chunk.
+
+Rule: what it knows of its connection outlives the TRCV_C: one that is created anew goes on with it.
+Rule: a ComBuffer that has no room for a whole DATA holds the TRCV_C: it is called with EN_R = 0, so that the
+bytes stay with the network, which slows the sender (row 15). Never in a job that has bytes: they would drop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from trcvtui.blocks.block import Job
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.serial.com_buffer import ComBuffer
+from trcvtui.net.connection.connection import Connection, State
+from trcvtui.net.results import Fault
+from trcvtui.net.serial_line import Opening, SerialPort
+
+# A port that is not there, or vanishes, is looked for again every RETRY_NS; a frame that was half here ends.
+
+RETRY_NS: Final = 1_000_000_000
+MOST_A_SCAN: Final = 4096
+SLOW: Final = "port opens slowly"
+UNANSWERED: Final = Fault("open", "EINPROGRESS", words="nobody has answered yet")
+
+
+class PortFeed:
+    """One port: what comes goes to `rx`, what is in `tx` goes out. `note` tells the ledger what happened.
+
+    `fault`: why it is not there, None while that is not known.
+    """
+
+    def __init__(self, port: SerialPort, rx: ComBuffer, note: Callable[[str, str], None]) -> None:
+        self.is_open = False
+        self.fault: Fault | None = None
+        self.tx: ComBuffer | None = None
+        self._port = port
+        self._rx = rx
+        self._note = note
+        self._retry_at: int | None = None  # None: at once
+        self._told: Fault | None = None
+        self._opening_since: int | None = None
+
+    def arrive(self, payload: bytes) -> None:
+        """Let bytes come as if over the line."""
+        if not self._port.arrive(payload):
+            self._rx.put(payload)
+
+    def receive(self, now: int) -> None:
+        """Take what has come; what the ComBuffer has no room for is lost, as on a real line."""
+        if not self._is_there(now):
+            return
+        got = self._port.read(MOST_A_SCAN)
+        if isinstance(got, Fault):
+            self._lost(got, now)
+        elif got:
+            self._rx.put(got)
+
+    def send(self, most: int, now: int) -> None:
+        """Hand on what waits, `most` bytes of it (0: all); while the port is away it waits on."""
+        if self.tx is None or not self.is_open or not self.tx.count:
+            return
+        payload = self.tx.look()
+        taken = self._port.write(payload[:most] if most else payload)
+        if isinstance(taken, Fault):
+            self._lost(taken, now)
+        else:
+            self.tx.take(taken)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._port.close()
+        self.is_open, self._retry_at, self._opening_since = False, None, None
+        self.fault = None
+
+    def _is_there(self, now: int) -> bool:
+        if self.is_open:
+            return True
+        if self._retry_at is not None and now < self._retry_at:
+            return False
+        wrong = self._port.open()
+        if isinstance(wrong, Opening):
+            self._wait(now)
+            return False
+        self._opening_since = None
+        if wrong is None:
+            self.is_open, self.fault, self._told = True, None, None
+            self._note("port open", "")
+            return True
+        self._retry_at = now + RETRY_NS
+        self._tell("port not there", wrong)
+        return False
+
+    def _wait(self, now: int) -> None:
+        """Tell, once, that a port takes long to open."""
+        if self._opening_since is None:
+            self._opening_since = now
+        elif now - self._opening_since >= RETRY_NS:
+            self._tell(SLOW, UNANSWERED)
+
+    def _tell(self, what: str, fault: Fault) -> None:
+        """Tell what is in the way, once, however long it is away."""
+        self.fault = fault
+        if fault != self._told:
+            self._told = fault
+            self._note(what, UNANSWERED.words if fault is UNANSWERED else _worded(fault))
+
+    def _lost(self, fault: Fault, now: int) -> None:
+        self.close()
+        self._retry_at = now + RETRY_NS
+        self._rx.end("port gone")
+        self.fault = fault
+        self._note("port gone", _worded(fault))
+
+
+def _worded(fault: Fault) -> str:
+    return f"{fault}: {fault.words}" if fault.words else str(fault)
+
+
+# Rule: bytes wait as long as there is no connection; when one ends, those that it should have carried go.
+
+READY: Final = (Condition.CONNECTED, Condition.SENT)  # what the last call showed, where REQ may rise
+
+
+class StreamDrain:
+    """One ComBuffer in front of one TSEND_C; `per_call`: the most bytes of one REQ, 0: what DATA holds."""
+
+    keeps_awake = True  # bytes come without a word
+
+    def __init__(
+        self, connection: Connection, data: DataArea | None, buffer: ComBuffer, per_call: int
+    ) -> None:
+        self._connection = connection
+        self._data = data
+        self._buffer = buffer
+        self._per_call = per_call
+        self._incarnation: int | None = None  # of the connection that the bytes are for
+        self._size = 0  # of what REQ sends in this call
+        self._ready = False
+
+    def before(self, job: Job) -> bool:
+        """Put the next bytes into DATA where a call may send them; return whether the inputs change by it."""
+        was_asked, self._size = bool(self._size), 0
+        self.watch()
+        if self._ready and self._data is not None and self._incarnation is not None and not job.running:
+            room = min(self._data.size, self._per_call or self._data.size)
+            payload = self._buffer.take(room)
+            if payload:
+                self._data.write(0, payload)
+                self._size = len(payload)
+        return was_asked or bool(self._size)
+
+    def overrides(self) -> dict[str, int]:
+        """Return the inputs that the program writes."""
+        return {"req": True, "len": self._size} if self._size else {}
+
+    def after(self, outcome: Outcome, asked: bool) -> None:
+        """See whether the next call may send; a REQ of somebody else must have fallen before."""
+        self._ready = outcome.condition in READY and not asked
+
+    def follow(self, earlier: StreamDrain) -> None:
+        """Go on where a deleted TSEND_C of the same name has left the ComBuffer."""
+        if earlier._connection is self._connection:
+            self._incarnation = earlier._incarnation
+        else:
+            earlier.leave()
+
+    def left(self) -> None:
+        """The TSEND_C is deleted; what waits may still go over its connection."""
+
+    def leave(self) -> None:
+        """Turn to another connection: what waited for this one goes with it."""
+        if self._incarnation is not None:
+            self._buffer.empty("connection closed")
+            self._incarnation = None
+
+    def stop(self) -> None:
+        """PLC STOP: the connection is closed."""
+        self._incarnation, self._size, self._ready = None, 0, False
+
+    def watch(self) -> None:
+        """Empty the ComBuffer when the connection that its bytes were for is gone."""
+        connection = self._connection
+        is_up = connection.state is State.CONNECTED
+        if not is_up or connection.incarnation != self._incarnation:
+            self.leave()
+        if is_up:
+            self._incarnation = connection.incarnation
+
+
+class StreamFeed:
+    """One TRCV_C in front of one ComBuffer. Without `holds` bytes that have no room are dropped.
+
+    With `follows_en_r` a part of a frame ends when EN_R falls.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        data: DataArea | None,
+        buffer: ComBuffer,
+        *,
+        holds: bool,
+        follows_en_r: bool,
+    ) -> None:
+        self.is_held = False
+        self._follows_en_r = follows_en_r
+        self._was_asked = False
+        self._connection = connection
+        self._data = data
+        self._buffer = buffer
+        self._holds = holds
+        self._incarnation: int | None = None  # of the connection whose bytes were the last
+
+    @property
+    def keeps_awake(self) -> bool:
+        """Return whether the next call may differ though the block says nothing."""
+        return self.is_held
+
+    def before(self, job: Job) -> bool:
+        """Decide whether the next call is held; return whether its inputs change by it."""
+        return self.hold(job.have)
+
+    def overrides(self) -> dict[str, int]:
+        """Return the inputs that the program writes."""
+        return {"en_r": False} if self.is_held else {}
+
+    def after(self, outcome: Outcome, asked: bool) -> None:
+        """Take what a call has brought."""
+        self.called(outcome.done, outcome.rcvd_len, asked)
+
+    def hold(self, job_has: int) -> bool:
+        """Decide, before a call, whether it is held; return whether that is new."""
+        before, room = self.is_held, self._data.size if self._data is not None else 0
+        is_full = self._holds and self._buffer.count > 0 and self._buffer.free < room
+        self.is_held = is_full and (before or not job_has)
+        if self.is_held != before:
+            self._buffer.hold(self.is_held)
+        return self.is_held != before
+
+    def called(self, done: bool, size: int, asked: bool) -> None:
+        """Take the bytes of a DONE; see whether the connection that they came over is still the same."""
+        connection = self._connection
+        if self._follows_en_r and self._was_asked and not asked:
+            self._buffer.end("EN_R fell")
+        self._was_asked = asked
+        if done and size and self._data is not None:
+            if self._incarnation not in (None, connection.incarnation):
+                self._close()
+            if self._incarnation is None:
+                self._buffer.empty("of an earlier connection")
+            self._incarnation = connection.incarnation
+            self._buffer.put(bytes(memoryview(self._data.content)[:size]))
+        self.watch()
+
+    def follow(self, earlier: StreamFeed) -> None:
+        """Go on where a deleted TRCV_C of the same name has left the ComBuffer."""
+        if earlier._connection is self._connection:
+            self._incarnation, self._was_asked = earlier._incarnation, earlier._was_asked
+        else:
+            earlier.leave()
+
+    def left(self) -> None:
+        """The TRCV_C is deleted: nobody holds the line any more."""
+        if self.is_held:
+            self.is_held = False
+            self._buffer.hold(False)
+
+    def watch(self) -> None:
+        """See whether the connection that the last bytes came over is still the same."""
+        if self._incarnation is not None and not self._is_same(self._connection):
+            self._close()
+
+    def leave(self) -> None:
+        """Turn to another connection: what came over this one has ended."""
+        if self._incarnation is not None:
+            self._close()
+
+    def stop(self) -> None:
+        """PLC STOP: the connection is closed, nobody has read the rest."""
+        self._incarnation, self.is_held = None, False
+
+    def _is_same(self, connection: Connection) -> bool:
+        return connection.state is State.CONNECTED and connection.incarnation == self._incarnation
+
+    def _close(self) -> None:
+        self._incarnation = None
+        self._buffer.end("connection closed")

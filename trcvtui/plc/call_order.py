@@ -1,7 +1,7 @@
 """Which instances a scan really calls: those that might answer otherwise than in the scan before.
 
 A CONNECT sleeps, and all instances on it, once each of them has given an answer that lasts. What wakes it:
-any command, a stir that the poll saw, a change made by the communication phase. While it is awake all its
+any command, what the poll saw on it, a change made by the communication phase. While it is awake all its
 instances are called, so each of them meets the connection in the order of the program. An idle CONNECT costs
 nothing, and nobody can see the difference (tests/properties/test_ready_only.py).
 
@@ -50,7 +50,7 @@ class CallOrder:
     def call(self, turn: int) -> list[Instance]:
         """Call who is awake and due, in call order; return those whose outputs changed."""
         changed, awake, due = [], set(), self._due_intervals(turn)
-        for place in self._call_order():
+        for place in self._in_order():
             instance, interval, connect = self._entries[place]
             if interval not in due:
                 awake.add(connect)
@@ -67,7 +67,7 @@ class CallOrder:
         awake, self._awake_since = self._awake_since, set(self._awake)
         return awake
 
-    def _call_order(self) -> list[int]:
+    def _in_order(self) -> list[int]:
         self._awake_since |= self._awake
         if self._awake != self._ordered:
             self._ordered = self._awake

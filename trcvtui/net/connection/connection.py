@@ -3,8 +3,8 @@
 Rule 1: `step` does at most one thing a scan, whoever asks first; the others read the same answer.
 Rule 2: a loss is found once, stored under its incarnation, and given to every block that asks (5.3 e).
 Rule 3: a FIN never overtakes bytes: while somebody receives, or is about to (`readers`), the incarnation
-ends after the last of them. A sender that meets the loss first knows it at once; the connection is doomed
-until the receiver has read on.
+ends after the last of them. A sender that meets the loss first knows it at once; the loss is
+pending until the receiver has read on.
 Rule 4: who comes after the partner's FIN or RST is his successor, and waits; nobody resets him.
 """
 

@@ -11,8 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from tests.properties.promises import FramesKept
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, What
-from trcvtui.plc.instance import Outputs
-from trcvtui.plc.ledger import BenchNote, Line, PeerSent
+from trcvtui.plc.ledger import BenchNote, Line, PeerSent, StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.reader import parse_line
@@ -83,7 +82,7 @@ class BenchMachine(RuleBasedStateMachine):
         document["options"] = {**OPTIONS, "second_client": second_client}
         document["task"] = [{"name": "FAST"}, {"name": "SLOW", "interval": "T#70ms" if slow else "T#10ms"}]
         self.bench = Bench(read_project(document, "machine", Path(".")), "sim")
-        self.before: dict[str, Outputs] = {}
+        self.before: dict[str, StatusEdge] = {}
         self.data = {name: self.bench.runtime.data(name) for name in SIZES}
         self.seq = 0
         self.streams: dict[tuple[str, int], Stream] = {}
@@ -218,16 +217,16 @@ class BenchMachine(RuleBasedStateMachine):
             self.check_outputs(out)
         self.check_data(delivered)
 
-    def check_outputs(self, out: Outputs) -> None:
-        before = self.before.get(out.instance)
-        assert out.busy + out.done + out.error <= 1
-        assert out.rcvd_len == 0 or out.done
-        assert not (out.done and before and before.done), "DONE lasts one scan, 7006 stands between"
-        if out.status in CONNECTING:
-            assert not out.busy and not out.done
-        assert out.error == (out.status >= 0x8080)
-        assert out.busy == (out.status == 0x7006)
-        assert out.done == (out.status == 0x7008)
+    def check_outputs(self, out: StatusEdge) -> None:
+        before, pins = self.before.get(out.instance), out.outputs
+        assert pins.busy + pins.done + pins.error <= 1
+        assert pins.rcvd_len == 0 or pins.done
+        assert not (pins.done and before and before.outputs.done), "DONE lasts one scan, 7006 stands between"
+        if pins.status in CONNECTING:
+            assert not pins.busy and not pins.done
+        assert pins.error == (pins.status >= 0x8080)
+        assert pins.busy == (pins.status == 0x7006)
+        assert pins.done == (pins.status == 0x7008)
         self.before[out.instance] = out
 
     def check_data(self, delivered: set[str]) -> None:

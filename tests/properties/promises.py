@@ -8,8 +8,7 @@ from tests.properties.byte_model import ByteModel, Ends
 from trcvtui.blocks.parameters import MOVES_BYTES
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.net.events import BytesDropped, ConnectionChanged, What
-from trcvtui.plc.instance import Outputs
-from trcvtui.plc.ledger import Line
+from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 
 LISTED = {
@@ -23,19 +22,20 @@ GONE = " (gone)"
 MAX_LEN = 65535
 
 
-def check_outputs(out: Outputs, before: Outputs | None) -> None:
+def check_outputs(out: StatusEdge, before: StatusEdge | None) -> None:
     """Check the pins of one call against those of the call before."""
-    assert out.status in LISTED[out.block], f"{out.block} lists no {out.status:04X}"
-    assert out.busy + out.done + out.error <= 1
-    assert not out.rcvd_len or out.done
-    assert not (out.done and before and before.done), "DONE lasts one scan"
-    assert out.error == (out.status >= 0x8080)
+    pins = out.outputs
+    assert pins.status in LISTED[out.block], f"{out.block} lists no {pins.status:04X}"
+    assert pins.busy + pins.done + pins.error <= 1
+    assert not pins.rcvd_len or pins.done
+    assert not (pins.done and before and before.outputs.done), "DONE lasts one scan"
+    assert pins.error == (pins.status >= 0x8080)
     if out.block in MOVES_BYTES:
-        assert out.busy == (out.status in BUSY)
-        assert out.done == (out.status in DONE)
-        assert out.status not in CONNECTING or not (out.busy or out.done)
-    if out.status in BEHIND:
-        assert before is not None and before.status == BEHIND[out.status]
+        assert pins.busy == (pins.status in BUSY)
+        assert pins.done == (pins.status in DONE)
+        assert pins.status not in CONNECTING or not (pins.busy or pins.done)
+    if pins.status in BEHIND:
+        assert before is not None and before.outputs.status == BEHIND[pins.status]
 
 
 def check_owners(picture: Snapshot, model: ByteModel, levels: dict[str, int]) -> None:
@@ -65,12 +65,12 @@ def check_orphans(before: Snapshot, after: Snapshot) -> None:
                 assert {name for name in old if name.endswith(GONE)} <= set(new)
 
 
-def check_in_use(out: Outputs, before: Snapshot, after: Snapshot, began: list[str]) -> None:
+def check_in_use(out: StatusEdge, before: Snapshot, after: Snapshot, began: list[str]) -> None:
     """Check that 80C3 has a reason: somebody else, or an instance that is gone, holds the CONNECT.
 
     `began`: who may have taken a lock in this scan; it may have come and gone within it.
     """
-    if out.status != IN_USE:
+    if out.outputs.status != IN_USE:
         return
     sends = out.block.startswith("TSEND")
     connect = next(i.connect for i in after.instances if i.name == out.instance)

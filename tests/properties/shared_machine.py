@@ -21,7 +21,7 @@ from tests.properties.promises import (
 from tests.properties.witness import Witness
 from trcvtui.blocks.parameters import MOVES_BYTES, inputs_of
 from trcvtui.net.kernel import CALLS
-from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.project.project import InstanceDecl
 from trcvtui.rig.bench.bench import Bench
@@ -57,7 +57,7 @@ class SharedMachine(RuleBasedStateMachine):
         self.witness = Witness(self.bench)
         self.model = ByteModel(DATA, self.bench.project.instances)
         self.across_tasks = bool(self.bench.project.options["lock_across_tasks"])
-        self.before: dict[str, Outputs] = {}
+        self.before: dict[str, StatusEdge] = {}
         self.picture = self.bench.runtime.snapshot()
         self.task_of = {i.name: i.task for i in self.bench.project.instances}
         self.cut: set[str] = set()  # CONNECTs whose wire has been cut
@@ -368,11 +368,11 @@ class SharedMachine(RuleBasedStateMachine):
         for name in model.anew if runtime.running else tuple(self.before):
             self.before.pop(name, None)
         called = runtime.called
-        began = model.began + [out.instance for out in called if out.status == NO_BUFFER]
+        began = model.began + [out.instance for out in called if out.outputs.status == NO_BUFFER]
         for out in called:
             check_outputs(out, self.before.get(out.instance))
             check_in_use(out, before, self.picture, began)
-            assert (out.done and out.block in MOVES_BYTES) == (out.instance in model.done)
+            assert (out.outputs.done and out.block in MOVES_BYTES) == (out.instance in model.done)
             self.before[out.instance] = out
         for name, expected in model.data.items():
             assert runtime.data(name) == expected, "DATA changes only at DONE, and by commands"

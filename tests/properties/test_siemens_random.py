@@ -9,8 +9,7 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.blocks.status import Reach
-from trcvtui.plc.instance import Outputs
-from trcvtui.plc.ledger import StatusEdge
+from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.reader import parse_line
@@ -45,12 +44,12 @@ def a_line(draw: random.Random, bench: Bench) -> str:
     return draw.choice(lines)
 
 
-def check(before: Outputs | None, now: Outputs, reachable: set[tuple[str, int]]) -> None:
+def check(block: str, before: Outputs | None, now: Outputs, reachable: set[tuple[str, int]]) -> None:
     assert now.busy + now.done + now.error <= 1
     assert now.error == (now.status >= 0x8000)
     assert not now.rcvd_len or now.done
-    assert not (before and before.done and now.done and now.block not in ("T_RESET",))
-    assert (now.block, now.status) in reachable, f"{now.block} {now.status:04X}"
+    assert not (before and before.done and now.done and block not in ("T_RESET",))
+    assert (block, now.status) in reachable, f"{block} {now.status:04X}"
 
 
 @pytest.mark.parametrize(("project", "options"), CASES)
@@ -71,10 +70,10 @@ def test_what_shows_is_always_in_the_table_and_one_thing_at_a_time(
             bench.step()
             for decl in bench.project.instances:
                 now = bench.runtime.outputs(decl.name)
-                check(before.get(decl.name), now, reachable)
+                check(decl.block, before.get(decl.name), now, reachable)
                 before[decl.name] = now
         edges = [line.event for line in bench.runtime.ledger if isinstance(line.event, StatusEdge)]
-        assert all(edge.error == (Condition(edge.condition) in ERROR) for edge in edges)
+        assert all(edge.outputs.error == (Condition(edge.condition) in ERROR) for edge in edges)
         bench.close()
         assert bench.leaks() == ()
 

@@ -33,13 +33,13 @@ class Played:
 
     def reached(self) -> frozenset[tuple[str, int, bool]]:
         """Return (block, STATUS, whether a planned fault answered) for everything that showed."""
-        return frozenset((edge.block, edge.status, edge.cause.injected) for edge in self.edges)
+        return frozenset((edge.block, edge.outputs.status, edge.cause.injected) for edge in self.edges)
 
     def causes(self) -> dict[str, list[tuple[str, str]]]:
         """Return what each instance showed, in order, and the name of the cause of each edge."""
         seen: dict[str, list[tuple[str, str]]] = {}
         for edge in self.edges:
-            seen.setdefault(edge.instance, []).append((f"{edge.status:04X}", edge.cause.name))
+            seen.setdefault(edge.instance, []).append((f"{edge.outputs.status:04X}", edge.cause.name))
         return seen
 
     def records(self) -> list[dict[str, Any]]:

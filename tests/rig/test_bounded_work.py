@@ -83,7 +83,7 @@ class Works:
         for _ in range(scans):
             each()
             self.bench.step()
-            self.dones += sum(out.done and out.instance != "TX" for out in self.bench.runtime.called)
+            self.dones += sum(out.outputs.done and out.instance != "TX" for out in self.bench.runtime.called)
 
     def told(self, *what: What) -> list[ConnectionChanged]:
         events = [line.event for line in self.bench.runtime.ledger]

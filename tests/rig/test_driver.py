@@ -39,7 +39,7 @@ def picture_of(driver: LocalDriver, request: PictureRequest | None = None) -> Pi
 
 
 def statuses(picture: Picture) -> list[str]:
-    return [f"{i.status:04X}" for i in picture.snapshot.instances]
+    return [f"{i.outputs.status:04X}" for i in picture.snapshot.instances]
 
 
 def test_a_line_acts_in_the_next_scan_and_is_answered(local: LocalDriver) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import Outputs
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.reader import parse_script

@@ -112,8 +112,8 @@ def test_a_forbidden_port_is_80a2_with_the_call_that_failed(tmp_path: Path) -> N
     desk = Desk(PASSIVE.replace("IsoPort = 0", "IsoPort = 102"), tmp_path)
     desk.say("fault bind EACCES on C1", "set R CONT=1", "run 3")
     edges = [line.event for line in desk.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
-    (failed,) = [edge for edge in edges if edge.error]
-    assert f"{failed.status:04X}" == "80A2"
+    (failed,) = [edge for edge in edges if edge.outputs.error]
+    assert f"{failed.outputs.status:04X}" == "80A2"
     assert (failed.cause.call, failed.cause.error) == ("bind", "EACCES")
     assert failed.cause.detail == "127.0.0.1:102 is not for every user: IsoPort sets another"
     desk.close()

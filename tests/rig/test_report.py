@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from trcvtui.plc.instance import Outputs
+from trcvtui.blocks.cause import Cause, Why
+from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.rig.scenario.report import JsonLines
 
 PINS: dict[str, Any] = {"status": 0x7009, "busy": False, "done": True, "error": False}
@@ -18,7 +19,8 @@ PINS: dict[str, Any] = {"status": 0x7009, "busy": False, "done": True, "error": 
 )
 def test_a_block_without_rcvd_len_has_no_such_key(block: str, rcvd_len: Any, last: tuple[str, Any]) -> None:
     written: list[str] = []
-    JsonLines(written.append, 10_000_000).scan(3, [Outputs("X", block, **PINS, rcvd_len=rcvd_len)])
+    edge = StatusEdge("X", block, Outputs(**PINS, rcvd_len=rcvd_len), "", Cause(Why.SEQUENCE, ""))
+    JsonLines(written.append, 10_000_000).scan(3, [edge])
     (record,) = map(json.loads, written)
     assert list(record)[:5] == ["scan", "t_ms", "instance", "block", "STATUS"]
     assert list(record.items())[-1] == last

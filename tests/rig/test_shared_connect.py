@@ -121,7 +121,7 @@ def test_80a1_of_a_trcv_is_one_error_as_long_as_it_stands() -> None:
         bench.runtime.calls_all = calls_all
         play(bench, "set R EN_R=1", "run 5")
         instance = bench.runtime.snapshot().instance("R")
-        assert instance is not None and (instance.status, instance.errors) == (0x80A1, 1)
+        assert instance is not None and (instance.outputs.status, instance.errors) == (0x80A1, 1)
         bench.close()
 
 

@@ -69,8 +69,8 @@ class Line:
         for _ in range(scans):
             self.bench.step()
             for out in self.bench.runtime.called:
-                self.shown[out.instance].append(f"{out.status:04X}" + "!" * out.error)
-                if out.done and out.block.startswith("TRCV"):
+                self.shown[out.instance].append(f"{out.outputs.status:04X}" + "!" * out.outputs.error)
+                if out.outputs.done and out.block.startswith("TRCV"):
                     self.received.append(self.bench.runtime.data("rx"))
 
     def device(self, peer: str, number: int, end: str = "close") -> None:

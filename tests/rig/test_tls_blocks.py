@@ -96,12 +96,12 @@ class Desk:
     def shown(self) -> list[str]:
         """Return the ERROR codes that X has shown."""
         edges = [line.event for line in self.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
-        return [f"{edge.status:04X}" for edge in edges if edge.status & 0x8000]
+        return [f"{edge.outputs.status:04X}" for edge in edges if edge.outputs.status & 0x8000]
 
     def unnamed(self) -> list[StatusEdge]:
         """Return the ERRORs of a handshake or of a connection that do not name the call and the partner."""
         edges = [line.event for line in self.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
-        told = [edge for edge in edges if edge.error and edge.cause.call == "session"]
+        told = [edge for edge in edges if edge.outputs.error and edge.cause.call == "session"]
         return [edge for edge in told if not (edge.cause.asked and edge.cause.peer)]
 
     def status(self) -> str:

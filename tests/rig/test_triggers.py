@@ -146,7 +146,7 @@ def test_the_picture_of_the_scan_has_its_bytes_and_all_before_it(tmp_path: Path)
     picture = desk.do("peer P1 send hex 01", "run 9", "peer P1 send hex 01 02 03", "run 9",
                       "peer P1 send hex 09", "run 9")  # fmt: skip
     assert dict(picture.data)["raw"][:3] == b"\x01\x02\x03", "a later frame has overwritten it meanwhile"
-    shown = [line.event.status for line in picture.lines if isinstance(line.event, StatusEdge)]
+    shown = [line.event.outputs.status for line in picture.lines if isinstance(line.event, StatusEdge)]
     assert shown[-1] == 0x7008
     assert shown.count(0x7008) == 2, "the frame before it is there too"
     later = desk.do()

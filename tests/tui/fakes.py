@@ -9,7 +9,7 @@ from pathlib import Path
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
@@ -36,15 +36,10 @@ def receiving(have: int = 17, need: int = 24) -> InstanceSnapshot:
         connect="C1",
         data="rx",
         inputs=(("EN_R", True), ("CONT", True), ("LEN", 0), ("ADHOC", False), ("COM_RST", False)),
-        outputs=(("DONE", False), ("BUSY", True), ("ERROR", False), ("STATUS", 0x7006), ("RCVD_LEN", 0)),
-        status=0x7006,
+        outputs=Outputs(0x7006, busy=True, done=False, error=False, rcvd_len=0),
         condition=str(Condition.RECEIVING),
         cause=Cause(Why.BYTES, "bytes are missing", have=have, need=need),
         since_scan=812,
-        busy=True,
-        done=False,
-        error=False,
-        rcvd_len=0,
         have=have,
         need=need,
         adhoc=False,
@@ -58,6 +53,13 @@ def receiving(have: int = 17, need: int = 24) -> InstanceSnapshot:
     )
 
 
+def showing(
+    instance: InstanceSnapshot, status: int, busy: bool = False, done: bool = False, error: bool = False
+) -> InstanceSnapshot:
+    """Return an instance with these outputs."""
+    return replace(instance, outputs=Outputs(status, busy, done, error, instance.outputs.rcvd_len))
+
+
 def connecting() -> InstanceSnapshot:
     """Return TRCV_C_2, whose partner does not answer."""
     return replace(
@@ -65,12 +67,10 @@ def connecting() -> InstanceSnapshot:
         name="TRCV_C_2",
         connect="C2",
         data="small",
-        outputs=(("DONE", False), ("BUSY", False), ("ERROR", False), ("STATUS", 0x7002), ("RCVD_LEN", 0)),
-        status=0x7002,
+        outputs=Outputs(0x7002, busy=False, done=False, error=False, rcvd_len=0),
         condition=str(Condition.ESTABLISHING),
         cause=Cause(Why.WAITING, "before the next attempt", peer="10.0.0.7:2001"),
         since_scan=600,
-        busy=False,
         have=0,
         need=0,
         last_receive_ns=None,
@@ -198,7 +198,8 @@ def edge(
     rcvd_len: int | None = 0,
 ) -> StatusEdge:
     """Return a STATUS edge of TRCV_C_1."""
-    return StatusEdge("TRCV_C_1", "TRCV_C", status, busy, done, error, rcvd_len, str(condition), cause)
+    outputs = Outputs(status, busy, done, error, rcvd_len)
+    return StatusEdge("TRCV_C_1", "TRCV_C", outputs, str(condition), cause)
 
 
 def received(size: int) -> StatusEdge:

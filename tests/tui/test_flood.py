@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-from tests.tui.fakes import picture, receiving
+from tests.tui.fakes import picture, receiving, showing
 from tests.tui.looking import looking
 from trcvtui.rig.picture import Picture
 
@@ -14,7 +12,8 @@ PICTURES = 12
 
 def flooded(number: int) -> Picture:
     """Return a picture in the middle of a job, at every other number one between two jobs."""
-    running = receiving(number * 1000, SIZE) if number % 2 else replace(receiving(0, 0), done=True)
+    between = showing(receiving(0, 0), 0x7006, busy=True, done=True)
+    running = receiving(number * 1000, SIZE) if number % 2 else between
     partial = bytes(number * 1000) if number % 2 else b""
     return picture(running, scan=1000 + number, data=bytes([number]) * SIZE, partial=partial)
 

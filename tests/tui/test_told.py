@@ -141,7 +141,7 @@ async def test_com_rst_of_a_connection_that_stands_says_nothing() -> None:
         assert "without effect" not in looker.text
         looker.bench.scan()
         snapshot = looker.bench.console.bench.runtime.snapshot()
-        assert snapshot.instances[0].status == 0x8000, "it resets"
+        assert snapshot.instances[0].outputs.status == 0x8000, "it resets"
 
 
 async def test_len_changed_under_a_job_says_that_it_counts_from_the_next_one() -> None:

@@ -3,59 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.blocks import parameters
 from trcvtui.blocks.block import Binding, Reader
-from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.registry import new_block
 from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.udp.udp_control import UdpBinding
-from trcvtui.plc.ledger import InputEdge, StatusEdge
+from trcvtui.plc.ledger import InputEdge, Outputs, PinValue, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_key, framer_snapshot
 from trcvtui.project.project import InstanceDecl
 
-PinValue = bool | int
-
 KNOWN_OUTCOMES: Final = 64
 ASKS: Final = {"TRCV_C": "EN_R", "TSEND_C": "REQ"}  # the pin of a job, of blocks beside a ComBuffer
-
-
-@dataclass(frozen=True, slots=True)
-class Outputs:
-    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin.
-
-    Of a block on a ComBuffer `status` is Error, and `rx_timeout` or `byte` is a pin, too. `cause` is no pin:
-    why ERROR is TRUE, None while it is FALSE.
-    """
-
-    instance: str
-    block: str
-    status: int
-    busy: bool
-    done: bool
-    error: bool
-    rcvd_len: int | None
-    rx_timeout: bool | None = None
-    byte: int | None = None
-    cause: Cause | None = field(default=None, compare=False)
-
-    def pin(self, name: str) -> PinValue:
-        """Return the value of an output pin; what a block does not have is 0."""
-        value: PinValue | None = getattr(self, parameters.SHOWS[name])
-        return 0 if value is None else value
-
-
-class ShownOutcome(NamedTuple):
-    """What an outcome looks like: the pins, and the ledger's line when they have changed."""
-
-    outputs: Outputs
-    edge: StatusEdge
 
 
 class Instance:
@@ -77,15 +41,14 @@ class Instance:
             if pin.name not in bound.env.rules.lacks
         }
         self.inputs.update(decl.inputs)
-        self._pins = tuple(pin.name for pin in parameters.outputs_of(decl.block))
-        self._has = {parameters.SHOWS[name] for name in self._pins}
+        self._has = {parameters.SHOWS[pin.name] for pin in parameters.outputs_of(decl.block)}
         self._bound = bound
         self._env = bound.env
         self._note = note
         self._stream: StreamFeed | StreamDrain | None = (
             None  # the ComBuffer that this TRCV_C feeds, or this TSEND_C empties
         )
-        self._known: dict[Outcome, ShownOutcome] = {}
+        self._known: dict[Outcome, StatusEdge] = {}
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
@@ -103,7 +66,7 @@ class Instance:
             self._bound.connection.readers[self.name] = self._would_read
         self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
-        self.outputs, self.edge = self._show(NOT_CALLED)
+        self.edge = self._show(NOT_CALLED)
         self.called = False
         self.asleep = False  # the next call would change nothing that anybody can see
         self.since_scan = self._env.scan
@@ -186,8 +149,8 @@ class Instance:
 
     def _take(self, outcome: Outcome) -> bool:
         before, self.outcome = self.outputs, outcome
-        now, self.edge = self._known.get(outcome) or self._show(outcome)
-        self.outputs = now
+        self.edge = self._known.get(outcome) or self._show(outcome)
+        now = self.outputs
         if now.done:
             self.jobs_done += 1
             size = outcome.cause.have if now.rcvd_len is None else now.rcvd_len
@@ -207,7 +170,7 @@ class Instance:
         self._block.stop("PLC STOP")
         before = self.outputs
         self.outcome = NOT_CALLED
-        self.outputs, self.edge = self._show(NOT_CALLED)
+        self.edge = self._show(NOT_CALLED)
         self.called = False
         self.since_scan = self._env.scan
         return self.outputs != before
@@ -218,27 +181,27 @@ class Instance:
             self._bound.connection.readers.pop(self.name, None)
         self._block.leave(reason)
 
-    def _show(self, outcome: Outcome) -> ShownOutcome:
+    @property
+    def outputs(self) -> Outputs:
+        """Return what the program reads after the call."""
+        return self.edge.outputs
+
+    def _show(self, outcome: Outcome) -> StatusEdge:
         """Return what an outcome looks like, made once for outcomes that come again."""
         if len(self._known) >= KNOWN_OUTCOMES:
             self._known.clear()
-        status = self._env.rules.word(self.block_name, outcome.condition)
-        busy = outcome.busy or outcome.condition in self._env.rules.also_busy
-        lamps = busy, outcome.done, outcome.error
-        named = (
-            self.name,
-            self.block_name,
-            status,
-            *lamps,
+        outputs = Outputs(
+            self._env.rules.word(self.block_name, outcome.condition),
+            outcome.busy or outcome.condition in self._env.rules.also_busy,
+            outcome.done,
+            outcome.error,
             outcome.rcvd_len if "rcvd_len" in self._has else None,
+            outcome.rx_timeout if "rx_timeout" in self._has else None,
+            outcome.byte if "byte" in self._has else None,
         )
-        rx_timeout = outcome.rx_timeout if "rx_timeout" in self._has else None
-        byte = outcome.byte if "byte" in self._has else None
-        outputs = Outputs(*named, rx_timeout, byte, outcome.cause if outcome.error else None)
-        told = str(outcome.condition), outcome.cause, rx_timeout, outputs.byte
-        shown = ShownOutcome(outputs, StatusEdge(*named, *told))
-        self._known[outcome] = shown
-        return shown
+        edge = StatusEdge(self.name, self.block_name, outputs, str(outcome.condition), outcome.cause)
+        self._known[outcome] = edge
+        return edge
 
     # -- for readers -----------------------------------------------------------------------------------
 
@@ -267,7 +230,7 @@ class Instance:
         return self._snapshot
 
     def _taken(self) -> InstanceSnapshot:
-        job, out = self._block.job, self.outputs
+        job = self._block.job
         done, error = self.last_done or (None, None), self.last_error or (None, None)
         return InstanceSnapshot(
             name=self.name,
@@ -275,15 +238,10 @@ class Instance:
             connect=self.decl.connect,
             data=self.data.name if self.data else None,
             inputs=tuple(self.inputs.items()),
-            outputs=self._output_pins(),
-            status=out.status,
-            condition=str(self.outcome.condition),
-            cause=self.outcome.cause,
+            outputs=self.edge.outputs,
+            condition=self.edge.condition,
+            cause=self.edge.cause,
             since_scan=self.since_scan,
-            busy=out.busy,
-            done=out.done,
-            error=out.error,
-            rcvd_len=out.rcvd_len,
             have=job.have,
             need=job.need if job.running else 0,
             adhoc=job.adhoc,
@@ -299,6 +257,3 @@ class Instance:
             framer=self.framer(),
             on_config=self.decl.on_config,
         )
-
-    def _output_pins(self) -> tuple[tuple[str, PinValue], ...]:
-        return tuple([(name, self.outputs.pin(name)) for name in self._pins])

@@ -14,27 +14,50 @@ from typing import Final, NamedTuple
 
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.parameters import SHOWS
 from trcvtui.blocks.serial_events import SerialNote
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
 
 KEPT_LINES: Final = 20_000
 
 
-@dataclass(frozen=True, slots=True)
-class StatusEdge:
-    """The outputs of an instance differ from the scan before. `status` is the WORD, `cause` says why."""
+PinValue = bool | int
 
-    instance: str
-    block: str
+
+class Outputs(NamedTuple):
+    """The outputs of one instance after a scan. `status` is the WORD; `rcvd_len` in bytes, None: no pin.
+
+    Of a block on a ComBuffer `status` is Error, and `rx_timeout` or `byte` is a pin, too.
+    """
+
     status: int
     busy: bool
     done: bool
     error: bool
     rcvd_len: int | None
+    rx_timeout: bool | None = None
+    byte: int | None = None
+
+    def pin(self, name: str) -> PinValue:
+        """Return the value of an output pin; what a block does not have is 0."""
+        value: PinValue | None = getattr(self, SHOWS[name])
+        return 0 if value is None else value
+
+    @property
+    def lit(self) -> str:
+        """Return which lamp is lit: error before done before busy, "" for none."""
+        return "error" if self.error else "done" if self.done else "busy" if self.busy else ""
+
+
+@dataclass(frozen=True, slots=True)
+class StatusEdge:
+    """The outputs of an instance, in the ledger where they differ from the scan before; `cause` says why."""
+
+    instance: str
+    block: str
+    outputs: Outputs
     condition: str
     cause: Cause
-    rx_timeout: bool | None = None  # these two: of blocks that have such an output
-    byte: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,8 +46,8 @@ from trcvtui.plc.commands import (
     Withdraw,
     WriteData,
 )
-from trcvtui.plc.instance import Instance, Outputs
-from trcvtui.plc.ledger import BenchNote, Ledger
+from trcvtui.plc.instance import Instance
+from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import (
     ConnectionSnapshot,
@@ -112,7 +112,7 @@ class Runtime:
         self.ledger = Ledger()
         self.running = True
         self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
-        self.changed: tuple[Outputs, ...] = ()
+        self.changed: tuple[StatusEdge, ...] = ()
         self._changed: Sequence[Instance] = ()
         self._program_ran = False
         self._ready_handles: Mapping[Handle, str] | None = None  # what the poll saw; None: look at everything
@@ -203,16 +203,16 @@ class Runtime:
         return end.port if end else None
 
     @property
-    def called(self) -> tuple[Outputs, ...]:
-        """Return the outputs of the instances that were due in the last scan, in call order."""
+    def called(self) -> tuple[StatusEdge, ...]:
+        """Return what the instances show that were due in the last scan, in call order."""
         if not self._program_ran:
             return ()
-        return tuple(instance.outputs for instance in self._call_order.due(self._env.scan - 1))
+        return tuple(instance.edge for instance in self._call_order.due(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
         """Return the outputs of an instance as the last scan left them; before its first scan it has none."""
         known = self._instances.get(instance)
-        return known.outputs if known else Outputs(instance, "", 0, False, False, False, 0)
+        return known.outputs if known else Outputs(0, False, False, False, 0)
 
     def inputs(self, instance: str) -> Mapping[str, bool | int]:
         """Return a copy of the inputs of an instance."""
@@ -288,10 +288,10 @@ class Runtime:
     def _write_outputs(self) -> None:
         for instance in self._changed:
             self.ledger.write(instance.edge)
-        self.changed = tuple([instance.outputs for instance in self._changed])
+        self.changed = tuple([instance.edge for instance in self._changed])
         if self._stopped:
             stopped = [instance for instance in self._stopped if instance not in self._changed]
-            self.changed += tuple([instance.outputs for instance in stopped])
+            self.changed += tuple([instance.edge for instance in stopped])
             self._stopped.clear()
 
     def _service_communication(self) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Final
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing.marks import FrameMarks, Tally
-from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES
+from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES, outputs_of
 from trcvtui.blocks.parameters import SENDERS as SENDERS
 from trcvtui.blocks.serial.receive_data import MILLISECOND
 from trcvtui.blocks.serial.receive_string import text_of
@@ -20,6 +20,7 @@ from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.udp import UdpPort
 from trcvtui.net.results import Fault
+from trcvtui.plc.ledger import Outputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,15 +92,10 @@ class InstanceSnapshot:
     connect: str
     data: str | None
     inputs: tuple[tuple[str, bool | int], ...]
-    outputs: tuple[tuple[str, bool | int], ...]
-    status: int
+    outputs: Outputs
     condition: str
     cause: Cause
     since_scan: int
-    busy: bool
-    done: bool
-    error: bool
-    rcvd_len: int | None
     have: int
     need: int
     adhoc: bool
@@ -136,11 +132,11 @@ class InstanceSnapshot:
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of an input or output by its manual's name, None where it has none."""
-        for pins in (self.inputs, self.outputs):
-            for pin, value in pins:
-                if pin == name:
-                    return value
-        return None
+        for pin, value in self.inputs:
+            if pin == name:
+                return value
+        is_output = any(pin.name == name for pin in outputs_of(self.block))
+        return self.outputs.pin(name) if is_output else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,15 +97,17 @@ def _history(of: Subject) -> str:
     rows = [("scan", "t in s", "STATUS", "lamp", "why")]
     for line in of.edges:
         if isinstance(line.event, StatusEdge):
-            word = f"{status_word(line.event.status)} {of.project.dialect.label(line.event.condition)}"
+            word = (
+                f"{status_word(line.event.outputs.status)} {of.project.dialect.label(line.event.condition)}"
+            )
             reason = plain(why(line.event))
             rows.append((str(line.scan), moment(line.t_ns), word, _lamp(line.event), reason))
     return "\n".join(_columns(rows)) if len(rows) > 1 else ""
 
 
 def _lamp(edge: StatusEdge) -> str:
-    lit = (("ERROR", edge.error), ("DONE", edge.done), ("BUSY", edge.busy))
-    return " ".join([name for name, on in lit if on][: 2 if edge.error and edge.done else 1])
+    lit = (("ERROR", edge.outputs.error), ("DONE", edge.outputs.done), ("BUSY", edge.outputs.busy))
+    return " ".join([name for name, on in lit if on][: 2 if edge.outputs.error and edge.outputs.done else 1])
 
 
 def _columns(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:

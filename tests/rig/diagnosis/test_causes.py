@@ -63,7 +63,7 @@ def errors(path: Path) -> Iterator[tuple[Condition, dict[str, Any]]]:
     """Return each ERROR of a scenario that has a record: its condition and its cause."""
     run = played(path)
     records = [record for record in run.records() if record["ERROR"]]
-    edges = [edge for edge in run.edges if edge.error]
+    edges = [edge for edge in run.edges if edge.outputs.error]
     assert len(records) == len(edges)
     for record, edge in zip(records, edges, strict=True):
         yield Condition(edge.condition), record["cause"]

@@ -224,15 +224,17 @@ def test_searches_find_edges_codes_and_errors_in_both_directions() -> None:
     run.scan(5)
     run.catch_up()
     wave = run.wave()
-    errors = [line.scan for line in wave.edges if isinstance(line.event, StatusEdge) and line.event.error]
-    assert errors and wave.next_where(0, lambda edge: edge.error) == errors[0]
-    assert wave.next_where(errors[-1], lambda edge: edge.error) is None
-    done = wave.next_where(0, lambda edge: edge.status == 0x7008)
+    errors = [
+        line.scan for line in wave.edges if isinstance(line.event, StatusEdge) and line.event.outputs.error
+    ]
+    assert errors and wave.next_where(0, lambda edge: edge.outputs.error) == errors[0]
+    assert wave.next_where(errors[-1], lambda edge: edge.outputs.error) is None
+    done = wave.next_where(0, lambda edge: edge.outputs.status == 0x7008)
     assert done == wave.next_edge(0, 1, ("DONE",))
     assert done is not None and wave.next_edge(done, 1, ("DONE",)) == done + 1
     assert wave.next_edge(done, -1, ("DONE",)) is None or wave.next_edge(done, -1, ("DONE",)) == 1
     line = wave.edge_at(done)
-    assert line is not None and isinstance(line.event, StatusEdge) and line.event.status == 0x7008
+    assert line is not None and isinstance(line.event, StatusEdge) and line.event.outputs.status == 0x7008
 
 
 def test_the_time_of_a_scan_is_exact_where_it_is_known() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.tui.fakes import NO_CAUSE, SECOND, connecting, picture, receiving
+from tests.tui.fakes import NO_CAUSE, SECOND, connecting, picture, receiving, showing
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import InstanceSnapshot
@@ -24,10 +24,7 @@ def one(n: int, failed: bool) -> InstanceSnapshot:
     instance = replace(receiving() if n % 5 else connecting(), name=f"TRCV_C_{n}")
     if failed:
         instance = replace(
-            instance,
-            status=0x80C5,
-            error=True,
-            busy=False,
+            showing(instance, 0x80C5, error=True),
             condition=str(Condition.PARTNER_CLOSED),
             cause=NO_CAUSE,
         )

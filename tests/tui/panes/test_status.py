@@ -15,6 +15,7 @@ from tests.tui.fakes import (
     picture,
     received,
     receiving,
+    showing,
     story,
     written,
 )
@@ -71,12 +72,9 @@ async def test_an_active_connect_tells_its_attempts(size: tuple[int, int]) -> No
 async def test_an_injected_error_is_called_injected(size: tuple[int, int]) -> None:
     cause = Cause(Why.KERNEL, "bind failed", call="bind", error="EADDRINUSE", injected=True)
     wrong = replace(
-        receiving(0, 0),
-        status=0x8083,
+        showing(receiving(0, 0), 0x8083, error=True),
         condition=str(Condition.BIND_FAILED),
         cause=cause,
-        busy=False,
-        error=True,
     )
     event = edge(0x8083, Condition.BIND_FAILED, error=True, cause=cause)
     async with looking(size, picture(wrong, connecting(), lines=written((910, event)))) as looker:

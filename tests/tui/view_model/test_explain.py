@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving
+from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving, showing
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
@@ -124,9 +124,7 @@ async def test_the_newest_edge_is_explained_with_the_numbers_of_now() -> None:
 
 async def test_words_from_outside_are_never_markup() -> None:
     cause = Cause(Why.PARTNER, "the partner reset", peer="[red]x\x1b[31m", have=1, need=8)
-    lost = replace(
-        receiving(), need=0, busy=False, condition=str(Condition.RECEIVE_FAILED), status=0x80AA, cause=cause
-    )
+    lost = replace(showing(receiving(), 0x80AA), need=0, condition=str(Condition.RECEIVE_FAILED), cause=cause)
     async with looking(WIDE, picture(lost, connecting())) as looker:
         await looker.press("3", "M")
         assert "[red]x" in looker.words("status")

@@ -207,10 +207,10 @@ class Bench:
     def _check_data(self) -> None:
         """Let the self-checking traffic judge every frame that this scan has brought."""
         for out in self.runtime.called if any(check.instance for check in self._checks.values()) else ():
-            for check in self._checks.values() if out.done else ():
+            for check in self._checks.values() if out.outputs.done else ():
                 decl = self.project.instance(out.instance)
                 if check.instance == out.instance and decl is not None and decl.data is not None:
-                    check.received(self.runtime.data(decl.data)[: out.rcvd_len])
+                    check.received(self.runtime.data(decl.data)[: out.outputs.rcvd_len])
 
     def step_peers(self) -> None:
         """Let every peer take what has arrived and send what is due."""

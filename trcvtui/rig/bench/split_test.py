@@ -139,9 +139,9 @@ class SplitTrial:
     def _look(self, seen: _Seen) -> None:
         for out in self._bench.runtime.called:
             if out.instance == self._command.instance:
-                seen.scans.append((out.status, out.error))
-                if out.done:
-                    size = out.rcvd_len or 0
+                seen.scans.append((out.outputs.status, out.outputs.error))
+                if out.outputs.done:
+                    size = out.outputs.rcvd_len or 0
                     data = self._bench.runtime.data(self._data)[:size] if self._data else b""
                     seen.frames.append((size, data))
 

@@ -129,7 +129,7 @@ def evidence_then(
     """Return what the ledger knows of an edge of the past that showed `until` then, with its facts."""
     need = edge.cause.need or 0
     have = edge.cause.have or 0
-    if edge.busy and need and facts.job_offset is not None:
+    if edge.outputs.busy and need and facts.job_offset is not None:
         have = max(0, min(need, facts.received - facts.job_offset))
     decl = project.instance(edge.instance)
     data = project.data_decl(decl.data) if decl and decl.data else None

@@ -198,7 +198,7 @@ class LinkStatistics:
                 one.said = one.dropped = said
 
     def _status(self, scan: int, t_ns: int, event: StatusEdge) -> None:
-        if event.error:
+        if event.outputs.error:
             self._refusals[event.instance] = event
         if event.condition in IDLE:
             self._idle.add(event.instance)
@@ -251,7 +251,7 @@ class LinkStatistics:
         ):
             return attempt
         cause = replace(attempt.cause, peer=attempt.cause.peer or shown.cause.peer)
-        return replace(attempt, cause=cause, status=shown.status, condition=shown.condition)
+        return replace(attempt, cause=cause, status=shown.outputs.status, condition=shown.condition)
 
     def _with_job(self, known: Facts, link: _LinkFacts, instance: str) -> Facts:
         job = self._index.started(instance)

@@ -219,11 +219,11 @@ def pins_of(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
     if isinstance(event, KnownPins):
         return event.values
     if event.block in OUTPUTS:
-        shown = ((pin, getattr(event, field)) for pin, field in OUTPUTS[event.block])
+        shown = ((pin, getattr(event.outputs, field)) for pin, field in OUTPUTS[event.block])
         return tuple((pin, int(value)) for pin, value in shown if value is not None)
-    lamps = event.busy, event.done, event.error
-    told = (("STATUS", event.status), *zip(LAMPS[1:], map(int, lamps), strict=True))
-    return told if event.rcvd_len is None else (*told, ("RCVD_LEN", event.rcvd_len))
+    lamps = event.outputs.busy, event.outputs.done, event.outputs.error
+    told = (("STATUS", event.outputs.status), *zip(LAMPS[1:], map(int, lamps), strict=True))
+    return told if event.outputs.rcvd_len is None else (*told, ("RCVD_LEN", event.outputs.rcvd_len))
 
 
 # -- one instance -----------------------------------------------------------------------------------------

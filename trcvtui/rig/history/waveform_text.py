@@ -144,7 +144,7 @@ def _edge_kind(line: Line | None) -> str:
     edge = line.event if line is not None else None
     if not isinstance(edge, StatusEdge):
         return ""
-    return "error" if edge.error else "done" if edge.done else "busy" if edge.busy else ""
+    return edge.outputs.lit
 
 
 def _lengths(wave: Waveform, window: Window, columns: list[Column | None]) -> Iterator[Piece]:
@@ -190,7 +190,7 @@ def _codes(wave: Waveform, window: Window) -> list[Piece]:
 
 
 def _status(line: Line) -> int:
-    return line.event.status if isinstance(line.event, StatusEdge) else 0
+    return line.event.outputs.status if isinstance(line.event, StatusEdge) else 0
 
 
 def _is_narrow(columns: list[Column | None], x: int) -> bool:
@@ -343,7 +343,7 @@ def _edge_lines(wave: Waveform, span: ScanRange) -> Iterator[str]:
         edge = line.event
         if isinstance(edge, StatusEdge):
             lamps = " ".join(pin for pin, value in pins_of(edge) if value and pin not in WORDS)
-            status = f"{edge.status}" if edge.block in OUTPUTS else f"16#{edge.status:04X}"
+            status = f"{edge.outputs.status}" if edge.block in OUTPUTS else f"16#{edge.outputs.status:04X}"
             shown = f"{status} {edge.condition}"
             place = f"  scan {line.scan:>8}  {line.t_ns / MS:>12.3f} ms"
             yield f"{place}  {shown:<27} {lamps:<7} {edge.cause.name}"
@@ -423,7 +423,7 @@ def _colour(wave: Waveform, scan: int) -> str:
     edge = line.event if line is not None else None
     if not isinstance(edge, StatusEdge):
         return "#5a6570"
-    return COLOURS["error" if edge.error else "done" if edge.done else "busy"]
+    return COLOURS[edge.outputs.lit or "busy"]
 
 
 def _words(x: float, y: float, text: str, colour: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.parameters import SENDERS, SPEAKS_UDP
-from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench
 
 
@@ -28,12 +28,14 @@ STREAMS: Final = SENDERS - SPEAKS_UDP
 NONE_SENT: Final[Mapping[str, Delivery]] = {}
 
 
-def deliveries(bench: Bench, changed: Iterable[Outputs]) -> Mapping[str, Delivery]:
+def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
     """Return how far the bytes have come, for each instance that shows a sent frame in this scan."""
     return {
-        out.instance: found
-        for out in changed
-        if out.done and out.block in STREAMS and (found := _delivery(bench, out.instance)) is not None
+        edge.instance: found
+        for edge in changed
+        if edge.outputs.done
+        and edge.block in STREAMS
+        and (found := _delivery(bench, edge.instance)) is not None
     }
 
 

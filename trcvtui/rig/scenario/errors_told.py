@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from trcvtui.blocks.cause import Cause
-from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.diagnosis.advice import because
 
 MOST_KEPT: Final = 100
@@ -42,12 +42,12 @@ class Errors:
     def __init__(self) -> None:
         self._told: dict[tuple[str, int, str], ErrorTold] = {}
 
-    def see(self, scan: int, changed: Iterable[Outputs]) -> None:
+    def see(self, scan: int, changed: Iterable[StatusEdge]) -> None:
         """Take what changed in a scan."""
-        for out in changed:
-            if out.cause is None:
+        for edge in changed:
+            if not edge.outputs.error:
                 continue
-            told = ErrorTold(out.instance, out.status, because(out.cause, out.block), scan, scan)
+            told = ErrorTold(edge.instance, edge.outputs.status, because(edge.cause, edge.block), scan, scan)
             key = told.instance, told.status, told.text
             known = self._told.get(key)
             self._told[key] = told if known is None else replace(known, last=scan, times=known.times + 1)

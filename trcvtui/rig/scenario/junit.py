@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from trcvtui.errors import UserError, one_line
-from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.commands.words import Expect, ExpectTrace, Step, Wait
 from trcvtui.rig.scenario.delivery import NONE_SENT, Delivery
 from trcvtui.rig.scenario.runner import Taken, Verdict
@@ -90,7 +90,7 @@ class FileReport:
         self._done = done
 
     def scan(
-        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
     ) -> None:
         """Write nothing: a suite holds the traces of its instances."""
 

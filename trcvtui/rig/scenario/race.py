@@ -4,7 +4,7 @@ Each dialect has a bench of its own with a simulated network, the same seed and 
 take each step together and let scans pass together: a command reaches all of them in the same scan.
 
 Rule 1: nothing is aligned. A row is one scan; who is later is later.
-Rule 2: `expect` is left out. A `wait` is over when it holds in every dialect, at the latest PATIENCE_SCANS
+Rule 2: `expect` is left edge. A `wait` is over when it holds in every dialect, at the latest PATIENCE_SCANS
 after the first; in whom it did not hold is noted. A STATUS that says something else there, or nothing, is not
 waited for: 0001 of one vendor is no 0001 of another.
 Rule 3: a step lets a partner send the bytes that it sends in the scenario's own dialect, whatever the layout.
@@ -160,14 +160,21 @@ class _Lane:
         """Let one scan pass; return the block and the outputs of each instance that was due."""
         self.bench.step()
         called = self.bench.runtime.called
-        if any(out.done for out in called):
+        if any(edge.outputs.done for edge in called):
             self._hashes.clear()
         return {
-            out.instance: (
-                out.block,
-                Shown(out.status, out.busy, out.done, out.error, out.rcvd_len, self._hash(out.instance)),
+            edge.instance: (
+                edge.block,
+                Shown(
+                    edge.outputs.status,
+                    edge.outputs.busy,
+                    edge.outputs.done,
+                    edge.outputs.error,
+                    edge.outputs.rcvd_len,
+                    self._hash(edge.instance),
+                ),
             )
-            for out in called
+            for edge in called
         }
 
     def _hash(self, instance: str) -> str:
@@ -368,7 +375,7 @@ def race(scenario: Scenario, dialects: Sequence[Dialect], base: Path | None = No
 
 
 def _read_steps(steps: Iterable[words.Step], project: Project, notes: list[Note]) -> dict[int, words.Step]:
-    """Return the steps as this dialect reads them, by place; what it cannot read is noted and left out."""
+    """Return the steps as this dialect reads them, by place; what it cannot read is noted and left edge."""
     read: dict[int, words.Step] = {}
     for place, step in enumerate(steps):
         if isinstance(step.command, TRAFFIC):

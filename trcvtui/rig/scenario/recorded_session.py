@@ -18,8 +18,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.errors import mistake
 from trcvtui.net.events import ConnectionChanged, What
-from trcvtui.plc.instance import Outputs
-from trcvtui.plc.ledger import BenchNote
+from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.lines import to_line
@@ -156,7 +155,7 @@ class Session:
         self.marked_at = 0
 
     def note(self, command: words.BenchCommand, line: str) -> None:
-        """Keep a command that was carried out."""
+        """Keep a command that was carried edge."""
         if isinstance(command, words.RunScans | words.RunFor):
             return
         if isinstance(command, words.Delete):
@@ -211,25 +210,27 @@ class Session:
 
     def scanned(self) -> None:
         """Keep what the scan that has just passed shows."""
-        for out in self._bench.runtime.called:
-            seen = self._seen.get(out.instance)
+        for edge in self._bench.runtime.called:
+            seen = self._seen.get(edge.instance)
             if seen is None:
-                seen = self._seen[out.instance] = Seen(self._of_the_wire)
-            seen.add((out.status, out.error))
-            if out.done and out.block in OUTPUTS:
-                self._expect_frame(out)
+                seen = self._seen[edge.instance] = Seen(self._of_the_wire)
+            seen.add((edge.outputs.status, edge.outputs.error))
+            if edge.outputs.done and edge.block in OUTPUTS:
+                self._expect_frame(edge)
 
-    def _expect_frame(self, out: Outputs) -> None:
+    def _expect_frame(self, edge: StatusEdge) -> None:
         """Keep what a frame has brought: outputs, and its first bytes; in real time the scan is another."""
-        decl = self._bench.project.instance(out.instance)
+        decl = self._bench.project.instance(edge.instance)
         if self._frames >= MOST_FRAMES or self._bench.kernel_name != SIMULATED or decl is None:
             return
         self._frames += 1
-        shown = ((pin, getattr(out, field)) for pin, field in OUTPUTS[out.block])
+        shown = ((pin, getattr(edge.outputs, field)) for pin, field in OUTPUTS[edge.block])
         pins = " ".join(f"{pin}={int(value)}" for pin, value in shown if value is not None)
-        self._add(f"expect {out.instance} {pins}", is_frame=True)
+        self._add(f"expect {edge.instance} {pins}", is_frame=True)
         content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data else b""
-        size = content.find(0) + 1 if out.rcvd_len is None else out.rcvd_len  # a text: with its byte 00
+        size = (
+            content.find(0) + 1 if edge.outputs.rcvd_len is None else edge.outputs.rcvd_len
+        )  # a text: with its byte 00
         if content[:size]:
             self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", is_frame=True)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from trcvtui.errors import UserError, one_line
-from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.scenario.delivery import NONE_SENT, Delivery
 from trcvtui.rig.scenario.errors_told import cause_record
 from trcvtui.rig.scenario.junit import Junit
@@ -24,7 +24,7 @@ class Report(Protocol):
     """What a format can be told while a scenario runs."""
 
     def scan(
-        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
     ) -> None:
         """Tell the outputs that changed in a scan, and of instances with DONE how far their bytes are."""
         ...
@@ -58,13 +58,13 @@ class JsonLines:
         self._interval_ns = interval_ns
 
     def scan(
-        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
     ) -> None:
         """Write one line for each instance that changed."""
         t_ms = (scan - 1) * self._interval_ns / 1e6
-        for out in changed:
-            record = {"scan": scan, "t_ms": t_ms, **_outputs(out)}
-            sent = deliveries.get(out.instance)
+        for edge in changed:
+            record = {"scan": scan, "t_ms": t_ms, **_outputs(edge)}
+            sent = deliveries.get(edge.instance)
             self._line(record if sent is None else record | asdict(sent))
 
     def verdict(self, verdict: Verdict) -> None:
@@ -83,21 +83,21 @@ class JsonLines:
         self._write(json.dumps(record, separators=(",", ":")).replace("\x7f", "\\u007f") + "\n")
 
 
-def _outputs(out: Outputs) -> dict[str, object]:
-    """Return the keys of an instance; an output that its block does not have is left out."""
+def _outputs(edge: StatusEdge) -> dict[str, object]:
+    """Return the keys of an instance; an output that its block does not have is left edge."""
     record: dict[str, object] = {
-        "instance": out.instance,
-        "block": out.block,
-        "STATUS": f"{out.status:04X}",
-        "BUSY": out.busy,
-        "DONE": out.done,
-        "ERROR": out.error,
-        "RCVD_LEN": out.rcvd_len,
-        "RxTimeout": out.rx_timeout,
-        "ReceivedByte": out.byte,
+        "instance": edge.instance,
+        "block": edge.block,
+        "STATUS": f"{edge.outputs.status:04X}",
+        "BUSY": edge.outputs.busy,
+        "DONE": edge.outputs.done,
+        "ERROR": edge.outputs.error,
+        "RCVD_LEN": edge.outputs.rcvd_len,
+        "RxTimeout": edge.outputs.rx_timeout,
+        "ReceivedByte": edge.outputs.byte,
     }
     known = {key: value for key, value in record.items() if value is not None}
-    return known if out.cause is None else known | {"cause": cause_record(out.cause, out.block)}
+    return known if not edge.outputs.error else known | {"cause": cause_record(edge.cause, edge.block)}
 
 
 class Text:
@@ -107,7 +107,7 @@ class Text:
         self._write = write
 
     def scan(
-        self, scan: int, changed: Iterable[Outputs], deliveries: Mapping[str, Delivery] = NONE_SENT
+        self, scan: int, changed: Iterable[StatusEdge], deliveries: Mapping[str, Delivery] = NONE_SENT
     ) -> None:
         """Write nothing: the traces of the verdict tell it in short."""
 

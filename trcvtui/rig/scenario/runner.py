@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from trcvtui.plc.instance import Outputs
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.scenario.delivery import Delivery, deliveries
@@ -68,7 +68,7 @@ class Runner:
         bench: Bench,
         name: str,
         pace: Pace,
-        on_scan: Callable[[int, Iterable[Outputs], Mapping[str, Delivery]], None],
+        on_scan: Callable[[int, Iterable[StatusEdge], Mapping[str, Delivery]], None],
     ) -> None:
         self._bench = bench
         self._name = name

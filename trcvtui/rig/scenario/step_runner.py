@@ -63,8 +63,8 @@ class Stage:
 
     def scanned(self) -> None:
         """Keep what the scan that has just passed shows."""
-        for out in self.bench.runtime.called:
-            self.traces[out.instance].add((out.status, out.error))
+        for edge in self.bench.runtime.called:
+            self.traces[edge.instance].add((edge.outputs.status, edge.outputs.error))
 
     def _do(self, step: words.Step, command: words.BenchCommand) -> None:
         # No wait: when `do` returns, the local kernel has taken all of a send that it can take now.

@@ -31,7 +31,7 @@ def gap_of(scene: ViewModel, instance: InstanceSnapshot) -> Gap | None:
     limit = framer.timeout_ns
     if not limit:
         return Gap(0, 0, NO_WATCH)
-    if not instance.busy or instance.last_receive_ns is None:
+    if not instance.outputs.busy or instance.last_receive_ns is None:
         return Gap(0, limit, "waits for a first byte")
     return Gap(max(0, scene.t_ns - instance.last_receive_ns), limit, _frozen(scene, snapshot.running))
 

@@ -145,8 +145,8 @@ def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: After
     """Return what an output was for one scan a moment ago: its scan, RCVD_LEN, or STATUS."""
     if instance is None:
         return ""
-    done = None if instance.done else afterglow.glow(instance.name, DONE, t_ns)
-    error = None if instance.error else afterglow.glow(instance.name, ERROR, t_ns)
+    done = None if instance.outputs.done else afterglow.glow(instance.name, DONE, t_ns)
+    error = None if instance.outputs.error else afterglow.glow(instance.name, ERROR, t_ns)
     texts = {
         **dict.fromkeys(DONE_PINS, f"{done.scan}" if done else ""),
         "RCVD_LEN": f"{done.rcvd_len}" if done and done.rcvd_len is not None else "",
@@ -161,7 +161,7 @@ def glow_text(pin: DrawnPin, instance: InstanceSnapshot | None, afterglow: After
 def _status_style(instance: InstanceSnapshot | None) -> str:
     if instance is None:
         return ""
-    return "error" if instance.error else "done" if instance.done else "strong"
+    return "error" if instance.outputs.error else "done" if instance.outputs.done else "strong"
 
 
 SHOWN: Final = 9  # columns of a mark inside the box

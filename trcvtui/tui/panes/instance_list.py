@@ -103,7 +103,7 @@ class InstanceList(LineView):
 
     def _has_words(self, instance: InstanceSnapshot) -> bool:
         pulses = self._pulses(instance)
-        codes = {instance.status, *(pulse.status for pulse in pulses)}
+        codes = {instance.outputs.status, *(pulse.status for pulse in pulses)}
         spoken = (
             f"{instance.name} {instance.block} {self._scene.project.dialect.label(instance.condition)}",
             _partner(self._scene.connection_of(instance), True),
@@ -121,7 +121,7 @@ class InstanceList(LineView):
     def _shows_error(self, instance: InstanceSnapshot) -> bool:
         """Return whether its ERROR is 1, or was a moment ago."""
         glowing = self._scene.afterglow.glow(instance.name, ERROR, self._scene.t_ns)
-        return instance.error or glowing is not None
+        return instance.outputs.error or glowing is not None
 
     def _measure(self) -> ListColumns:
         shown, roomy = self._scene.instances, self.line_width >= ROOMY
@@ -183,9 +183,9 @@ class InstanceList(LineView):
         glow, now = self._scene.afterglow.glow, self._scene.t_ns
         done, error = glow(instance.name, DONE, now), glow(instance.name, ERROR, now)
         return [
-            _lamp("B", instance.busy, "busy", False),
-            _lamp("D", instance.done, "done", done is not None),
-            _lamp("E", instance.error, "error", error is not None),
+            _lamp("B", instance.outputs.busy, "busy", False),
+            _lamp("D", instance.outputs.done, "done", done is not None),
+            _lamp("E", instance.outputs.error, "error", error is not None),
         ]
 
     def _progress(self, instance: InstanceSnapshot, columns: ListColumns) -> list[Part]:
@@ -274,8 +274,8 @@ def _lamp(letter: str, on: bool, style: str, glowing: bool) -> Part:
 
 
 def _status(instance: InstanceSnapshot, condition: str, columns: ListColumns) -> list[Part]:
-    style = "error" if instance.error else "done" if instance.done else "busy" if instance.busy else ""
-    word = status_word(instance.status)[-columns.word :]
+    style = instance.outputs.lit
+    word = status_word(instance.outputs.status)[-columns.word :]
     return [
         (word + " ", style),
         (

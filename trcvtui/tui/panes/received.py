@@ -65,7 +65,7 @@ class JobLine(LineView, can_focus=False):
 
     def _framed(self, instance: InstanceSnapshot, framer: FramerSnapshot) -> list[Part]:
         """Return how the frame stands that has no end yet; without one, what the newest frame is made of."""
-        if instance.busy:
+        if instance.outputs.busy:
             full, empty = bar(instance.have, framer.size, BAR)
             told: list[Part] = [
                 ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),

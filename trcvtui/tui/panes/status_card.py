@@ -104,11 +104,15 @@ class StatusCard(LineView):
         lamps: list[Part],
         warnings: Sequence[str] = (),
     ) -> list[Row]:
-        found = self._scene.project.dialect.row(shown.status, shown.block)
+        found = self._scene.project.dialect.row(shown.outputs.status, shown.block)
         title = found.title if found else shown.condition
-        style = "error" if shown.error else "done" if shown.done else "busy" if shown.busy else "strong"
-        flag = "ERROR  " if shown.error else ""
-        head: list[Part] = [(f"{status_word(shown.status)}  ", style), (flag, "error"), (title, style)]
+        style = shown.outputs.lit or "strong"
+        flag = "ERROR  " if shown.outputs.error else ""
+        head: list[Part] = [
+            (f"{status_word(shown.outputs.status)}  ", style),
+            (flag, "error"),
+            (title, style),
+        ]
         fits = sum(cells(text) for text, _ in head) + 2 + len(when) <= self.line_width
         rows = [row(*head, (f"  {when}", "dim"))] if fits else [row(*head), row((when, "dim"))]
         if sum(len(text) for text, _ in lamps) > self.line_width:
@@ -149,8 +153,9 @@ class StatusCard(LineView):
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
         glow, now = self._scene.afterglow.glow, self._scene.t_ns
-        parts: list[Part] = [(f"BUSY {lamp(instance.busy)}   ", "busy" if instance.busy else "faint")]
-        for name, on, style in ((DONE, instance.done, "done"), (ERROR, instance.error, "error")):
+        outputs = instance.outputs
+        parts: list[Part] = [(f"BUSY {lamp(outputs.busy)}   ", "busy" if outputs.busy else "faint")]
+        for name, on, style in ((DONE, outputs.done, "done"), (ERROR, outputs.error, "error")):
             pulse = glow(instance.name, name, now)
             if on or pulse is None:
                 parts.append((f"{name} {lamp(on)}   ", style if on else "faint"))
@@ -160,7 +165,7 @@ class StatusCard(LineView):
             parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", "glow"))
         if (
             instance.last_error_status is not None
-            and not instance.error
+            and not instance.outputs.error
             and not glow(instance.name, ERROR, now)
         ):
             last = f"last error {status_word(instance.last_error_status)} in scan {instance.last_error_scan}"

@@ -68,7 +68,7 @@ class StatusHistory(LineView):
 
     def _label(self, edge: StatusEdge) -> str:
         condition = self._scene.project.dialect.label(edge.condition)
-        return f"{status_word(edge.status)} {clip(condition, self._condition_width())}"
+        return f"{status_word(edge.outputs.status)} {clip(condition, self._condition_width())}"
 
     def _condition_width(self) -> int:
         """Return how wide a condition may be: the reason has the greater part of the line."""
@@ -107,7 +107,7 @@ class StatusHistory(LineView):
 
     def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
         scan, time = self._widths()
-        style = "error" if edge.error else "done" if edge.done else "busy" if edge.busy else ""
+        style = edge.outputs.lit
         room = self._room()
         reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
         return [
@@ -128,7 +128,9 @@ class StatusHistory(LineView):
     def action_error_before(self) -> None:
         """Choose the next older ERROR; behind the oldest comes the newest."""
         here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
-        errors = [y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.error]
+        errors = [
+            y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.outputs.error
+        ]
         if errors:
             self._choose(next((y for y in errors if y > here), errors[0]))
         else:
@@ -176,10 +178,14 @@ class StatusHistory(LineView):
 
 
 def _lamp(edge: StatusEdge) -> str:
-    if edge.error and edge.done:  # a frame that had no end in its size
-        return f"{ON} DONE {edge.rcvd_len} B, ERROR" if edge.rcvd_len is not None else f"{ON} DONE, ERROR"
-    if edge.error:
+    if edge.outputs.error and edge.outputs.done:  # a frame that had no end in its size
+        return (
+            f"{ON} DONE {edge.outputs.rcvd_len} B, ERROR"
+            if edge.outputs.rcvd_len is not None
+            else f"{ON} DONE, ERROR"
+        )
+    if edge.outputs.error:
         return f"{ON} ERROR"
-    if edge.done:
-        return f"{ON} DONE {edge.rcvd_len} B" if edge.rcvd_len is not None else f"{ON} DONE"
-    return f"{ON} BUSY" if edge.busy else ""
+    if edge.outputs.done:
+        return f"{ON} DONE {edge.outputs.rcvd_len} B" if edge.outputs.rcvd_len is not None else f"{ON} DONE"
+    return f"{ON} BUSY" if edge.outputs.busy else ""

@@ -345,7 +345,7 @@ class Timing(LineView):
 
     def action_next_error(self) -> None:
         """Go to the next ERROR; from the present to the newest one, behind the last to the first."""
-        self._search(lambda edge: edge.error, "no ERROR")
+        self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:
         """Ask for the code to search."""
@@ -354,7 +354,7 @@ class Timing(LineView):
     def find(self, status: int) -> None:
         """Go to the next edge to this STATUS."""
         self._last_code = f"{status:04X}"
-        self._search(lambda edge: edge.status == status, f"no {self._last_code}")
+        self._search(lambda edge: edge.outputs.status == status, f"no {self._last_code}")
 
     def _search(self, holds: Callable[[StatusEdge], bool], nothing: str) -> None:
         wave, here = self.wave, self.view.cursor

@@ -43,10 +43,10 @@ class Afterglow:
 
     def note(self, scan: int, t_ns: int, edge: StatusEdge) -> None:
         """Take the lamps of one STATUS edge of the ledger."""
-        pulse = PinPulse(scan, t_ns, edge.status, edge.rcvd_len)
-        if edge.done:
+        pulse = PinPulse(scan, t_ns, edge.outputs.status, edge.outputs.rcvd_len)
+        if edge.outputs.done:
             self._pulses[edge.instance, DONE] = pulse
-        if edge.error:
+        if edge.outputs.error:
             self._pulses[edge.instance, ERROR] = pulse
 
     def forget(self, instance: str) -> None:

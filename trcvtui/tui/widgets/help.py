@@ -222,7 +222,7 @@ class HelpText(LineView):
         dialect, instance = self._scene.project.dialect, self._scene.instance
         rows = [row((f"STATUS of {plain(dialect.title)}", "strong"))]
         for found in dialect.status:
-            current = instance is not None and found.code == instance.status
+            current = instance is not None and found.code == instance.outputs.status
             rows.append(
                 row(
                     ("▸ " if current else "  ", "key"),

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from hypothesis import strategies as st
 
-from trcvtui.blocks.parameters import MOVES_BYTES
+from trcvtui.blocks.table import block_row
 
 Document = dict[str, Any]
 
@@ -92,6 +92,6 @@ def _instance(draw: st.DrawFn, name: str, connects: list[Document], tasks: list[
         "task": draw(st.sampled_from(tasks))["name"],
     }
     data = draw(st.sampled_from((*tuple(DATA) * 3, "")))  # without DATA: 80A4
-    if block in MOVES_BYTES and data:
+    if block_row(block).moves_bytes and data:
         instance["data"] = data
     return instance

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from tests.properties.byte_model import ByteModel, Ends
-from trcvtui.blocks.parameters import MOVES_BYTES
+from trcvtui.blocks.table import block_row
 from trcvtui.dialects.baosky.status import STATUS
 from trcvtui.net.events import BytesDropped, ConnectionChanged, What
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -30,7 +30,7 @@ def check_outputs(out: StatusEdge, before: StatusEdge | None) -> None:
     assert not pins.rcvd_len or pins.done
     assert not (pins.done and before and before.outputs.done), "DONE lasts one scan"
     assert pins.error == (pins.status >= 0x8080)
-    if out.block in MOVES_BYTES:
+    if block_row(out.block).moves_bytes:
         assert pins.busy == (pins.status in BUSY)
         assert pins.done == (pins.status in DONE)
         assert pins.status not in CONNECTING or not (pins.busy or pins.done)

@@ -19,7 +19,7 @@ from tests.properties.promises import (
     check_owners,
 )
 from tests.properties.witness import Witness
-from trcvtui.blocks.parameters import MOVES_BYTES, inputs_of
+from trcvtui.blocks.table import block_row
 from trcvtui.net.kernel import CALLS
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
@@ -120,7 +120,7 @@ class SharedMachine(RuleBasedStateMachine):
     def turn(self, pick: int, pin: int, value: str) -> None:
         decl = self.an_instance(pick)
         if decl is not None:
-            pins = [p.name for p in inputs_of(decl.block) if p.is_bool]
+            pins = [p.name for p in block_row(decl.block).inputs if p.is_bool]
             name = pins[pin % len(pins)]
             pulse = value == "pulse"
             self.do(f"pulse {decl.name} {name}" if pulse else f"set {decl.name} {name}={value}")
@@ -128,7 +128,7 @@ class SharedMachine(RuleBasedStateMachine):
     @rule(pick=PICK, adhoc=st.booleans(), length=st.sampled_from(LENGTHS))
     def set_length(self, pick: int, adhoc: bool, length: int) -> None:
         decl = self.an_instance(pick)
-        if decl is not None and decl.block in MOVES_BYTES:
+        if decl is not None and block_row(decl.block).moves_bytes:
             mode = f" ADHOC={int(adhoc)}" if decl.block.startswith("TRCV") else ""
             self.do(f"set {decl.name} LEN={length}{mode}")
 
@@ -163,8 +163,10 @@ class SharedMachine(RuleBasedStateMachine):
             words.append(
                 f"task={self.task_of.setdefault(name, project.tasks[task % len(project.tasks)].name)}"
             )
-            words += [f"data={data}"] if data and block in MOVES_BYTES else []
-            words += [f"{p.name}={int(busy)}" for p in inputs_of(block) if p.is_bool and p.name != "COM_RST"]
+            words += [f"data={data}"] if data and block_row(block).moves_bytes else []
+            words += [
+                f"{p.name}={int(busy)}" for p in block_row(block).inputs if p.is_bool and p.name != "COM_RST"
+            ]
             self.do(f"create {block} {name} {' '.join(words)}")
 
     @rule(pick=PICK)
@@ -292,7 +294,7 @@ class SharedMachine(RuleBasedStateMachine):
         if call:
             self.do(f"fault {call}")
         for decl in self.bench.project.instances:
-            names = {pin.name for pin in inputs_of(decl.block)}
+            names = {pin.name for pin in block_row(decl.block).inputs}
             pins = [f"{pin}=1" for pin in ("CONT", "EN_R") if pin in names]
             if pins:
                 self.do(f"set {decl.name} {' '.join(pins)}")
@@ -372,7 +374,7 @@ class SharedMachine(RuleBasedStateMachine):
         for out in called:
             check_outputs(out, self.before.get(out.instance))
             check_in_use(out, before, self.picture, began)
-            assert (out.outputs.done and out.block in MOVES_BYTES) == (out.instance in model.done)
+            assert (out.outputs.done and block_row(out.block).moves_bytes) == (out.instance in model.done)
             self.before[out.instance] = out
         for name, expected in model.data.items():
             assert runtime.data(name) == expected, "DATA changes only at DONE, and by commands"
@@ -386,7 +388,7 @@ class SharedMachine(RuleBasedStateMachine):
         """Let what is on its way arrive, take everything back, and find nothing left."""
         self.mend()
         for decl in self.bench.project.instances:
-            if "REQ" in {pin.name for pin in inputs_of(decl.block)}:
+            if "REQ" in {pin.name for pin in block_row(decl.block).inputs}:
                 self.do(f"set {decl.name} REQ=0")
         self.run(10)
         for _ in range(60):  # a lost segment, or a closed window, is tried again every second

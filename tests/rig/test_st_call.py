@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.blocks.parameters import BUFFER_PIN, DATA_PIN, HAS_DATA, PINS, POINTERS, SPEAKS_UDP
+from trcvtui.blocks.table import BLOCKS
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
@@ -53,10 +53,13 @@ def project(folder: Path, *instances: str, head: str = HEAD) -> Project:
 
 
 def instance(name: str, block: str, *lines: str) -> str:
-    bound = ['data = "tx"'] if block in HAS_DATA else []
-    link = ['config = "U1"', 'addr = "A1"'] if block in SPEAKS_UDP else ['connect = "C1"']
-    if block in BUFFER_PIN:
-        link = [f'{BUFFER_PIN[block]} = "B1"', *(f'{pointer} = "tx"' for pointer in POINTERS.get(block, ()))]
+    bound = ['data = "tx"'] if BLOCKS[block].data_pin else []
+    link = ['config = "U1"', 'addr = "A1"'] if BLOCKS[block].speaks_udp else ['connect = "C1"']
+    if BLOCKS[block].on_buffer:
+        link = [
+            f'{BLOCKS[block].buffer_pin} = "B1"',
+            *(f'{pointer} = "tx"' for pointer in BLOCKS[block].pointers),
+        ]
     return "\n".join([f'name = "{name}"', f'block = "{block}"', *link, *bound, *lines])
 
 
@@ -96,23 +99,25 @@ def head_of(block: str) -> str:
     """Return the head of a project whose vendor has the block."""
     if block in DIALECTS["baosky"].blocks:
         return HEAD
-    if block in BUFFER_PIN:
+    if BLOCKS[block].on_buffer:
         return f'dialect = "twincat"\n{DATA}\n[[combuffer]]\nname = "B1"\n'
     return f'dialect = "s7-1500"\n{DATA}\n[[connect]]\nname = "C1"\n{UDP}'
 
 
-@pytest.mark.parametrize("block", PINS)
+@pytest.mark.parametrize("block", BLOCKS)
 def test_each_block_has_its_own_pins_and_data_only_where_it_moves_bytes(block: str, tmp_path: Path) -> None:
     call = st_call(project(tmp_path, instance("X", block), head=head_of(block)), "X")
     bound = re.findall(r"^ +(\w+)(:=|=>)", call, re.MULTILINE)
     link = (
         {"CONFIG" if block in DIALECTS["baosky"].blocks else "ID", "ADDR"}
-        if block in SPEAKS_UDP
-        else {BUFFER_PIN.get(block, "CONNECT")}
+        if BLOCKS[block].speaks_udp
+        else {BLOCKS[block].buffer_pin or "CONNECT"}
     )
     link = {"ID"} if block == "T_DIAG" else link
-    own = {NDR.get((block, pin.name), pin.name) for pin in PINS[block]} - {"EN"} | {*POINTERS.get(block, ())}
-    names = own | link | {DATA_PIN.get(block, "DATA") for _ in HAS_DATA & {block}}
+    own = {NDR.get((block, pin.name), pin.name) for pin in BLOCKS[block].pins} - {"EN"} | {
+        *BLOCKS[block].pointers
+    }
+    names = own | link | ({BLOCKS[block].data_pin} - {""})
     assert {name for name, _ in bound} == names and len(bound) == len(names)
     assert [mark for _, mark in bound] == sorted(mark for _, mark in bound)
     assert call.count(",\n") == len(bound) - 1

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Protocol, runtime_checkable
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
+from trcvtui.blocks.table import BlockRow
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim
@@ -31,6 +33,19 @@ class Binding:
     def claim(self) -> Claim:
         """Return this instance's claim on one direction of its connection."""
         return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
+
+    def class_of(self, row: BlockRow) -> str:
+        """Return the class of a block on a CONNECT: single instructions where the vendor has them."""
+        is_single = bool(row.single) and self.env.rules.single_instructions
+        return row.datagrams or (row.single if is_single else row.shared)
+
+
+class Bound(Protocol):
+    """A binding of any kind: it knows which class of a block is made for it."""
+
+    def class_of(self, row: BlockRow) -> str:
+        """Return the class, as the row names it."""
+        ...
 
 
 class Job(Protocol):
@@ -100,3 +115,10 @@ class Reader(Protocol):
         `waits`: also where another reader has to let go first who cannot receive at present.
         """
         ...
+
+
+def new_block(row: BlockRow, bound: Bound) -> Block:
+    """Return the inside of a new instance."""
+    module, _, name = bound.class_of(row).partition(":")
+    block: Block = getattr(import_module(module), name)(bound)
+    return block

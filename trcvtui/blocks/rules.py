@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.parameters import Pin
+from trcvtui.blocks.pins import Pin
 from trcvtui.blocks.status_sequence import Course
 from trcvtui.net.connection.config import Policy
 

@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.parameters import PINS
+from trcvtui.blocks.table import BLOCKS
 
 _NAMED: Final = re.compile(r"\b([A-Z_]+(?:, [A-Z_]+)*): ")
 
@@ -65,7 +65,7 @@ class StatusRow:
 
 def _is_of(line: str, block: str) -> bool:
     named = [set(names.split(", ")) for names in _NAMED.findall(line)]
-    begins = _NAMED.match(line) is not None and named[0] <= PINS.keys()
+    begins = _NAMED.match(line) is not None and named[0] <= BLOCKS.keys()
     return not begins or any(block in names for names in named)
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.status import Reach, StatusRow
+from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import mistake
 
@@ -108,7 +108,7 @@ def explain(
 
 def _is_number(row: StatusRow) -> bool:
     """Return whether its blocks show the code as a number, Error, and not as a WORD."""
-    return all(block in BUFFER_PIN for block in row.blocks)
+    return all(block_row(block).on_buffer for block in row.blocks)
 
 
 def with_scenarios(found: Iterable[Explained], shelves: Mapping[str, Shelf]) -> list[Explained]:

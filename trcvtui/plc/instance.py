@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.blocks import parameters
-from trcvtui.blocks.block import Binding, Reader
-from trcvtui.blocks.inputs import Inputs
+from trcvtui.blocks.block import Binding, Reader, new_block
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
-from trcvtui.blocks.registry import new_block
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.plc.ledger import InputEdge, Outputs, PinValue, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
@@ -19,7 +18,6 @@ from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_key, f
 from trcvtui.project.project import InstanceDecl
 
 KNOWN_OUTCOMES: Final = 64
-ASKS: Final = {"TRCV_C": "EN_R", "TSEND_C": "REQ"}  # the pin of a job, of blocks beside a ComBuffer
 
 
 class Instance:
@@ -35,13 +33,14 @@ class Instance:
         self.block_name = decl.block
         self.decl = decl
         self.data = bound.data
+        self._row = block_row(decl.block)
         self.inputs: dict[str, PinValue] = {
             pin.name: False if pin.is_bool else 0
-            for pin in parameters.inputs_of(decl.block)
+            for pin in self._row.inputs
             if pin.name not in bound.env.rules.lacks
         }
         self.inputs.update(decl.inputs)
-        self._has = {parameters.SHOWS[pin.name] for pin in parameters.outputs_of(decl.block)}
+        self._has = {pin.shows for pin in self._row.outputs}
         self._bound = bound
         self._env = bound.env
         self._note = note
@@ -61,7 +60,7 @@ class Instance:
 
     def fresh(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
-        self._block = new_block(self.block_name, self._bound)
+        self._block = new_block(self._row, self._bound)
         if isinstance(self._bound, Binding) and isinstance(self._block, Reader):
             self._bound.connection.readers[self.name] = self._would_read
         self._frozen: Inputs | None = None
@@ -119,7 +118,7 @@ class Instance:
             self._write("COM_RST", False)
         goes_on = self._frozen is None or bool(self._blinking or self._fading)
         if self._stream is not None:
-            self._stream.after(outcome, bool(self.inputs[ASKS[self.block_name]]))
+            self._stream.after(outcome, bool(self.inputs[self._row.begins]))
             goes_on = goes_on or self._stream.keeps_awake
         self.asleep = outcome.lasts and not goes_on
         first, self.called = not self.called, True

@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
-from trcvtui.blocks.parameters import SHOWS
 from trcvtui.blocks.serial_events import SerialNote
+from trcvtui.blocks.table import shown_by
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
 
 KEPT_LINES: Final = 20_000
@@ -40,7 +40,7 @@ class Outputs(NamedTuple):
 
     def pin(self, name: str) -> PinValue:
         """Return the value of an output pin; what a block does not have is 0."""
-        value: PinValue | None = getattr(self, SHOWS[name])
+        value: PinValue | None = getattr(self, shown_by(name))
         return 0 if value is None else value
 
     @property

@@ -15,9 +15,9 @@ from typing import Final, TypeVar
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, State
@@ -154,7 +154,7 @@ class Runtime:
         task = self._project.task(decl.task)
         data = self._data[decl.data] if decl.data is not None else None
         called = decl.name, task.priority if task else 1
-        if decl.block in BUFFER_PIN:
+        if block_row(decl.block).on_buffer:
             return self._lines.binding(self._env, decl, self._data, called[1])
         addr = self._addrs[decl.addr] if decl.addr is not None else None
         if addr is not None and decl.on_config:
@@ -533,8 +533,8 @@ def _has(instance: InstanceDecl, decl: Part | InstanceDecl) -> bool:
     if instance.connect != decl.name:
         return False
     if isinstance(decl, ComBufferDecl):
-        return instance.block in BUFFER_PIN
-    return isinstance(decl, UdpConfig) == instance.on_config and instance.block not in BUFFER_PIN
+        return block_row(instance.block).on_buffer
+    return isinstance(decl, UdpConfig) == instance.on_config and not block_row(instance.block).on_buffer
 
 
 def _with(entries: dict[str, T], name: str, entry: T, place: int | None) -> dict[str, T]:

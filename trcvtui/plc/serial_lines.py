@@ -13,12 +13,12 @@ from typing import Final
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.parameters import BUFFER_PIN
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
 from trcvtui.blocks.serial.recording import Recording
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 from trcvtui.blocks.serial_events import SerialNote
+from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import OVER_TCP, SerialPorts
 from trcvtui.plc.instance import Instance
@@ -99,7 +99,7 @@ class SerialLines:
         self, env: Environment, decl: InstanceDecl, data: Mapping[str, DataArea], priority: int
     ) -> SerialBinding:
         """Return what an instance on a ComBuffer is tied to."""
-        if BUFFER_PIN[decl.block] == "TxBuffer":
+        if block_row(decl.block).writes_buffer:
             self._decls[decl.connect] = replace(self._decls[decl.connect], is_written=True)
         areas = [data[name] if name else None for name in (decl.data, *decl.pointers)]
         bound, prefix, suffix = (*areas, None, None)[:3]

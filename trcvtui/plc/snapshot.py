@@ -10,12 +10,13 @@ from typing import Any, Final
 from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing.marks import FrameMarks, Tally
-from trcvtui.blocks.parameters import DATA_PIN, HAS_DATA, MOVES_BYTES, outputs_of
-from trcvtui.blocks.parameters import SENDERS as SENDERS
 from trcvtui.blocks.serial.receive_data import MILLISECOND
 from trcvtui.blocks.serial.receive_string import text_of
 from trcvtui.blocks.serial.reception import Reception
 from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.table import block_row as block_row
+from trcvtui.blocks.table import buffer_pins as buffer_pins
+from trcvtui.blocks.table import is_time as is_time
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.udp import UdpPort
@@ -118,24 +119,24 @@ class InstanceSnapshot:
     @property
     def sends(self) -> bool:
         """Return whether this block sends DATA."""
-        return self.block in SENDERS
+        return block_row(self.block).sends
 
     @property
     def moves_bytes(self) -> bool:
         """Return whether this block has a DATA pin."""
-        return self.block in MOVES_BYTES
+        return block_row(self.block).moves_bytes
 
     @property
     def data_pin(self) -> str:
         """Return what the manual calls the pin of DATA, "" where the block has none."""
-        return DATA_PIN.get(self.block, "DATA") if self.block in HAS_DATA else ""
+        return block_row(self.block).data_pin
 
     def pin(self, name: str) -> bool | int | None:
         """Return the value of an input or output by its manual's name, None where it has none."""
         for pin, value in self.inputs:
             if pin == name:
                 return value
-        is_output = any(pin.name == name for pin in outputs_of(self.block))
+        is_output = any(pin.name == name for pin in block_row(self.block).outputs)
         return self.outputs.pin(name) if is_output else None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from trcvtui.blocks.parameters import PINS
+from trcvtui.blocks.table import known_blocks
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.dialects.switches import format_value, read_switches
 from trcvtui.errors import Problem, UserError, mistake
@@ -92,7 +92,7 @@ def _data(decl: DataDecl, rules: LayoutRules) -> DataDecl:
 
 
 def _instances(project: Project, other: Project, notes: list[str]) -> tuple[InstanceDecl, ...]:
-    blocks = [block for block in other.dialect.blocks if block in PINS]
+    blocks = known_blocks(other.dialect.blocks)
     kept = []
     for decl in project.instances:
         if decl.block in blocks:

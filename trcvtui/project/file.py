@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN
+from trcvtui.blocks.table import block_row
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.dialects.switches import read_switches
@@ -59,11 +59,15 @@ def all_names(
 ) -> Names:
     """Return the names that keys may refer to, by kind and by what some of a kind are for.
 
-    `blocks`: names of instances with their blocks. `ports`: ComBuffers with a port. `udp_end`: what may
-    receive datagrams; a CONNECT can be of UDP, where it is a description.
+    `blocks`: names of instances with their blocks. `stream_in`, `stream_out`: those that feed a ComBuffer,
+    or empty one. `ports`: ComBuffers with a port. `udp_end`: what may receive datagrams; a CONNECT can be
+    of UDP, where it is a description.
     """
-    instances = list(blocks)
-    found = {block: tuple([n for n, of in instances if of == block]) for block in ("TRCV_C", "TSEND_C")}
+    builders = [(name, row) for name, block in blocks if (row := block_row(block)).builds]
+    found = {
+        "stream_in": tuple([name for name, row in builders if row.receives]),
+        "stream_out": tuple([name for name, row in builders if row.sends]),
+    }
     ends = (*names["udp_config"], *(names["connect"] if describes else ()))
     return {**names, **found, "port": ports, "udp_end": ends, "task": names["task"] or ("MAIN",)}
 
@@ -109,7 +113,7 @@ def joined_up(
     buffers: Iterable[ComBufferDecl], instances: tuple[InstanceDecl, ...]
 ) -> tuple[ComBufferDecl, ...]:
     """Return the ComBuffers with what the instances make of them."""
-    written = {i.connect for i in instances if BUFFER_PIN.get(i.block) == "TxBuffer"}
+    written = {i.connect for i in instances if block_row(i.block).writes_buffer}
     names = {i.name for i in instances}
     return tuple([replace(b, is_written=b.name in written, is_fed=b.source in names) for b in buffers])
 

@@ -13,20 +13,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from trcvtui.blocks.parameters import (
-    ADDR_IF_UDP,
-    BUFFER_PIN,
-    DATA_PIN,
-    HAS_DATA,
-    ON_CONNECT,
-    PINS,
-    POINTERS,
-    SPEAKS_UDP,
-    TIMES,
-    Direction,
-    Pin,
-)
+from trcvtui.blocks.pins import Direction, Pin
 from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.table import block_row, buffer_pins, is_time, known_blocks, pointer_pins
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import ANY_ADDRESS, AddrParam, ConnectConfig, UdpConfig
@@ -135,7 +124,7 @@ class Around:
     @property
     def blocks(self) -> tuple[str, ...]:
         """Return the blocks of the dialect that have pins."""
-        return tuple([block for block in self.dialect.blocks if block in PINS])
+        return known_blocks(self.dialect.blocks)
 
 
 def around_of(project: Project) -> Around:
@@ -644,13 +633,15 @@ def _is_serial(table: Table, around: Around) -> bool | Refusal:
 
 
 def _sources(project: Project, block: str) -> tuple[str, ...]:
-    streams = [each.name for each in project.instances if each.block == "TRCV_C"]
+    rows = [(each.name, block_row(each.block)) for each in project.instances]
+    streams = [name for name, row in rows if row.builds and row.receives]
     return (SIMULATED, SERIAL, *streams, *names_of("combuffer", project))
 
 
 def _lines(project: Project, block: str) -> tuple[str, ...]:
     ports = [each.name for each in project.combuffers if each.serial is not None]
-    return ("", *ports, *(each.name for each in project.instances if each.block == "TSEND_C"))
+    rows = [(each.name, block_row(each.block)) for each in project.instances]
+    return ("", *ports, *(name for name, row in rows if row.builds and row.sends))
 
 
 def _of_port(name: str) -> Callable[[ComBufferDecl], Any]:
@@ -667,7 +658,7 @@ _COMBUFFER: Final = TableRow(
         Key(
             "source", TEXT, "Where bytes come from: sim, serial, an instance of TRCV_C, another ComBuffer.",
             "source", SIMULATED, Ask("where bytes come from", _sources, SIMULATED),
-            Refers("source", ("TRCV_C", "combuffer"), words=(SIMULATED, SERIAL)),
+            Refers("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL)),
         ),
         Key(
             "port", PORT_NAME, "The port of a serial source: a device, socket://, rfc2217://.", "serial.port",
@@ -698,7 +689,7 @@ _COMBUFFER: Final = TableRow(
         Key(
             "line", TEXT, "What sends what is written into it: a ComBuffer with a port, or a TSEND_C.",
             "line", "", Ask("what sends what is written", _lines),
-            Refers('TSEND_C, or ComBuffer with source = "serial"', ("port", "TSEND_C")),
+            Refers('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out")),
         ),
         Key(
             "size", QUEUE_SIZE, "Bytes that have room; 0: what suits the source.", "size", 0,
@@ -802,15 +793,15 @@ def kind_of(pin: Pin) -> Kind[Any]:
 
 def link_key(block: str) -> str:
     """Return the key of what a block works on: a ComBuffer or a CONNECT."""
-    return BUFFER_PIN.get(block, "connect")
+    return block_row(block).buffer_pin or "connect"
 
 
 def _on_config(table: Table, around: Around) -> bool | Refusal:
     """Return whether a block of UDP has a UDP_CONFIG, no CONNECT."""
-    block = table.text("block") or ""
-    if block in ON_CONNECT and table.has("connect"):
+    row = block_row(table.text("block"))
+    if row.datagrams and table.has("connect"):
         return "a UDP_CONFIG beside a CONNECT", "one of them"
-    return block in SPEAKS_UDP
+    return row.speaks_udp
 
 
 def _on_link(key: str) -> Callable[[Table, Around], bool]:
@@ -821,12 +812,13 @@ def _on_link(key: str) -> Callable[[Table, Around], bool]:
 
 
 def _needs_addr(table: Table, around: Around) -> bool:
-    return table.text("block") in SPEAKS_UDP
+    return block_row(table.text("block")).speaks_udp
 
 
 def _may_have_addr(table: Table, around: Around) -> bool:
-    """Return whether a _C block may have an ADDR: only where there is TUSEND can a CONNECT be of UDP."""
-    return table.text("block") in ADDR_IF_UDP and set(around.blocks) >= ON_CONNECT
+    """Return whether an ADDR may stand there: a CONNECT is of UDP only where blocks send datagrams on it."""
+    has_datagrams = any(block_row(block).datagrams for block in around.blocks)
+    return block_row(table.text("block")).builds and has_datagrams
 
 
 def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
@@ -841,7 +833,7 @@ def _links() -> Iterable[Key]:
         refers=Refers("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
         only=_on_config,
     )  # fmt: skip
-    for pin in sorted(set(BUFFER_PIN.values())):
+    for pin in buffer_pins():
         yield Key(
             pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
             ask=Ask("a ComBuffer", _names("combuffer"), _last(_names("combuffer")), where=_has_buffer(pin)),
@@ -851,28 +843,28 @@ def _links() -> Iterable[Key]:
 
 
 def _has_any(field_: str) -> Callable[[Project, str], bool]:
-    return lambda project, block: block not in BUFFER_PIN and bool(getattr(project, field_))
+    return lambda project, block: not block_row(block).on_buffer and bool(getattr(project, field_))
 
 
 def _has_buffer(pin: str) -> Callable[[Project, str], bool]:
-    return lambda project, block: BUFFER_PIN.get(block) == pin
+    return lambda project, block: block_row(block).buffer_pin == pin
 
 
 def _has_mark(pin: str) -> Callable[[Table, Around], bool]:
-    return lambda table, around: pin in POINTERS.get(table.text("block") or "", ())
+    return lambda table, around: pin in block_row(table.text("block")).pointers
 
 
 def _asks_mark(pin: str) -> Callable[[Project, str], bool]:
-    return lambda project, block: pin in POINTERS.get(block, ())
+    return lambda project, block: pin in block_row(block).pointers
 
 
 def _mark_of(pin: str) -> Callable[[InstanceDecl], str | None]:
-    return lambda i: dict(zip(POINTERS.get(i.block, ()), i.pointers, strict=False)).get(pin)
+    return lambda i: dict(zip(block_row(i.block).pointers, i.pointers, strict=False)).get(pin)
 
 
 def _marks() -> Iterable[Key]:
     """Return the variables of prefix and suffix, by what each block calls its pin."""
-    for pin in ("pPrefix", "pSuffix", "Prefix", "Suffix"):
+    for pin in pointer_pins():
         mark = pin.removeprefix("p").lower()
         yield Key(
             pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
@@ -882,7 +874,8 @@ def _marks() -> Iterable[Key]:
 
 
 def _data_hint(project: Project, block: str) -> str:
-    return f"the variable of {DATA_PIN[block]}" if block in BUFFER_PIN else _or_made("a DATA variable")
+    row = block_row(block)
+    return f"the variable of {row.data_pin}" if row.on_buffer else _or_made("a DATA variable")
 
 
 def _or_made(what: str) -> str:
@@ -891,7 +884,7 @@ def _or_made(what: str) -> str:
 
 
 def _inputs_hint(project: Project, block: str) -> str:
-    if block not in BUFFER_PIN:
+    if not block_row(block).on_buffer:
         return "such as CONT=1 EN_R=1"
     names = [pin.name for pin in project.pins(block) if pin.direction is not Direction.OUT]
     shown_ = [name for name in ("SizeReceiveData", "Length", "SendByte", "Timeout", "EN") if name in names]
@@ -905,13 +898,13 @@ def _read_inputs(values: Values) -> None:
         if table.has(lacking):
             expected = f"another: blocks of {around.dialect.name} have none of that name"
             table.wrong(lacking, "a pin", expected)
-    data = values.get("data")
-    if data is not None and block in around.blocks and block not in HAS_DATA:
+    data, row = values.get("data"), block_row(block)
+    if data is not None and block in around.blocks and not row.data_pin:
         table.wrong("data", shown(data), f"nothing: {block} has no DATA")
     if block is not None and block not in around.blocks:
         table.wrong("block", shown(block), expected_name(block, around.blocks, "block"))
     # Without its block nobody knows which pins it has: the other names are checked all the same.
-    pins = tuple(map(around.rules.typed, PINS[block])) if block in around.blocks else ()
+    pins = tuple(map(around.rules.typed, row.pins)) if block in around.blocks else ()
     inputs = [pin for pin in pins if pin.direction is not Direction.OUT]
     outputs = [pin.name for pin in pins if pin.direction is Direction.OUT]
     for key in table.rest():
@@ -924,7 +917,7 @@ def _read_inputs(values: Values) -> None:
 
 
 def _instance(values: Values) -> dict[str, Any]:
-    pointers = POINTERS.get(values["block"] or "", ())
+    pointers = block_row(values["block"]).pointers
     return {
         "inputs": values["inputs"],
         "on_config": values.get("config") is not None,
@@ -934,7 +927,7 @@ def _instance(values: Values) -> dict[str, Any]:
 
 
 def _inputs_of(decl: InstanceDecl) -> Keys:
-    return [(pin, MILLISECONDS.write(value) if pin in TIMES else value) for pin, value in decl.inputs]
+    return [(pin, MILLISECONDS.write(value) if is_time(pin) else value) for pin, value in decl.inputs]
 
 
 _ADDR_OF_INSTANCE: Final = Key(
@@ -955,7 +948,7 @@ _INSTANCE: Final = TableRow(
         Key(
             "connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
             ask=Ask(_or_made("a CONNECT"), _names("connect"), _last(_names("connect")),
-                    lambda project, block: block not in BUFFER_PIN),
+                    lambda project, block: not block_row(block).on_buffer),
             refers=Refers("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect"),
         ),
         *_links(),
@@ -967,7 +960,7 @@ _INSTANCE: Final = TableRow(
         Key(
             "data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
             ask=Ask(_data_hint, _names("data"), _last(_names("data")),
-                    lambda project, block: block not in BUFFER_PIN or block in DATA_PIN),
+                    lambda project, block: bool((row := block_row(block)).data_pin) or not row.on_buffer),
             refers=Refers("DATA", ("data",)),
         ),
         *_marks(),

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from trcvtui.blocks.parameters import HAS_ID, PINS, Pin
+from trcvtui.blocks.pins import Pin
 from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description_check import meaning
@@ -248,7 +249,7 @@ class Project:
         return tuple(
             [
                 replace(pin, label=labels.get(pin.name, pin.label), text=pin.text.replace("DONE", done))
-                for pin in map(self.rules.typed, PINS[block])
+                for pin in map(self.rules.typed, block_row(block).pins)
                 if pin.name not in self.rules.lacks
             ]
         )
@@ -268,7 +269,7 @@ class Project:
     def identity(self, block: str, connect: str) -> int | None:
         """Return what stands at the ID of a block, None where it has no such pin."""
         config = self.connect(connect)
-        if block not in HAS_ID or config is None or config.description is None:
+        if not block_row(block).has_id or config is None or config.description is None:
             return None
         return meaning(config.description).identity
 

@@ -9,16 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from trcvtui.blocks.parameters import (
-    BUFFER_PIN,
-    DATA_PIN,
-    HAS_DATA,
-    ID_ALONE,
-    POINTERS,
-    TIMES,
-    Direction,
-    Pin,
-)
+from trcvtui.blocks.pins import Direction, Pin
+from trcvtui.blocks.table import BlockRow, block_row, is_time
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig
 from trcvtui.project.connect_view import REMARK, Initial, declaration, declaration_of_addr, record
@@ -29,9 +21,9 @@ from trcvtui.udt.literals import format_time
 PinValue = bool | int
 Inputs = Mapping[str, PinValue]
 NO_INPUTS: Final[Inputs] = {}
-ADDRESSES: Final = frozenset({"pReceiveData", "pSendData", "pPrefix", "pSuffix"})
 INDENT: Final = "    "
 EN: Final = "EN"
+POINTER: Final = "p"  # so begins the name of a pin that takes an address
 
 
 def st_text(project: Project, names: Sequence[str], inputs: Mapping[str, Inputs] | None = None) -> str:
@@ -50,9 +42,13 @@ def st_call(project: Project, name: str, inputs: Inputs = NO_INPUTS) -> str:
     decl = _instance(project, name)
     values = {**dict(decl.inputs), **inputs}
     bound = ",\n".join(f"{INDENT}{line}" for line in _bound(project, decl, values))
-    remark = "" if decl.data or decl.block not in HAS_DATA else " (* DATA is not bound *)"
+    remark = "" if decl.data or not _row(decl).data_pin else " (* DATA is not bound *)"
     call = f"{decl.name}({remark}\n{bound}\n);"
     return _guarded(decl, call) if _has_en(project, decl) else call
+
+
+def _row(decl: InstanceDecl) -> BlockRow:
+    return block_row(decl.block)
 
 
 def _guarded(decl: InstanceDecl, call: str) -> str:
@@ -62,11 +58,11 @@ def _guarded(decl: InstanceDecl, call: str) -> str:
 
 
 def _does(decl: InstanceDecl) -> str:
-    return "clears" if decl.block == "ClearComBuffer" else "sends"
+    return "sends" if _row(decl).writes_buffer else "clears"
 
 
 def _has_en(project: Project, decl: InstanceDecl) -> bool:
-    return decl.block in BUFFER_PIN and any(pin.name == EN for pin in project.pins(decl.block))
+    return _row(decl).on_buffer and any(pin.name == EN for pin in project.pins(decl.block))
 
 
 def st_variables(project: Project, names: Iterable[str]) -> str:
@@ -96,10 +92,10 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
     inputs = [f"{pin.name}:={_literal(pin, values.get(pin.name, 0))}" for pin in free]
     identity = _identity(project, decl)
     yield from [*inputs[:1], f"ID:={identity}", *inputs[1:]] if identity else inputs
-    if not identity or decl.block not in ID_ALONE:
+    if not identity or not _row(decl).id_alone:
         yield f"{_link_pin(decl)}:={_link(project, decl)}"
     for name, variable in _variables(decl):
-        yield f"{name}:={f'ADR({variable})' if name in ADDRESSES else variable}"
+        yield f"{name}:={f'ADR({variable})' if name.startswith(POINTER) else variable}"
     if decl.addr is not None:
         yield f"ADDR:={decl.addr}"
     for pin in _of(pins, Direction.IN_OUT):
@@ -110,7 +106,7 @@ def _bound(project: Project, decl: InstanceDecl, values: Inputs) -> Iterator[str
 
 def _link(project: Project, decl: InstanceDecl) -> str:
     """Return the variable of CONNECT or ComBuffer; IEC names ignore case, so RX beside rx has another one."""
-    if decl.block not in BUFFER_PIN:
+    if not _row(decl).on_buffer:
         return decl.connect
     others = [*(data.name for data in project.data), *(each.name for each in project.instances)]
     taken, name = {other.casefold() for other in others}, decl.connect
@@ -120,14 +116,15 @@ def _link(project: Project, decl: InstanceDecl) -> str:
 
 
 def _link_pin(decl: InstanceDecl) -> str:
-    return BUFFER_PIN.get(decl.block) or ("CONFIG" if decl.on_config else "CONNECT")
+    return _row(decl).buffer_pin or ("CONFIG" if decl.on_config else "CONNECT")
 
 
 def _variables(decl: InstanceDecl) -> Iterator[tuple[str, str]]:
     """Return what the block is bound to of the global variables: its data, then prefix and suffix."""
-    if decl.data is not None and decl.block in HAS_DATA:
-        yield DATA_PIN.get(decl.block, "DATA"), decl.data
-    for name, variable in zip(POINTERS.get(decl.block, ()), decl.pointers, strict=False):
+    row = _row(decl)
+    if decl.data is not None and row.data_pin:
+        yield row.data_pin, decl.data
+    for name, variable in zip(row.pointers, decl.pointers, strict=False):
         if variable:
             yield name, variable
 
@@ -159,7 +156,7 @@ def _variable(decl: InstanceDecl, pin: Pin) -> str:
 
 
 def _literal(pin: Pin, value: PinValue) -> str:
-    if pin.name in TIMES:
+    if is_time(pin.name):
         return format_time(int(value) * 1_000_000)
     return str(bool(value)).upper() if pin.is_bool else str(int(value))
 
@@ -170,7 +167,7 @@ def _literal(pin: Pin, value: PinValue) -> str:
 def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
     yield f"{decl.name} : {decl.block};"
     yield from _records(project, decl)
-    if decl.block in BUFFER_PIN:
+    if _row(decl).on_buffer:
         yield f"{_link(project, decl)} : ComBuffer;"
     for _, variable in _variables(decl):
         data = project.data_decl(variable)
@@ -185,7 +182,7 @@ def _declarations(project: Project, decl: InstanceDecl) -> Iterator[str]:
 
 def _type_of(decl: InstanceDecl, pin: Pin) -> str:
     """Return the type as the manual declares it: Error is an enumeration, and shows its number."""
-    return "ComError_t" if decl.block in BUFFER_PIN and pin.name == "Error" else pin.iec_type
+    return "ComError_t" if _row(decl).on_buffer and pin.name == "Error" else pin.iec_type
 
 
 def _records(project: Project, decl: InstanceDecl) -> Iterator[str]:

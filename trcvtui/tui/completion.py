@@ -7,7 +7,7 @@ from typing import Final
 
 from textual.suggester import Suggester
 
-from trcvtui.plc.wired_pins import buffer_pin, mark_pins
+from trcvtui.plc.snapshot import block_row
 from trcvtui.project.edit import kinds_named
 from trcvtui.project.keys import OFFERED as KINDS
 from trcvtui.project.keys import names_of
@@ -135,13 +135,13 @@ def _after_feed(words: list[str], project: Project) -> Iterable[str]:
 
 def _after_mark(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        return [instance.name for instance in project.instances if mark_pins(instance.block)]
+        return [instance.name for instance in project.instances if block_row(instance.block).marks]
     return ("hex", "text", "none") if len(words) == 2 else ()
 
 
 def _after_framing(words: list[str], project: Project) -> Iterable[str]:
     if len(words) == 1:
-        readers = [i.name for i in project.instances if mark_pins(i.block)]
+        readers = [i.name for i in project.instances if block_row(i.block).marks]
         return (*readers, *(buffer.name for buffer in project.combuffers))
     return ("apply",) if len(words) == 2 else ()
 
@@ -177,13 +177,13 @@ def _after_create(words: list[str], project: Project) -> Iterable[str]:
         )
     if words[1] not in project.dialect.blocks:
         return ()
-    lines = project.combuffers if buffer_pin(words[1]) else ()
+    lines = project.combuffers if block_row(words[1]).buffer_pin else ()
     named = (
         ("connect", [each.name for each in project.connects]), ("data", [each.name for each in project.data]),
         ("task", [each.name for each in project.tasks]),
         ("config", [each.name for each in project.udp_configs]), ("addr", [a.name for a in project.addrs]),
-        (buffer_pin(words[1]), [each.name for each in lines]),
-        *((pin, [each.name for each in project.data]) for pin in mark_pins(words[1])),
+        (block_row(words[1]).buffer_pin, [each.name for each in lines]),
+        *((pin, [each.name for each in project.data]) for pin in block_row(words[1]).marks),
     )  # fmt: skip
     given = {word.partition("=")[0] for word in words}
     pins = (f"{pin.name}=" for pin in project.pins(words[1]) if pin.direction != "out")

@@ -10,7 +10,7 @@ from textual.screen import ModalScreen
 from textual.widget import Widget
 
 from trcvtui.errors import UserError
-from trcvtui.plc.wired_pins import buffer_pin, mark_pins
+from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.reader import parse_script
 from trcvtui.rig.framing_advice.advice import advise
@@ -29,7 +29,7 @@ LABEL: Final = 9
 def buffer_for(scene: ViewModel) -> str:
     """Return the ComBuffer that is looked at: that of the selected instance, the one it feeds, or any."""
     project, instance = scene.project, scene.instance
-    if instance is not None and buffer_pin(instance.block):
+    if instance is not None and block_row(instance.block).buffer_pin:
         return instance.connect
     names = [b.name for b in project.combuffers]
     fed = [b.name for b in project.combuffers if instance is not None and b.source == instance.name]
@@ -38,7 +38,7 @@ def buffer_for(scene: ViewModel) -> str:
 
 def framed_by(buffer: str, scene: ViewModel) -> str:
     """Return the block that is set: the selected one, or the first that cuts this ComBuffer's bytes."""
-    readers = [i.name for i in scene.project.instances if i.connect == buffer and mark_pins(i.block)]
+    readers = [i.name for i in scene.project.instances if i.connect == buffer and block_row(i.block).marks]
     return scene.selected if scene.selected in readers else next(iter(readers), "")
 
 

@@ -14,7 +14,7 @@ from textual.dom import DOMNode
 from textual.keys import format_key
 from textual.widget import Widget
 
-from trcvtui.plc.wired_pins import buffer_pin
+from trcvtui.plc.snapshot import block_row
 from trcvtui.rig import demo_path
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
@@ -182,7 +182,7 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
     if instance is None:
         return
     name = plain(instance.name)
-    link = buffer_pin(instance.block) or ("config" if instance.on_config else "connect")
+    link = block_row(instance.block).buffer_pin or ("config" if instance.on_config else "connect")
     create = f"create {instance.block} {name}_2 {link}={plain(instance.connect)}"
     create += f" data={plain(instance.data)}" if instance.data else ""
     lines = [

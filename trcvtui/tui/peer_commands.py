@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.peer import RECEIVES
 from trcvtui.rig.snapshots import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')
@@ -87,7 +87,7 @@ def try_line(peer: str, mode: str, payload: str, instance: str, gap: str) -> str
 
 def receiver_for(link: str, selected: str, project: Project) -> str:
     """Return the instance that takes a peer's messages: the selected one, else the first on its CONNECT."""
-    names = [i.name for i in project.instances if i.connect == link and i.block in RECEIVES]
+    names = [i.name for i in project.instances if i.connect == link and block_row(i.block).receives_stream]
     return selected if selected in names else next(iter(names), "")
 
 

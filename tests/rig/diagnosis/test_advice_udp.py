@@ -10,7 +10,7 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from tests.rig.told import Told
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.parameters import RECEIVERS, SENDERS
+from trcvtui.blocks.table import BLOCKS
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.local_driver import LocalDriver
@@ -195,5 +195,5 @@ def test_of_two_tusends_in_one_scan_the_second_is_told_of_the_send_side() -> Non
 
 
 def test_a_block_sends_or_receives_and_its_pins_say_which() -> None:
-    assert {"TSEND_C", "TSEND", "TUSEND", "USEND_C"} == SENDERS
-    assert {"TRCV_C", "TRCV", "TURCV", "URECV_C"} == RECEIVERS
+    assert {"TSEND_C", "TSEND", "TUSEND", "USEND_C"} == {name for name, row in BLOCKS.items() if row.sends}
+    assert {"TRCV_C", "TRCV", "TURCV", "URECV_C"} == {name for name, row in BLOCKS.items() if row.receives}

@@ -7,8 +7,8 @@ from typing import Final
 from trcvtui.blocks.block import NoJob
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.sending import NOT_CALLED
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 

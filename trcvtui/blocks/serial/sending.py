@@ -10,8 +10,8 @@ from typing import Final
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.receive_string import text_of
 from trcvtui.blocks.serial.serial_binding import SerialBinding
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.serial.com_buffer import ComBuffer
+from trcvtui.blocks.table import BlockRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,3 +21,7 @@ class SerialBinding:
     suffix: DataArea | None
     instance: str
     priority: int = 1
+
+    def class_of(self, row: BlockRow) -> str:
+        """Return the class of a block on a ComBuffer."""
+        return row.serial

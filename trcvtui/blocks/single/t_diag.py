@@ -9,8 +9,8 @@ from typing import Final
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
 from trcvtui.blocks.tcp.job_checks import changed
 from trcvtui.net.connection.connection import Connection, State

@@ -7,8 +7,8 @@ from typing import Final
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import IDLE, REQ_ROSE
 from trcvtui.blocks.tcp.connection_control import established, set_up_failed
 from trcvtui.blocks.tcp.job_checks import in_use, rival_of

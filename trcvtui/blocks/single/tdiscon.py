@@ -8,8 +8,8 @@ from typing import Final
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
 from trcvtui.blocks.tcp import disconnect_reset as closing
 from trcvtui.net.connection.connection import State

@@ -8,8 +8,8 @@ from typing import Final
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import end_of_job, shown_as
 from trcvtui.blocks.tcp.fault_repeat import ToldOnce
 from trcvtui.blocks.tcp.known_connection import LinkView
@@ -19,10 +19,12 @@ from trcvtui.net.connection.connection import ConnectionLoss, State
 
 
 class Trcv:
-    """One TRCV instance; with `needs_datagrams` TURCV on a CONNECT."""
+    """One TRCV instance."""
 
-    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
-        self.job = ReceiveJob(bound, needs_datagrams)
+    needs_datagrams = False
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = ReceiveJob(bound, self.needs_datagrams)
         self._course = bound.env.rules.course
         self._connection = bound.connection
         self._link = LinkView(bound.connection)
@@ -81,6 +83,12 @@ class Trcv:
         if known is None or (known.cause, known.condition) != (now.cause, now.condition):
             self._complaint = known = replace(now, lasts=True)
         return known
+
+
+class DatagramTrcv(Trcv):
+    """One TURCV instance on a CONNECT of UDP."""
+
+    needs_datagrams = True
 
 
 _IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)

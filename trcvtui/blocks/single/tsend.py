@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import IDLE, end_of_job, shown_as
 from trcvtui.blocks.tcp.known_connection import LinkView
 from trcvtui.blocks.tcp.not_connected import not_connected
@@ -14,10 +14,12 @@ from trcvtui.net.connection.connection import ConnectionLoss
 
 
 class Tsend:
-    """One TSEND instance; with `needs_datagrams` TUSEND on a CONNECT."""
+    """One TSEND instance."""
 
-    def __init__(self, bound: Binding, needs_datagrams: bool = False) -> None:
-        self.job = SendJob(bound, needs_datagrams)
+    needs_datagrams = False
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = SendJob(bound, self.needs_datagrams)
         self._course = bound.env.rules.course
         self._connection = bound.connection
         self._link = LinkView(bound.connection)
@@ -58,3 +60,9 @@ class Tsend:
         shown = end_of_job(loss, self.job, self._course, Condition.SEND_FAILED)
         self.job.abandon("connection lost")
         return shown
+
+
+class DatagramTsend(Tsend):
+    """One TUSEND instance on a CONNECT of UDP."""
+
+    needs_datagrams = True

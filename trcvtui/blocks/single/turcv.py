@@ -9,8 +9,8 @@ from typing import Final
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import no_socket, shown_as
 from trcvtui.blocks.tcp.addressed import wrong_structure
 from trcvtui.blocks.udp.udp_control import UdpBinding

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import IDLE, no_socket, shown_as
 from trcvtui.blocks.tcp.addressed import no_target
 from trcvtui.blocks.udp.udp_control import UdpBinding

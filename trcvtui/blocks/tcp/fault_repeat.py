@@ -6,8 +6,8 @@ from typing import Final
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 
 TOLD: Final = Cause(Why.WAITING, "the error has been told; EN_R is 1, and LEN and DATA are as they were")
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.rules import NotConnected
 from trcvtui.net.connection.connection import Connection
 

@@ -14,8 +14,8 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.addressed import unfit
 from trcvtui.blocks.tcp.job_checks import Wish, fits, refuse, reserve, rival_of
 from trcvtui.blocks.tcp.job_checks import changed as area_changed

@@ -15,8 +15,8 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import FULL, Cause, Why, cause_of, full_cause
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.addressed import no_target, unfit
 from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse, reserve, rival_of
 from trcvtui.blocks.tcp.loss_status import shown

@@ -7,8 +7,8 @@ from collections import deque
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp import disconnect_reset as closing
 from trcvtui.blocks.tcp.connection_control import set_up_failed
 from trcvtui.blocks.tcp.tdiscon import IDLE, lit

@@ -7,8 +7,8 @@ from dataclasses import replace
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Lamp, Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.connection_control import ConnectionPart, Phase
 from trcvtui.blocks.tcp.loss_status import shown
 from trcvtui.net.connection.connection import State

@@ -8,8 +8,8 @@ from dataclasses import replace
 from trcvtui.blocks.block import Binding, NoJob
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Lamp, Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp import disconnect_reset as closing
 from trcvtui.net.connection.connection import State
 

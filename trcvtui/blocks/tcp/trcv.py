@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.known_connection import CONNECTED, NO_LINK, LinkView
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob

@@ -5,8 +5,8 @@ from __future__ import annotations
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.connection_control import ConnectionPart, Phase
 from trcvtui.blocks.tcp.fault_repeat import ToldOnce
 from trcvtui.blocks.tcp.not_connected import StandingRequest, not_connected

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.known_connection import NO_LINK, LinkView
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.send_job import SendJob

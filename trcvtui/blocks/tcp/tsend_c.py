@@ -7,8 +7,8 @@ from dataclasses import replace
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Lamp, Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.connection_control import ConnectionPart
 from trcvtui.blocks.tcp.not_connected import not_connected
 from trcvtui.blocks.tcp.one_shot_cont import BY_REQ, ContLevel

@@ -15,6 +15,7 @@ from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.status_sequence import PLAIN_SET_UP
+from trcvtui.blocks.table import BlockRow
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import StepFault
@@ -35,6 +36,10 @@ class UdpBinding:
     def claim(self) -> Claim:
         """Return this instance's claim on one direction of its UDP_CONFIG."""
         return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
+
+    def class_of(self, row: BlockRow) -> str:
+        """Return the class of a block on a UDP_CONFIG."""
+        return row.on_config
 
 
 class UdpPart:

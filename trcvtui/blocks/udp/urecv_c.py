@@ -7,8 +7,8 @@ from functools import lru_cache
 from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse
 from trcvtui.blocks.tcp.not_connected import StandingRequest
 from trcvtui.blocks.udp.udp_control import UdpBinding, UdpPart

@@ -7,8 +7,8 @@ from functools import lru_cache
 from trcvtui.blocks.cause import FULL, Cause, Why, cause_of, full_cause
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
-from trcvtui.blocks.inputs import Inputs
 from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse
 from trcvtui.blocks.udp.udp_control import UdpBinding, UdpPart
 from trcvtui.net.results import Fault

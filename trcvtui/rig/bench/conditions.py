@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from trcvtui.blocks.parameters import SHOWS, TIMES
+from trcvtui.blocks.table import is_time, shown_by
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.port_trouble import port_away
@@ -74,14 +74,14 @@ def _port_away(bench: Watched, instance: str) -> str:
 
 def pin_now(bench: Watched, instance: str, pin: str) -> bool | int:
     """Return the value of a pin, an input or an output, after the last finished scan."""
-    if pin in SHOWS:
+    if shown_by(pin):
         return bench.runtime.outputs(instance).pin(pin)
     # An instance that no scan has created yet has pins, and they are 0.
     return bench.runtime.inputs(instance).get(pin, 0)
 
 
 def _pin_text(pin: str, value: bool | int) -> str:
-    if pin in TIMES:
+    if is_time(pin):
         return format_time(value * 1_000_000)
     return f"{value:04X}" if pin == "STATUS" else str(int(value))
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import Pin
+from trcvtui.blocks.pins import Pin
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.ledger import Event, InputEdge
 from trcvtui.project.names import expected_name

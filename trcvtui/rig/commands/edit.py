@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN, POINTERS
+from trcvtui.blocks.table import block_row, pointer_pins
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.project.edit import (
@@ -207,7 +207,7 @@ def _is_of_declaration(words: Words, name: str, project: Project) -> bool:
     if decl is None:
         return False
     pins = {pin.name for pin in project.pins(decl.block)}
-    of_others = {pin for marks in POINTERS.values() for pin in marks} - set(POINTERS.get(decl.block, ()))
+    of_others = set(pointer_pins()) - set(block_row(decl.block).pointers)
     wired = {row.name for row in TABLES[INSTANCE].keys if row.refers or row.name == "block"}
     keys = wired - of_others - pins
     return any(word.partition("=")[0] in keys for word in words.ahead())
@@ -341,9 +341,9 @@ def _anew(edit: Edit, project: Project) -> list[str]:
     if edit.kind in (INSTANCE, "peer"):
         return [f"{edit.kind} {edit.name}"]
     has: dict[str, Callable[[InstanceDecl], bool]] = {
-        "connect": lambda i: i.connect == edit.name and not i.on_config and i.block not in BUFFER_PIN,
+        "connect": lambda i: i.connect == edit.name and not i.on_config and not block_row(i.block).on_buffer,
         "udp_config": lambda i: i.connect == edit.name and i.on_config,
-        "combuffer": lambda i: i.connect == edit.name and i.block in BUFFER_PIN,
+        "combuffer": lambda i: i.connect == edit.name and block_row(i.block).on_buffer,
         "addr": lambda i: i.addr == edit.name,
     }
     if edit.kind not in has:

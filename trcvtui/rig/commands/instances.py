@@ -8,16 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from trcvtui.blocks.parameters import (
-    ADDR_IF_UDP,
-    BUFFER_PIN,
-    HAS_DATA,
-    ON_CONNECT,
-    PINS,
-    POINTERS,
-    SPEAKS_UDP,
-    Direction,
-)
+from trcvtui.blocks.pins import Direction
+from trcvtui.blocks.table import block_row, known_blocks
 from trcvtui.errors import UserError
 from trcvtui.project.edit import edited, undone
 from trcvtui.project.file import WORDS
@@ -47,7 +39,7 @@ from trcvtui.udt.sources import parse_type
 
 def read_create(words: Words, project: Project) -> Create:
     """Return `create BLOCK NAME connect=C1 data=rx [task=MAIN] [PIN=VALUE ...]`; raise UserError."""
-    blocks = [block for block in project.dialect.blocks if block in PINS]
+    blocks = known_blocks(project.dialect.blocks)
     block = words.next("a block such as TRCV_C")
     if block not in blocks:
         raise words.wrong(shown(block), expected_name(block, blocks, "block"))
@@ -55,10 +47,10 @@ def read_create(words: Words, project: Project) -> Create:
     given = _read_pairs(words)
     link = _link(given, block, words, project)
     data = None
-    if block in HAS_DATA:
+    if block_row(block).data_pin:
         data = _reference(given, "data", [d.name for d in project.data], "DATA", words)
     known = [d.name for d in project.data]
-    pointers = [_reference(given, key, known, "DATA", words) or "" for key in POINTERS.get(block, ())]
+    pointers = [_reference(given, key, known, "DATA", words) or "" for key in block_row(block).pointers]
     task = _reference(given, "task", [t.name for t in project.tasks], "task", words)
     inputs = _inputs(given, block, words, project)
     task = task or project.tasks[0].name
@@ -77,18 +69,17 @@ class _Link(NamedTuple):
 
 
 def _link(given: dict[str, str], block: str, words: Words, project: Project) -> _Link:
-    if block in BUFFER_PIN:
-        return _Link(
-            _must(given, BUFFER_PIN[block], [b.name for b in project.combuffers], "ComBuffer", words)
-        )
+    row = block_row(block)
+    if row.on_buffer:
+        return _Link(_must(given, row.buffer_pin, [b.name for b in project.combuffers], "ComBuffer", words))
     connects, addrs = [c.name for c in project.connects], [a.name for a in project.addrs]
-    if block in SPEAKS_UDP and not (block in ON_CONNECT and "connect" in given):
+    if row.speaks_udp and not (row.datagrams and "connect" in given):
         config = _must(given, "config", [u.name for u in project.udp_configs], "UDP_CONFIG", words)
         return _Link(config, _must(given, "addr", addrs, "ADDR", words), is_config=True)
     connect = _must(given, "connect", connects, "CONNECT", words)
-    if block in SPEAKS_UDP:
+    if row.speaks_udp:
         return _Link(connect, _must(given, "addr", addrs, "ADDR", words))
-    takes_addr = block in ADDR_IF_UDP and project.dialect.describes_connects
+    takes_addr = row.builds and project.dialect.describes_connects
     return _Link(connect, _reference(given, "addr", addrs, "ADDR", words) if takes_addr else None)
 
 
@@ -128,14 +119,15 @@ def _reference(given: dict[str, str], key: str, names: list[str], what: str, wor
 def _inputs(
     given: dict[str, str], block: str, words: Words, project: Project
 ) -> tuple[tuple[str, bool | int], ...]:
+    row = block_row(block)
     pins = {pin.name: pin for pin in project.pins(block) if pin.direction is not Direction.OUT}
-    link = ("config", "addr") if block in SPEAKS_UDP else (link_key(block), *POINTERS.get(block, ()))
+    link = ("config", "addr") if row.speaks_udp else (link_key(block), *row.pointers)
     keys = (*link, "task", *pins)
     for key in given:
         if key == "data":
             raise words.wrong("'data'", f"nothing: {block} has no DATA")
         if key not in pins:
-            with_data = ("data", *keys) if block in HAS_DATA else keys
+            with_data = ("data", *keys) if row.data_pin else keys
             raise words.wrong(shown(key), expected_name(key, with_data, "key or input"))
     return tuple((key, pin_value(pins[key], text, words.where)) for key, text in given.items())
 

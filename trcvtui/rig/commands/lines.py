@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import POINTERS, TIMES
+from trcvtui.blocks.table import block_row, is_time
 from trcvtui.project.keys import link_key
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
@@ -37,7 +37,7 @@ def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
 def _pin_text(name: str, value: bool | int | str) -> str:
     if isinstance(value, str):
         return value
-    if name in TIMES:
+    if is_time(name):
         return format_time(value * MILLISECOND)
     return f"{value:04X}" if name == "STATUS" else str(int(value))
 
@@ -54,7 +54,7 @@ def _create(c: words.Create) -> str:
     decl = c.decl
     parts = [f"create {decl.block} {decl.name} {link_key(decl.block)}={decl.connect}"]
     parts += [f"data={decl.data}"] if decl.data is not None else []
-    named = zip(POINTERS.get(decl.block, ()), decl.pointers, strict=False)
+    named = zip(block_row(decl.block).pointers, decl.pointers, strict=False)
     parts += [f"{key}={name}" for key, name in named if name]
     parts += [f"task={decl.task}"] if decl.task else []
     return " ".join(parts + [_pins(decl.inputs)] * bool(decl.inputs))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.parameters import POINTERS
+from trcvtui.blocks.table import MARKS, block_row
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.rig.commands.read_conditions import read_instance
 from trcvtui.rig.commands.read_payload import read_payload
@@ -12,9 +12,8 @@ from trcvtui.rig.commands.tokens import Words
 from trcvtui.rig.commands.words import NONE, SetMark
 from trcvtui.rig.wording import count
 
-PREFIX, SUFFIX = MARKS = "prefix", "suffix"
+PREFIX, SUFFIX = MARKS
 LONGEST: Final = 255  # LenPrefix is a BYTE
-LENGTHS: Final = {"ReceiveData": ("LenPrefix", "LenSuffix")}  # a STRING tells its own length
 
 
 def read_prefix(words: Words, project: Project) -> SetMark:
@@ -29,7 +28,7 @@ def read_suffix(words: Words, project: Project) -> SetMark:
 
 def _mark(mark: str, words: Words, project: Project) -> SetMark:
     instance = read_instance(words, project)
-    if instance.block not in POINTERS:
+    if not block_row(instance.block).pointers:
         found = f"'{instance.name}', a {instance.block}"
         raise words.wrong(found, "a block with prefix and suffix, such as ReceiveData")
     variable = _variable(instance, mark, words)
@@ -41,7 +40,8 @@ def _mark(mark: str, words: Words, project: Project) -> SetMark:
     else:
         given = read_payload(words, project)
         payload, text = given.content, given.text
-    pin = LENGTHS.get(instance.block, ("", ""))[MARKS.index(mark)]
+    lengths = block_row(instance.block).mark_lengths
+    pin = lengths[MARKS.index(mark)] if lengths else ""  # a STRING tells its own length
     room = min(decl.size, LONGEST) if pin else decl.size - 1
     if len(payload) > room:
         found = count(len(payload), "byte")
@@ -52,7 +52,7 @@ def _mark(mark: str, words: Words, project: Project) -> SetMark:
 def _variable(instance: InstanceDecl, mark: str, words: Words) -> str:
     """Return the variable that holds a mark; raise UserError where the pointer is 0."""
     number = MARKS.index(mark)
-    pointer = POINTERS[instance.block][number]
+    pointer = block_row(instance.block).pointers[number]
     name = instance.pointers[number] if number < len(instance.pointers) else ""
     if not name:
         found = f"{pointer} of '{instance.name}', which is 0"

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN, HAS_DATA, ON_CONNECT, RECEIVERS, SPEAKS_UDP
+from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.config import ConnectConfig, UdpConfig
 from trcvtui.net.results import Endpoint
 from trcvtui.project.edit import read_entry, with_entry
@@ -40,9 +40,10 @@ def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
 
 def link_of_block(block: str, content: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Return the keys of what a block works on, each with its kind."""
-    if block in BUFFER_PIN:
-        return ((BUFFER_PIN[block], "combuffer"),)
-    if block in SPEAKS_UDP and not (block in ON_CONNECT and "connect" in content):
+    row = block_row(block)
+    if row.on_buffer:
+        return ((row.buffer_pin, "combuffer"),)
+    if row.speaks_udp and not (row.datagrams and "connect" in content):
         return (("config", "udp_config"), ("addr", "addr"))
     return (("connect", "connect"),)
 
@@ -59,8 +60,9 @@ def complete(
         return whole, ()
     own: dict[str, Any] = {key: whole.pop(key) for key in OF_CONNECT if key in whole}
     parts = [(key, kind, STARTS[kind], own if kind in LISTEN else {}) for key, kind in missing]
-    if block in HAS_DATA and "data" not in content:
-        receives = block in RECEIVERS or block.startswith("Receive")
+    row = block_row(block)
+    if row.data_pin and "data" not in content:
+        receives = row.receives or row.reads_buffer
         type_ = {"type": RECEIVED if receives else SENT}
         parts.append(("data", "data", "rx" if receives else "tx", type_))
     for key, kind, start, given_keys in parts:
@@ -70,7 +72,7 @@ def complete(
         made.append(decl)
         whole[key] = name
     pins = {pin.name for pin in project.pins(block)}
-    if block in RECEIVERS and ADHOC in pins and not whole.keys() & {ADHOC, "LEN"}:
+    if row.receives and ADHOC in pins and not whole.keys() & {ADHOC, "LEN"}:
         whole[ADHOC] = True
     return whole, tuple(made)
 

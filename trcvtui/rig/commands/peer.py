@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.blocks.parameters import RECEIVERS, SPEAKS_UDP
+from trcvtui.blocks.table import block_row
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown, whole
@@ -32,7 +32,6 @@ from trcvtui.rig.commands.words import (
     TryStop,
 )
 
-RECEIVES: Final = RECEIVERS - SPEAKS_UDP
 LONGEST: Final = 1024  # a message of n bytes takes n runs of some scans each
 DIFFER: Final = whole(0, LONGEST - 1)
 ANY: Final = "any"
@@ -49,7 +48,7 @@ def read_trial(words: Words, project: Project, peer: str) -> TrySplits | TryStop
         raise words.wrong(f"{len(payload.content)} byte(s)", f"2 to {LONGEST} bytes, which can be cut")
     aim.next("on and the name of an instance that receives")
     instance = read_instance(aim, project)
-    if instance.block not in RECEIVES:
+    if not block_row(instance.block).receives_stream:
         raise aim.wrong(f"'{instance.name}', a {instance.block}", "an instance that receives")
     gap, differ = 0, 0
     while aim:
@@ -92,7 +91,7 @@ def read_check(words: Words, project: Project, peer: str) -> CheckOn | CheckOff:
 
 def _receiver(words: Words, project: Project) -> str:
     instance = read_instance(words, project)
-    if instance.block not in RECEIVES or instance.data is None:
+    if not block_row(instance.block).receives_stream or instance.data is None:
         raise words.wrong(f"'{instance.name}', a {instance.block}", "an instance that receives, with DATA")
     return instance.name
 

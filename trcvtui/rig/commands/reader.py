@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Final, Literal
 
-from trcvtui.blocks.parameters import Direction, Pin
+from trcvtui.blocks.pins import Direction, Pin
 from trcvtui.errors import Problem, UserError
 from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
 from trcvtui.net.kernel import CALLS

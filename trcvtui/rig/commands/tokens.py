@@ -11,7 +11,7 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.blocks.parameters import Pin
+from trcvtui.blocks.pins import Pin
 from trcvtui.errors import UserError, mistake
 from trcvtui.project.keys import kind_of
 from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, shown

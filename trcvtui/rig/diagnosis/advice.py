@@ -5,13 +5,13 @@ Rule: which rules are asked goes by the condition, never by a STATUS number; eac
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.cause import TOOK_PART, Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.parameters import RECEIVERS, SENDERS, SPEAKS_UDP
+from trcvtui.blocks.table import block_row
 from trcvtui.rig.diagnosis import attempt as attempt
 from trcvtui.rig.diagnosis import job as job
 from trcvtui.rig.diagnosis import link as link
@@ -25,7 +25,6 @@ from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.wording import count
 
 Rule = Callable[[Evidence], str]
-WHOLE: Final = RECEIVERS & SPEAKS_UDP  # a datagram is here whole, or not at all
 INJECTED: Final = "injected fault: "
 AN_END: Final = "0 bytes"  # what recv gives at a FIN, and no errno
 SESSION: Final = {
@@ -74,15 +73,6 @@ NEXT: Final[dict[Condition, tuple[Rule, ...]]] = {
     **_ATTEMPT,
     **_LOST,
 }
-# Blocks that are asked something of their own, whatever moves on their CONNECT ...
-OWN_NOW: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NOW) | single.NOW
-OWN_NEXT: Final = dict.fromkeys(udp.UDP_BLOCKS, udp.NEXT) | single.NEXT
-# ... and what stands for STARTED and RUNNING of blocks that have only these.
-AS: Final = {
-    "TCON": Condition.ESTABLISHING,
-    "TSEND": Condition.SENDING,
-    "TRCV": Condition.RECEIVING,
-}
 JOB: Final = frozenset({Condition.STARTED, Condition.RUNNING})
 
 
@@ -112,8 +102,23 @@ def advice_on(e: Evidence) -> Advice:
 def _rules(e: Evidence) -> tuple[Rule, ...]:
     """Return what is asked; of datagrams and of messages something else than of a stream."""
     condition = _condition(e)
-    own = OWN_NEXT.get(e.block) or (udp.BY_CONNECT if e.is_datagram else message.NEXT if e.is_message else {})
+    own = _own_next(e.block) or (udp.BY_CONNECT if e.is_datagram else message.NEXT if e.is_message else {})
     return own.get(condition) or NEXT.get(condition, (link.injected,))
+
+
+def _own_next(block: str) -> Mapping[Condition, tuple[Rule, ...]]:
+    """Return what a block is asked of its own, whatever moves on its CONNECT."""
+    row = block_row(block)
+    if row.speaks_udp:
+        return single.DATAGRAMS if row.datagrams else udp.NEXT
+    return single.RESULT if row.data_pin == "RESULT" else {}
+
+
+def _own_now(block: str) -> Mapping[Condition, Rule]:
+    row = block_row(block)
+    if not row.speaks_udp:
+        return {}
+    return single.NOW if row.datagrams else udp.NOW
 
 
 def _condition(e: Evidence) -> Condition:
@@ -121,15 +126,14 @@ def _condition(e: Evidence) -> Condition:
     condition = Condition(e.condition)
     if condition is Condition.RECEIVING_PART:
         return Condition.RECEIVING
-    return AS.get(e.block, condition) if condition in JOB else condition
+    return (block_row(e.block).runs_as or condition) if condition in JOB else condition
 
 
 def why(e: Evidence) -> str:
     """Return why it is shown: how things stand now, and where nothing is known of that, the edge's cause."""
-    own = OWN_NOW.get(e.block) or (
-        udp.NOW_BY_CONNECT if e.is_datagram else message.NOW if e.is_message else {}
-    )
-    rule = own.get(_condition(e)) or (NOW.get(_condition(e)) if e.block not in OWN_NOW else None)
+    of_block = _own_now(e.block)
+    own = of_block or (udp.NOW_BY_CONNECT if e.is_datagram else message.NOW if e.is_message else {})
+    rule = own.get(_condition(e)) or (None if of_block else NOW.get(_condition(e)))
     stands = rule(e) if rule is not None and (e.need or rule is link.who_is_waited_for) else ""
     if not stands:
         return serial.waits_for_the_port(e) or because(e.cause, e.block)
@@ -156,12 +160,13 @@ def because(cause: Cause, block: str) -> str:
 
 
 def _numbers(cause: Cause, block: str) -> str:
+    row = block_row(block)
     if cause.have is not None and cause.need is not None:
         if cause.pin:
             return f": {cause.pin} is {cause.value}, wanted {cause.have}, at most {count(cause.need, 'byte')}"
-        if not cause.have and block in WHOLE:
+        if not cause.have and row.receives and row.speaks_udp:  # it is here whole, or not at all
             return f", at most {count(cause.need, 'byte')}"
-        where = "taken" if block in SENDERS else "here"
+        where = "taken" if row.sends else "here"
         return f", {cause.have} of {count(cause.need, 'byte')} {where}"
     if cause.pin and cause.value is not None and cause.pin not in cause.name:
         return f" ({cause.pin} is {cause.value})"

@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.table import block_row
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.diagnosis.link import lost_before
 from trcvtui.rig.history.records import NOT_BUILT
@@ -22,7 +23,8 @@ BUILDING: Final = frozenset({Condition.CREATING, Condition.CREATED, Condition.ES
 
 def is_building(e: Evidence) -> bool:
     """Return whether this is shown while a connection is built."""
-    return e.condition in BUILDING or (e.block == "TCON" and e.condition == Condition.RUNNING)
+    is_run = e.condition == Condition.RUNNING and block_row(e.block).runs_as in BUILDING
+    return e.condition in BUILDING or is_run
 
 
 def code(e: Evidence) -> int | None:

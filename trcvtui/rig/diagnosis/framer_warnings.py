@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.blocks.parameters import BUFFER_PIN
+from trcvtui.blocks.table import block_row
 from trcvtui.net.serial_line import OVER_TCP
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
@@ -73,7 +73,7 @@ def _framed(snapshot: Snapshot, project: Project, name: str) -> Framed | None:
     readers = [
         i.name
         for i in snapshot.instances
-        if i.connect == instance.connect and BUFFER_PIN.get(i.block) == "RxBuffer"
+        if i.connect == instance.connect and block_row(i.block).reads_buffer
     ]
     return Framed(
         instance,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.parameters import SENDERS
+from trcvtui.blocks.table import block_row
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.history.records import Drop, Facts
 from trcvtui.rig.snapshots import PeerSnapshot
@@ -68,7 +68,7 @@ def partner(e: Evidence) -> PeerSnapshot | None:
 
 def who_holds(e: Evidence) -> str:
     """Another instance works on this CONNECT: which one, and how it lets go."""
-    sends = e.block in SENDERS
+    sends = block_row(e.block).sends
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
     holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")
     holder = holder or e.cause.detail.partition(":")[0]

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.table import block_row
 from trcvtui.rig.diagnosis import job as job
 from trcvtui.rig.diagnosis import link as link
 from trcvtui.rig.diagnosis import udp as udp
@@ -19,7 +20,7 @@ Rule = Callable[[Evidence], str]
 
 def how_it_stands(e: Evidence) -> str:
     """Return what a receive job waits for, or how far a send job is."""
-    return udp.how_it_stands(e) if e.block == "TURCV" else job.how_far(e)
+    return udp.how_it_stands(e) if block_row(e.block).receives else job.how_far(e)
 
 
 def socket_is_closed(e: Evidence) -> str:
@@ -33,8 +34,6 @@ def socket_is_closed(e: Evidence) -> str:
 
 def result_says(e: Evidence) -> str:
     """Return where the answer stands."""
-    if e.block != "T_DIAG":
-        return ""
     return (
         f"RESULT ({e.data}): byte 6 is State (1 lost, 2 the active end calls, 3 the passive end waits, "
         "4 established), byte 8 on the bytes sent, byte 12 on those received"
@@ -48,8 +47,8 @@ _RECEIVING: Final[tuple[Rule, ...]] = (
     udp.at_rest,
     udp.nobody_is_told,
 )
-_NOW: Final[dict[Condition, Rule]] = {Condition.STARTED: how_it_stands, Condition.RUNNING: how_it_stands}
-_DATAGRAMS: Final[dict[Condition, tuple[Rule, ...]]] = {
+NOW: Final[dict[Condition, Rule]] = {Condition.STARTED: how_it_stands, Condition.RUNNING: how_it_stands}
+DATAGRAMS: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.NO_JOB: (udp.nobody_reads_here, udp.no_edge),
     Condition.STARTED: _RECEIVING,
     Condition.RUNNING: _RECEIVING,
@@ -65,7 +64,4 @@ _DATAGRAMS: Final[dict[Condition, tuple[Rule, ...]]] = {
     Condition.LENGTH_WRONG: job.LENGTH,
     Condition.DATA_EMPTY: job.EMPTY,
 }
-_DIAGNOSIS: Final[dict[Condition, tuple[Rule, ...]]] = {Condition.FINISHED: (result_says,)}
-
-NOW: Final = {"TUSEND": _NOW, "TURCV": _NOW}
-NEXT: Final = {"TUSEND": _DATAGRAMS, "TURCV": _DATAGRAMS, "T_DIAG": _DIAGNOSIS}
+RESULT: Final[dict[Condition, tuple[Rule, ...]]] = {Condition.FINISHED: (result_says,)}

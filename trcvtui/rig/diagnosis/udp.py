@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.parameters import ON_CONNECT, SPEAKS_UDP
 from trcvtui.rig.diagnosis import job as job
 from trcvtui.rig.diagnosis import link as link
 from trcvtui.rig.diagnosis.evidence import Evidence
@@ -17,7 +16,6 @@ from trcvtui.rig.diagnosis.receive import limit
 from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count
 
-UDP_BLOCKS: Final = SPEAKS_UDP - ON_CONNECT
 ANY: Final = "0.0.0.0"
 
 

@@ -11,8 +11,8 @@ from itertools import count as counted
 from typing import Final
 
 from trcvtui.blocks.framing.frame import Framing
-from trcvtui.blocks.parameters import BUFFER_PIN, POINTERS
 from trcvtui.blocks.serial.recording import Recording
+from trcvtui.blocks.table import block_row
 from trcvtui.errors import mistake
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import InstanceDecl, Project
@@ -27,12 +27,10 @@ from trcvtui.udt.literals import format_time
 # Rule: what is there is used: the variables of prefix and suffix are written where the instance has them for
 # itself and they are large enough; else new ones are added, and the instance is made anew with them.
 
-DATA_BLOCK: Final = "ReceiveData"
-
 
 def framed_instance(name: str, project: Project, where: str) -> InstanceDecl:
     """Return an instance that can be set so; raise UserError where it has no prefix and suffix."""
-    known = {each.name: each for each in project.instances if each.block in POINTERS}
+    known = {each.name: each for each in project.instances if block_row(each.block).pointers}
     if name not in known:
         raise mistake(where, shown(name), expected_name(name, known, "ReceiveData or ReceiveString"))
     return known[name]
@@ -44,9 +42,9 @@ def lines_for(proposal: Proposal, project: Project, name: str, where: str = "fra
     framing = proposal.framing
     if framing is None:
         raise mistake(where, proposal.title, f"a framing that {decl.block} has: {proposal.instead}")
-    is_text = decl.block != DATA_BLOCK
+    is_text = not block_row(decl.block).mark_lengths
     if is_text and not framing.suffix and not framing.timeout_ns:
-        raise mistake(where, f"{proposal.title} for a {decl.block}", f"a suffix or a gap, or a {DATA_BLOCK}")
+        raise mistake(where, f"{proposal.title} for a {decl.block}", "a suffix or a gap, or a ReceiveData")
     lines: list[str] = []
     if not is_text:
         lines += _room(decl, project, framing)
@@ -110,7 +108,7 @@ def buffer_of(name: str, project: Project, where: str) -> str:
     """Return the ComBuffer of that name, or the one that an instance of that name reads."""
     buffers = {each.name: each.name for each in project.combuffers}
     known = buffers | {
-        each.name: each.connect for each in project.instances if BUFFER_PIN.get(each.block) == "RxBuffer"
+        each.name: each.connect for each in project.instances if block_row(each.block).reads_buffer
     }
     if name not in known:
         raise mistake(where, shown(name), expected_name(name, known, "ComBuffer, or instance that reads one"))

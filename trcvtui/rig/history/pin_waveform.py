@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.parameters import BUFFER_PIN, SHOWS, outputs_of
+from trcvtui.blocks.table import block_row, shown_by
 from trcvtui.plc.ledger import InputEdge, Line, StatusEdge
 
 # -- one pin ----------------------------------------------------------------------------------------------
@@ -160,10 +160,6 @@ class PolledWaveform(PinWaveform):
 # -- what the engine tells --------------------------------------------------------------------------------
 
 LAMPS: Final = ("STATUS", "BUSY", "DONE", "ERROR")
-# The outputs of the blocks on a ComBuffer, each with what it shows of an edge.
-OUTPUTS: Final = {
-    block: tuple((pin.name, SHOWS[pin.name]) for pin in outputs_of(block)) for block in BUFFER_PIN
-}
 
 PinValues = tuple[tuple[str, int | None], ...]
 NO_PINS: Final[PinValues] = ()
@@ -218,8 +214,9 @@ def pins_of(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
         return ((event.pin, int(event.value)),)
     if isinstance(event, KnownPins):
         return event.values
-    if event.block in OUTPUTS:
-        shown = ((pin, getattr(event.outputs, field)) for pin, field in OUTPUTS[event.block])
+    row = block_row(event.block)
+    if row.on_buffer:
+        shown = ((pin.name, getattr(event.outputs, pin.shows)) for pin in row.outputs)
         return tuple((pin, int(value)) for pin, value in shown if value is not None)
     lamps = event.outputs.busy, event.outputs.done, event.outputs.error
     told = (("STATUS", event.outputs.status), *zip(LAMPS[1:], map(int, lamps), strict=True))
@@ -228,9 +225,15 @@ def pins_of(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
 
 # -- one instance -----------------------------------------------------------------------------------------
 
-LAMP_OF: Final = {pin: shows for pin, shows in SHOWS.items() if shows in ("done", "error", "busy")}
+LAMPS_SHOW: Final = frozenset({"done", "error", "busy"})
 WATCHED: Final = ("status", "done")  # what the ghost rows show, whatever the block calls it
 MOST_GAPS: Final = 200
+
+
+def lamp_of(pin: str) -> str:
+    """Return which lamp a pin is: done, error or busy, whatever the block calls it; "" for no lamp."""
+    shows = shown_by(pin)
+    return shows if shows in LAMPS_SHOW else ""
 
 
 class Waveform:
@@ -304,7 +307,7 @@ class Waveform:
 
     def pin_that_shows(self, what: str) -> str | None:
         """Return the output that shows it, such as Error or STATUS for `status`; None: it has none."""
-        return next((pin for pin in self.lanes if SHOWS.get(pin) == what), None)
+        return next((pin for pin in self.lanes if shown_by(pin) == what), None)
 
     @property
     def watched(self) -> list[str]:

@@ -12,7 +12,8 @@ from collections.abc import Iterable
 from itertools import islice
 from typing import Final
 
-from trcvtui.blocks.parameters import SHOWS, Direction
+from trcvtui.blocks.pins import Direction
+from trcvtui.blocks.table import shown_by
 from trcvtui.plc.ledger import BenchNote, InputEdge, Ledger, StatusEdge
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.rig.history.pin_waveform import NO_PINS, KnownPins, PinChange, PinValues, WaveformDelta, pins_of
@@ -112,7 +113,7 @@ class WaveformRecorder:
             if note.what == DELETED:
                 record.add(PinChange(number, scan, t_ns, KnownPins(_unknown(record.pins()))))
             else:
-                dark = tuple((pin, 0) for pin in record.pins() if pin in SHOWS)
+                dark = tuple((pin, 0) for pin in record.pins() if shown_by(pin))
                 renewed[name] = PinChange(number, scan, t_ns, KnownPins(dark))
 
     def _lose(self, seq: int) -> None:

@@ -14,19 +14,16 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.parameters import PINS, SHOWS
+from trcvtui.blocks.table import block_row, pin_named, shown_by
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.plc.ledger import Line, StatusEdge
-from trcvtui.rig.history.pin_waveform import OUTPUTS, Column, PinWaveform, Waveform, Window, pins_of
+from trcvtui.rig.history.pin_waveform import Column, PinWaveform, Waveform, Window, pins_of
 
 LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"
 CODES: Final = "codes"
 WATCH: Final = "watch "  # before the pin that a watch table shows
 WIDTHS: Final = {"BYTE": 8, "WORD": 16, "UINT": 16, "DINT": 32, "UDINT": 32, "TIME": 32}  # bits
-WORDS: Final = {  # pins that are numbers, with their bits
-    pin.name: WIDTHS[pin.iec_type] for pins in PINS.values() for pin in pins if not pin.is_bool
-}
 TICK: Final = 20
 LABEL_WIDTH: Final = 5  # of a code with its edge
 ORDER: Final = (
@@ -59,6 +56,12 @@ def pin_of(name: str) -> str:
     return "STATUS" if name == CODES else name.removeprefix(WATCH)
 
 
+def bits_of(name: str) -> int:
+    """Return the bits of a pin that is a number, 0 of one that is not."""
+    pin = pin_named(name)
+    return 0 if pin is None or pin.is_bool else WIDTHS[pin.iec_type]
+
+
 def value_text(pin: str, value: int | None) -> str:
     """Return a value as it is written: STATUS in hex, other numbers in decimals."""
     if value is None:
@@ -78,7 +81,7 @@ def drawn(wave: Waveform, name: str, window: Window) -> list[Piece]:
     columns = wave.columns(lane_of(wave, name), window)
     if name == "RCVD_LEN":
         return list(_lengths(wave, window, columns))
-    if pin_of(name) in WORDS:
+    if bits_of(pin_of(name)):
         return list(_segments(wave, name, window, columns))
     return _merged(_level(wave, window, columns, x) for x in range(window.width))
 
@@ -127,7 +130,7 @@ def _segments(wave: Waveform, name: str, window: Window, columns: list[Column | 
         label = value_text(pin, value) if value is not None else ""
         edge = "│" if value is not None else NOT_YET
         text = INSIDE if width == 1 and label else edge + (label if len(label) < width else "")
-        is_word = SHOWS.get(pin) == "status" and not name.startswith(WATCH)
+        is_word = shown_by(pin) == "status" and not name.startswith(WATCH)
         style = _edge_kind(wave.edge_at(min(last, wave.until_scan))) if is_word else ""
         yield text[:width].ljust(width, "─" if value is not None else NOT_YET), style
 
@@ -282,9 +285,9 @@ def vcd_text(waves: Sequence[Waveform], span: ScanRange) -> str:
     ) as writer:
         for wave in waves:
             for pin, lane in wave.lanes.items():
-                kind = "reg" if pin in WORDS else "wire"
+                kind = "reg" if bits_of(pin) else "wire"
                 scope = _vcd_name(wave.instance)
-                var = writer.register_var(scope, pin, kind, size=WORDS.get(pin, 1), init=None)
+                var = writer.register_var(scope, pin, kind, size=bits_of(pin) or 1, init=None)
                 told = enumerate(_vcd_changes(lane, wave, span))
                 changes += [(t_ns, number, var, value) for number, (t_ns, value) in told]
         for t_ns, _, var, value in sorted(changes, key=lambda change: change[:2]):
@@ -342,8 +345,9 @@ def _edge_lines(wave: Waveform, span: ScanRange) -> Iterator[str]:
     for line in lines[-MOST_EDGES:]:
         edge = line.event
         if isinstance(edge, StatusEdge):
-            lamps = " ".join(pin for pin, value in pins_of(edge) if value and pin not in WORDS)
-            status = f"{edge.outputs.status}" if edge.block in OUTPUTS else f"16#{edge.outputs.status:04X}"
+            lamps = " ".join(pin for pin, value in pins_of(edge) if value and not bits_of(pin))
+            is_number = block_row(edge.block).on_buffer
+            status = f"{edge.outputs.status}" if is_number else f"16#{edge.outputs.status:04X}"
             shown = f"{status} {edge.condition}"
             place = f"  scan {line.scan:>8}  {line.t_ns / MS:>12.3f} ms"
             yield f"{place}  {shown:<27} {lamps:<7} {edge.cause.name}"
@@ -373,7 +377,7 @@ def svg_text(waves: Sequence[Waveform], span: ScanRange) -> str:
         top = 24 + ROW * number
         label = f"{wave.instance} {name}" if len(waves) > 1 else name
         parts.append(_words(8, top + 16, label, "#1f2933"))
-        draw = _boxes if name.removeprefix(WATCH) in WORDS else _levels
+        draw = _boxes if bits_of(name.removeprefix(WATCH)) else _levels
         parts += draw(wave, name, span, at, top)
     last = waves[0].time_at(min(span.last, waves[0].until_scan))[0] / MS
     first = waves[0].time_at(span.first)[0] / MS
@@ -408,7 +412,7 @@ def _boxes(wave: Waveform, name: str, span: ScanRange, at: At, top: int) -> Iter
         if value is None:
             continue
         left, width = at(first), max(0.5, at(behind) - at(first))
-        colour = _colour(wave, first) if SHOWS.get(name) == "status" else "#5a6570"
+        colour = _colour(wave, first) if shown_by(name) == "status" else "#5a6570"
         yield (
             f'<rect x="{left:.2f}" y="{top + HIGH_Y - 1}" width="{width:.2f}" height="{LOW_Y - HIGH_Y + 2}" '
             f'stroke="{colour}"/>'

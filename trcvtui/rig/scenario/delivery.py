@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from trcvtui.blocks.parameters import SENDERS, SPEAKS_UDP
+from trcvtui.blocks.table import block_row
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench
 
@@ -24,7 +24,6 @@ class Delivery:
     read_by_peer: int | None
 
 
-STREAMS: Final = SENDERS - SPEAKS_UDP
 NONE_SENT: Final[Mapping[str, Delivery]] = {}
 
 
@@ -34,7 +33,7 @@ def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Deli
         edge.instance: found
         for edge in changed
         if edge.outputs.done
-        and edge.block in STREAMS
+        and block_row(edge.block).sends_stream
         and (found := _delivery(bench, edge.instance)) is not None
     }
 

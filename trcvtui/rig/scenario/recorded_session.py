@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.table import block_row
 from trcvtui.errors import mistake
 from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, StatusEdge
@@ -23,7 +24,6 @@ from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.lines import to_line
 from trcvtui.rig.commands.trace_pattern import ANY, Atom, Scan
-from trcvtui.rig.history.pin_waveform import OUTPUTS
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
@@ -215,7 +215,7 @@ class Session:
             if seen is None:
                 seen = self._seen[edge.instance] = Seen(self._of_the_wire)
             seen.add((edge.outputs.status, edge.outputs.error))
-            if edge.outputs.done and edge.block in OUTPUTS:
+            if edge.outputs.done and block_row(edge.block).on_buffer:
                 self._expect_frame(edge)
 
     def _expect_frame(self, edge: StatusEdge) -> None:
@@ -224,7 +224,7 @@ class Session:
         if self._frames >= MOST_FRAMES or self._bench.kernel_name != SIMULATED or decl is None:
             return
         self._frames += 1
-        shown = ((pin, getattr(edge.outputs, field)) for pin, field in OUTPUTS[edge.block])
+        shown = ((pin.name, getattr(edge.outputs, pin.shows)) for pin in block_row(edge.block).outputs)
         pins = " ".join(f"{pin}={int(value)}" for pin, value in shown if value is not None)
         self._add(f"expect {edge.instance} {pins}", is_frame=True)
         content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data else b""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
-from trcvtui.plc.wired_pins import buffer_pin
+from trcvtui.plc.snapshot import block_row
 from trcvtui.project.edit import entry, keys_to_change
 from trcvtui.project.keys import (
     BOOLS,
@@ -23,7 +23,6 @@ from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.tui.view_model.view_model import ViewModel
 
 TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED}
-RECEIVER: Final = "TRCV_C"
 OF_THE_BENCH: Final = frozenset(("LocalAddress", "ListenPort"))  # beside the fields of a structure
 
 
@@ -55,7 +54,7 @@ def keys_of_line(kind: str, project: Project) -> LineKeys:
 
 def kinds_of(project: Project) -> tuple[str, ...]:
     """Return what can be added: a ComBuffer where the dialect has blocks for it."""
-    has_buffers = any(buffer_pin(block) for block in project.dialect.blocks)
+    has_buffers = any(block_row(block).buffer_pin for block in project.dialect.blocks)
     return OFFERED if has_buffers else tuple(kind for kind in OFFERED if kind != "combuffer")
 
 
@@ -79,9 +78,9 @@ def _field(key: str, ask: Ask, project: Project, block: str) -> AddField:
 
 def first_block(project: Project) -> str:
     """Return the block that the form begins with: on an empty bench one that receives from anybody."""
-    if not project.instances and RECEIVER in project.dialect.blocks:
-        return RECEIVER
-    return project.dialect.blocks[0]
+    blocks = project.dialect.blocks
+    receivers = [block for block in blocks if (row := block_row(block)).builds and row.receives]
+    return receivers[0] if receivers and not project.instances else blocks[0]
 
 
 def first_name(kind: str, project: Project) -> str:
@@ -128,7 +127,8 @@ def parts_at_hand(scene: ViewModel, peer_first: bool) -> list[ProjectPart]:
 
 
 def _parts_of(instance: InstanceDecl) -> Iterator[ProjectPart]:
-    link = "combuffer" if buffer_pin(instance.block) else "udp_config" if instance.on_config else "connect"
+    is_buffered = block_row(instance.block).on_buffer
+    link = "combuffer" if is_buffered else "udp_config" if instance.on_config else "connect"
     yield ProjectPart(link, instance.connect)
     if instance.addr:
         yield ProjectPart("addr", instance.addr)

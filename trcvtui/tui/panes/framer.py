@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot
-from trcvtui.plc.wired_pins import buffer_pin
+from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
 from trcvtui.tui.formatting import MS, bar, clip, count, plain
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -69,7 +68,7 @@ ROOMY: Final = 72
 
 def framer_lines(scene: ViewModel, instance: InstanceSnapshot, width: int) -> list[Row]:
     """Return the lines, none for a block that has no ComBuffer."""
-    if not buffer_pin(instance.block):
+    if not block_row(instance.block).buffer_pin:
         return []
     rows, data = [_buffer(scene, instance, width)], _data(scene, instance)
     if instance.framer is None:

@@ -6,8 +6,7 @@ from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 
-from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot
-from trcvtui.plc.wired_pins import BUFFER_PINS, DATA_PINS, buffer_pin, data_pin, is_time, mark_pins
+from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, block_row, buffer_pins, is_time
 from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import cells, clip, count, lamp, plain, status_word
@@ -68,36 +67,35 @@ class Drawing(NamedTuple):
         return max(len(self.inputs), len(self.outputs))
 
 
-WIRED_LETTERS: Final = {
-    "pPrefix": "f", "Prefix": "f", "pSuffix": "u", "Suffix": "u", "pReceiveData": "d", "ReceivedString": "d",
-    "pSendData": "d", "SendString": "d", "RxBuffer": "c", "TxBuffer": "c", "Buffer": "c",
-}  # fmt: skip
-BEFORE: Final = {"pPrefix": "LenPrefix", "pSuffix": "LenSuffix", "pReceiveData": "SizeReceiveData"}
+MARK_LETTERS: Final = {"prefix": "f", "suffix": "u"}
 
 
 def wired_pins(block: str) -> dict[str, DrawnPin]:
     """Return the pins of a block on a ComBuffer that the project file wires, by name."""
-    if not buffer_pin(block):
+    of_block = block_row(block)
+    if not of_block.on_buffer:
         return {}
-    marks = mark_pins(block)
-    found = {name: f"{mark}, as hex or text; its length follows" for name, mark in marks.items()}
-    if data_pin(block):
-        found[data_pin(block)] = "the variable of the bytes; its type is its size"
-    found[buffer_pin(block)] = "the ComBuffer; a simulated line can be fed"
-    return {
-        name: DrawnPin(name, text, False, False, WIRED_LETTERS[name], name, True)
-        for name, text in found.items()
-    }
+    found = [
+        (name, f"{mark}, as hex or text; its length follows", MARK_LETTERS[mark])
+        for name, mark in of_block.marks.items()
+    ]
+    if of_block.data_pin:
+        found.append((of_block.data_pin, "the variable of the bytes; its type is its size", "d"))
+    found.append((of_block.buffer_pin, "the ComBuffer; a simulated line can be fed", "c"))
+    return {name: DrawnPin(name, text, False, False, letter, name, True) for name, text, letter in found}
 
 
-def placed(pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, ...]:
+def placed(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tuple[DrawnPin, ...]:
     """Return the inputs as the manual draws them: a pointer before its length, the ComBuffer at the end."""
+    of_block = block_row(block)
+    pointer_of = dict(zip(of_block.mark_lengths, of_block.pointers, strict=False))
+    pointer_of |= {of_block.data_length: of_block.data_pin} if of_block.data_length else {}
     rest = dict(wired)
     found: list[DrawnPin] = []
     for pin in pins:
-        found += [rest.pop(name) for name, before in BEFORE.items() if before == pin.name and name in rest]
+        found += [rest.pop(pointer_of[pin.name])] if pin.name in pointer_of else []
         found.append(pin)
-    buffer = [rest.pop(name) for name in BUFFER_PINS if name in rest]
+    buffer = [rest.pop(of_block.buffer_pin)] if of_block.on_buffer else []
     return (*rest.values(), *found, *buffer)
 
 
@@ -122,7 +120,7 @@ def drawing_of(project: Project, block: str, connect: str) -> Drawing:
         )
         for pin in pins
     ]
-    inputs = placed([pin for direction, pin in drawn if direction != "out"], wired)
+    inputs = placed(block, [pin for direction, pin in drawn if direction != "out"], wired)
     if project.identity(block, connect) is not None:
         inputs = (*inputs[:1], ID, *inputs[1:])
     return Drawing(inputs, tuple(pin for direction, pin in drawn if direction == "out"))
@@ -171,9 +169,9 @@ FEEDABLE: Final = ("sim", "serial")
 
 def wired_value(pin: str, instance: InstanceSnapshot) -> str:
     """Return what stands at such a pin: bytes of a mark, a variable, a ComBuffer."""
-    if pin in BUFFER_PINS:
+    if pin in buffer_pins():
         return clip(instance.connect, SHOWN)
-    if pin in DATA_PINS:
+    if pin == instance.data_pin:
         return clip(instance.data or NULL, SHOWN)
     mark = mark_of(pin, instance.framer)
     if mark is None:
@@ -190,10 +188,10 @@ def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
 
 def line_for(pin: str, instance: InstanceSnapshot, scene: ViewModel) -> str:
     """Return the beginning of the command that changes what stands at such a pin, "" where nothing does."""
-    if pin in BUFFER_PINS:
+    if pin in buffer_pins():
         decl = next((b for b in scene.project.combuffers if b.name == instance.connect), None)
         return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE else ""
-    if pin in DATA_PINS:
+    if pin == instance.data_pin:
         decl_data = scene.project.data_decl(instance.data) if instance.data else None
         return f"resize {decl_data.name} {decl_data.type_name}" if decl_data is not None else ""
     mark = mark_of(pin, instance.framer)
@@ -205,7 +203,7 @@ def line_for(pin: str, instance: InstanceSnapshot, scene: ViewModel) -> str:
 
 def why_not(pin: str, instance: InstanceSnapshot) -> str:
     """Return why such a pin cannot be changed here."""
-    if pin in BUFFER_PINS:
+    if pin in buffer_pins():
         return f"{instance.connect} is not a simulated line: its bytes come from elsewhere"
     return f"{pin} of {instance.name} is 0: the project names its variable, `{pin} = ...`"
 

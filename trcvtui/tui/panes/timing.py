@@ -9,7 +9,7 @@ from typing import ClassVar, Final, NamedTuple
 from textual import events
 
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.rig.history.pin_waveform import LAMP_OF, PinWaveform, Waveform, Window
+from trcvtui.rig.history.pin_waveform import PinWaveform, Waveform, Window, lamp_of
 from trcvtui.rig.history.waveform_text import (
     CODES,
     WATCH,
@@ -159,7 +159,7 @@ def _parts(wave: Waveform, name: str, window: Window, cursor: int | None) -> lis
     if name.startswith(WATCH):
         parts = [(text, "ghost") for text, _ in pieces]
     else:
-        high = LAMP_OF.get(name, "strong")
+        high = lamp_of(name) or "strong"
         parts = [(text, high if kind == "high" else STYLES.get(kind, kind)) for text, kind in pieces]
     if cursor is None:
         return parts

@@ -9,7 +9,7 @@ from textual.binding import Binding
 from textual.screen import ModalScreen
 from textual.widget import Widget
 
-from trcvtui.plc.wired_pins import BUFFER_PINS
+from trcvtui.plc.snapshot import buffer_pins
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
@@ -254,7 +254,7 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     here = focused.keys() if isinstance(focused, LineView) else ()
     table = dict(sections).get(title or "", ())
     if title == BLOCK and here:  # the pane tells its own letters; those of the other blocks are none here
-        is_buffered = any(what in BUFFER_PINS for _, what in here)
+        is_buffered = any(what in buffer_pins() for _, what in here)
         table = tuple(line for line in table if line not in (LETTERS if is_buffered else LETTERS[2:]))
     if not here and not table:
         return sections

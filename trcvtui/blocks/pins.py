@@ -1,0 +1,56 @@
+"""What a pin is, and the inputs of one call: each block reads those that it has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Direction(StrEnum):
+    """Where a pin points."""
+
+    IN = "in"
+    IN_OUT = "in_out"
+    OUT = "out"
+
+
+@dataclass(frozen=True, slots=True)
+class Pin:
+    """One pin. `edge` pins act on their rising edge; `label`: how the manual draws it, if otherwise.
+
+    `shows`: what an output shows, by its name in the outcome of a call.
+    """
+
+    name: str
+    direction: Direction
+    iec_type: str
+    text: str
+    edge: bool = False
+    label: str = ""
+    shows: str = ""
+
+    @property
+    def is_bool(self) -> bool:
+        """Return whether the pin is a BOOL."""
+        return self.iec_type == "BOOL"
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """Pins by their manual's names in lower case; `len` in bytes, 0 = size of DATA."""
+
+    en_r: bool = False
+    req: bool = False
+    cont: bool = False
+    len: int = 0
+    adhoc: bool = False
+    com_rst: bool = False
+    # of the blocks on a ComBuffer
+    en: bool = False
+    reset: bool = False
+    timeout: int = 0  # ms
+    lenprefix: int = 0
+    lensuffix: int = 0
+    sizereceivedata: int = 0
+    length: int = 0
+    sendbyte: int = 0

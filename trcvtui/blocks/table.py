@@ -1,0 +1,381 @@
+"""Which blocks there are: ONE row a block. Files, forms, lines, waveforms and calls ask the row.
+
+A new block is one row here and the class that the row names; a dialect that offers it lists its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.pins import Direction, Pin
+
+MARKS: Final = ("prefix", "suffix")
+
+
+@dataclass(frozen=True, slots=True)
+class BlockRow:
+    """One block. Its classes are named `module:Class` and imported when an instance is made.
+
+    `shared`, `single`: on a CONNECT, as the manual of one job course has it, or as single instructions.
+    `datagrams`: on a CONNECT of UDP. `on_config`: on a UDP_CONFIG. `serial`: on a ComBuffer.
+    `data_pin`: what the manual calls DATA, "" where the block has none; `data_length`: the pin of its size.
+    `buffer_pin`: what it calls its ComBuffer; such a block has no CONNECT.
+    `pointers`: further variables: prefix first, then suffix; `mark_lengths`: the pins of their lengths.
+    `has_id`: it has an ID where connections have one; `id_alone`: and no CONNECT beside it.
+    `runs_as`: what is the case while its job runs, of a single instruction whose STATUS does not say it.
+    """
+
+    name: str
+    pins: tuple[Pin, ...] = ()
+    shared: str = ""
+    single: str = ""
+    datagrams: str = ""
+    on_config: str = ""
+    serial: str = ""
+    data_pin: str = ""
+    data_length: str = ""
+    buffer_pin: str = ""
+    pointers: tuple[str, ...] = ()
+    mark_lengths: tuple[str, ...] = ()
+    has_id: bool = False
+    id_alone: bool = False
+    runs_as: Condition | None = None
+
+    @property
+    def inputs(self) -> tuple[Pin, ...]:
+        """Return the pins that can be written."""
+        return tuple([pin for pin in self.pins if pin.direction is not Direction.OUT])
+
+    @property
+    def outputs(self) -> tuple[Pin, ...]:
+        """Return the pins that can only be read."""
+        return tuple([pin for pin in self.pins if pin.direction is Direction.OUT])
+
+    def _has(self, name: str) -> bool:
+        return any(pin.name == name for pin in self.pins)
+
+    @property
+    def sends(self) -> bool:
+        """Return whether REQ sends DATA over a CONNECT or a UDP_CONFIG."""
+        return self._has("REQ") and self.data_pin == "DATA"
+
+    @property
+    def receives(self) -> bool:
+        """Return whether EN_R receives into DATA from a CONNECT or a UDP_CONFIG."""
+        return self._has("EN_R")
+
+    @property
+    def sends_stream(self) -> bool:
+        """Return whether it sends on a CONNECT."""
+        return self.sends and not self.speaks_udp
+
+    @property
+    def receives_stream(self) -> bool:
+        """Return whether it receives from a CONNECT."""
+        return self.receives and not self.speaks_udp
+
+    @property
+    def moves_bytes(self) -> bool:
+        """Return whether it sends or receives on a CONNECT or a UDP_CONFIG."""
+        return self.sends or self.receives
+
+    @property
+    def begins(self) -> str:
+        """Return the pin that begins a job."""
+        return "EN_R" if self.receives else "REQ"
+
+    @property
+    def speaks_udp(self) -> bool:
+        """Return whether it moves datagrams alone, with an ADDR."""
+        return bool(self.on_config)
+
+    @property
+    def builds(self) -> bool:
+        """Return whether it builds the CONNECT that it works on: such a stream can feed a ComBuffer.
+
+        On a CONNECT of UDP it needs an ADDR.
+        """
+        return self._has("CONT") and not self.speaks_udp
+
+    @property
+    def on_buffer(self) -> bool:
+        """Return whether it works on a ComBuffer."""
+        return bool(self.buffer_pin)
+
+    @property
+    def reads_buffer(self) -> bool:
+        """Return whether it takes bytes out of a ComBuffer."""
+        return self.buffer_pin == "RxBuffer"
+
+    @property
+    def writes_buffer(self) -> bool:
+        """Return whether it puts bytes into a ComBuffer."""
+        return self.buffer_pin == "TxBuffer"
+
+    @property
+    def marks(self) -> dict[str, str]:
+        """Return the pins of prefix and suffix, and which is which; none for a block without."""
+        return dict(zip(self.pointers, MARKS, strict=False))
+
+
+# CONNECT and DATA are InOut too; they are named by the project file. Sections: baosky.md 2, 3, 5, 6.
+_EN_R: Final = Pin("EN_R", Direction.IN, "BOOL", "TRUE keeps receiving, job after job")
+_REQ: Final = Pin("REQ", Direction.IN, "BOOL", "rising edge sends DATA once", edge=True)
+_CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 builds and holds the connection, 0 closes it")
+_ADHOC: Final = Pin("ADHOC", Direction.IN, "BOOL", "0 static: exact length; 1 ad-hoc: whatever arrives")
+_COM_RST: Final = Pin(
+    "COM_RST", Direction.IN_OUT, "BOOL", "rising edge resets an established connection", edge=True
+)
+_RCV_LEN: Final = Pin(
+    "LEN", Direction.IN, "UDINT", "bytes wanted (static) or limit (ad-hoc); 0 = size of DATA"
+)
+_SEND_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "bytes to send; 0 = size of DATA")
+_UDP_CONT: Final = Pin("CONT", Direction.IN, "BOOL", "1 creates and holds the UDP socket, 0 releases it")
+_UDP_LEN: Final = Pin("LEN", Direction.IN, "UDINT", "longest datagram that is taken; 0 = size of DATA")
+
+
+def _out(name: str, iec_type: str, shows: str, text: str) -> Pin:
+    return Pin(name, Direction.OUT, iec_type, text, shows=shows)
+
+
+_RCVD_LEN: Final = _out("RCVD_LEN", "UDINT", "rcvd_len", "bytes received; valid in the DONE scan only")
+_LAMPS: Final = (
+    _out("DONE", "BOOL", "done", "a job ended well; TRUE for one scan"),
+    _out("BUSY", "BOOL", "busy", "a job is running"),
+    _out("ERROR", "BOOL", "error", "something failed; STATUS says what"),
+    _out("STATUS", "WORD", "status", "what the block is doing"),
+)
+# ReceiveData and what belongs to it (receivedata.md 2). EN is that of the box in FBD and LD: it is called.
+_EN: Final = Pin("EN", Direction.IN, "BOOL", "the block is called while EN is 1")
+_TIMEOUT: Final = Pin("Timeout", Direction.IN, "TIME", "longest gap between two bytes; 0 = any")
+_RESET: Final = Pin("Reset", Direction.IN, "BOOL", "1 throws the part of a frame away")
+_COM_ERROR: Final = _out("Error", "UINT", "status", "ComError_t; 0 = no error")
+_SEND_LAMPS: Final = (_out("Busy", "BOOL", "busy", "the ComBuffer has not taken all bytes"), _COM_ERROR)
+_RECEIVE_LAMPS: Final = (
+    _out("busy", "BOOL", "busy", "a frame has begun"),
+    _COM_ERROR,
+    _out("RxTimeout", "BOOL", "rx_timeout", "a gap ended the frame"),
+)
+
+
+def _req(text: str) -> tuple[Pin, ...]:
+    return (Pin("REQ", Direction.IN, "BOOL", text, edge=True), *_LAMPS)
+
+
+def _receive_string(name: str, inside: str) -> BlockRow:
+    done = _out("StringReceived", "BOOL", "done", "a text is in the string; TRUE for one scan")
+    return BlockRow(
+        name,
+        (_TIMEOUT, _RESET, done, *_RECEIVE_LAMPS),
+        serial=inside,
+        data_pin="ReceivedString",
+        buffer_pin="RxBuffer",
+        pointers=("Prefix", "Suffix"),
+    )
+
+
+_TCP: Final = "trcvtui.blocks.tcp"
+_SINGLE: Final = "trcvtui.blocks.single"
+_UDP: Final = "trcvtui.blocks.udp"
+_SERIAL: Final = "trcvtui.blocks.serial"
+
+_ROWS: Final = (
+    BlockRow(
+        "TRCV_C",
+        (_EN_R, _CONT, _RCV_LEN, _ADHOC, _COM_RST, *_LAMPS, _RCVD_LEN),
+        shared=f"{_TCP}.trcv_c:TrcvC",
+        data_pin="DATA",
+    ),
+    BlockRow(
+        "TSEND_C",
+        (_REQ, _CONT, _SEND_LEN, _COM_RST, *_LAMPS),
+        shared=f"{_TCP}.tsend_c:TsendC",
+        data_pin="DATA",
+    ),
+    BlockRow(
+        "TCON",
+        _req("rising edge builds the connection, which is then kept"),
+        shared=f"{_TCP}.tcon:Tcon",
+        single=f"{_SINGLE}.tcon:Tcon",
+        has_id=True,
+        runs_as=Condition.ESTABLISHING,
+    ),
+    BlockRow(
+        "TDISCON",
+        _req("rising edge closes the connection"),
+        shared=f"{_TCP}.tdiscon:Tdiscon",
+        single=f"{_SINGLE}.tdiscon:Tdiscon",
+        has_id=True,
+        id_alone=True,
+    ),
+    BlockRow(
+        "T_RESET",
+        _req("rising edge resets an established connection"),
+        shared=f"{_TCP}.t_reset:TReset",
+        single=f"{_SINGLE}.t_reset:TReset",
+        has_id=True,
+        id_alone=True,
+    ),
+    BlockRow(
+        "TSEND",
+        (_REQ, _SEND_LEN, *_LAMPS),
+        shared=f"{_TCP}.tsend:Tsend",
+        single=f"{_SINGLE}.tsend:Tsend",
+        data_pin="DATA",
+        has_id=True,
+        id_alone=True,
+        runs_as=Condition.SENDING,
+    ),
+    BlockRow(
+        "TRCV",
+        (_EN_R, _RCV_LEN, _ADHOC, *_LAMPS, _RCVD_LEN),
+        shared=f"{_TCP}.trcv:Trcv",
+        single=f"{_SINGLE}.trcv:Trcv",
+        data_pin="DATA",
+        has_id=True,
+        id_alone=True,
+        runs_as=Condition.RECEIVING,
+    ),
+    BlockRow(
+        "T_DIAG",
+        _req("rising edge reads how the connection stands into RESULT (key data)"),
+        single=f"{_SINGLE}.t_diag:TDiag",
+        data_pin="RESULT",
+        has_id=True,
+        id_alone=True,
+    ),
+    BlockRow(
+        "TUSEND",
+        (_REQ, _SEND_LEN, *_LAMPS),
+        datagrams=f"{_SINGLE}.tsend:DatagramTsend",
+        on_config=f"{_SINGLE}.tusend:Tusend",
+        data_pin="DATA",
+        has_id=True,
+        id_alone=True,
+    ),
+    BlockRow(
+        "TURCV",
+        (_EN_R, _UDP_LEN, *_LAMPS, _RCVD_LEN),
+        datagrams=f"{_SINGLE}.trcv:DatagramTrcv",
+        on_config=f"{_SINGLE}.turcv:Turcv",
+        data_pin="DATA",
+        has_id=True,
+        id_alone=True,
+    ),
+    BlockRow(
+        "USEND_C",
+        (_REQ, _UDP_CONT, _SEND_LEN, *_LAMPS),
+        on_config=f"{_UDP}.usend_c:UsendC",
+        data_pin="DATA",
+    ),
+    BlockRow(
+        "URECV_C",
+        (_EN_R, _UDP_CONT, _UDP_LEN, *_LAMPS, _RCVD_LEN),
+        on_config=f"{_UDP}.urecv_c:UrecvC",
+        data_pin="DATA",
+    ),
+    BlockRow(
+        "ReceiveData",
+        (
+            Pin("LenPrefix", Direction.IN, "BYTE", "bytes of the prefix; 0 = none"),
+            Pin("LenSuffix", Direction.IN, "BYTE", "bytes of the suffix; 0 = none"),
+            Pin("SizeReceiveData", Direction.IN, "DINT", "the most bytes of a frame"),
+            _TIMEOUT,
+            _RESET,
+            _out("DataReceived", "BOOL", "done", "a frame is in the data; TRUE for one scan"),
+            *_RECEIVE_LAMPS,
+            _out("LenReceiveData", "UDINT", "rcvd_len", "bytes of the frame, prefix and suffix among them"),
+        ),
+        serial=f"{_SERIAL}.receive_data:ReceiveData",
+        data_pin="pReceiveData",
+        data_length="SizeReceiveData",
+        buffer_pin="RxBuffer",
+        pointers=("pPrefix", "pSuffix"),
+        mark_lengths=("LenPrefix", "LenSuffix"),
+    ),
+    BlockRow(
+        "ReceiveByte",
+        (
+            _out("ByteReceived", "BOOL", "done", "a byte has come; TRUE for one scan"),
+            _out("ReceivedByte", "BYTE", "byte", "the byte"),
+            _COM_ERROR,
+        ),
+        serial=f"{_SERIAL}.receive_byte:ReceiveByte",
+        buffer_pin="RxBuffer",
+    ),
+    _receive_string("ReceiveString", f"{_SERIAL}.receive_string:ReceiveString"),
+    _receive_string("ReceiveString255", f"{_SERIAL}.receive_string:ReceiveString255"),
+    BlockRow(
+        "SendData",
+        (_EN, Pin("Length", Direction.IN, "UDINT", "bytes to send"), *_SEND_LAMPS),
+        serial=f"{_SERIAL}.sending:SendData",
+        data_pin="pSendData",
+        buffer_pin="TxBuffer",
+    ),
+    BlockRow(
+        "SendByte",
+        (_EN, Pin("SendByte", Direction.IN, "BYTE", "the byte to send"), *_SEND_LAMPS),
+        serial=f"{_SERIAL}.sending:SendByte",
+        buffer_pin="TxBuffer",
+    ),
+    BlockRow(
+        "SendString",
+        (_EN, *_SEND_LAMPS),
+        serial=f"{_SERIAL}.sending:SendString",
+        data_pin="SendString",
+        buffer_pin="TxBuffer",
+    ),
+    BlockRow(
+        "ClearComBuffer",
+        (_EN,),
+        serial=f"{_SERIAL}.clear_com_buffer:ClearComBuffer",
+        buffer_pin="Buffer",
+    ),
+)
+BLOCKS: Final[dict[str, BlockRow]] = {row.name: row for row in _ROWS}
+_NOTHING: Final = BlockRow("")
+
+
+def block_row(name: str | None) -> BlockRow:
+    """Return the row of a block; of a name that is no block one that has nothing."""
+    return BLOCKS.get(name or "", _NOTHING)
+
+
+def known_blocks(names: Iterable[str]) -> tuple[str, ...]:
+    """Return those of the names that are blocks, as a dialect lists them."""
+    return tuple([name for name in names if name in BLOCKS])
+
+
+def buffer_pins() -> tuple[str, ...]:
+    """Return what blocks call their ComBuffer, sorted."""
+    return tuple(sorted({row.buffer_pin for row in BLOCKS.values() if row.buffer_pin}))
+
+
+def pointer_pins() -> tuple[str, ...]:
+    """Return what blocks call the variables of prefix and suffix."""
+    return tuple(dict.fromkeys(pin for row in BLOCKS.values() for pin in row.pointers))
+
+
+# -- pins by name alone: those of one name are alike in every block ---------------------------------------
+
+
+@lru_cache(256)
+def pin_named(name: str) -> Pin | None:
+    """Return a pin of this name, None where no block has one."""
+    return next((pin for row in BLOCKS.values() for pin in row.pins if pin.name == name), None)
+
+
+def shown_by(name: str) -> str:
+    """Return what an output shows, by its name in the outcome of a call; "" for what is no output."""
+    pin = pin_named(name)
+    return pin.shows if pin is not None else ""
+
+
+def is_time(name: str) -> bool:
+    """Return whether a pin is a TIME, in whole milliseconds."""
+    pin = pin_named(name)
+    return pin is not None and pin.iec_type == "TIME"

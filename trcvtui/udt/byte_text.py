@@ -1,4 +1,7 @@
-"""Bytes as another tool takes them: hex, `16#..` list, ST array, C array, Python bytes, base64."""
+"""Bytes as text: hex read, the forms of other tools, a dump as `hexdump -v -C`, what can be looked for.
+
+Rule: the first thing that is no hex is named with its place; nothing is guessed.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import re
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
@@ -50,7 +54,7 @@ def _rows(part: memoryview, start: int) -> bytes | bytearray:
     if start + len(part) > _EIGHT_DIGITS:
         rows = range(0, len(part), ROW)
         return b"".join(_last_row(bytes(part[place : place + ROW]), start + place) for place in rows)
-    lines = bytearray(_EMPTY[start // BLOCK % 2][: len(part) // ROW * _LINE])
+    lines = bytearray(_empty(start % (2 * BLOCK))[: len(part) // ROW * _LINE])
     for column, digit in enumerate(b"%04x" % (start >> 16)):
         lines[column::_LINE] = bytes((digit,)) * (len(part) // ROW)
     _fill(lines, _BYTES, (part.hex(" ") + " ").encode())
@@ -73,6 +77,7 @@ def _in_pieces(characters: memoryview) -> memoryview:
     return characters[: len(characters) - len(characters) % _PIECE].cast("Q")
 
 
+@cache
 def _empty(start: int) -> bytes:
     """Return the lines of a block without its bytes: of two blocks in turn the low offsets are the same."""
     lines = bytearray(_TEMPLATE) * (BLOCK // ROW)
@@ -82,16 +87,11 @@ def _empty(start: int) -> bytes:
     return bytes(lines)
 
 
-_EMPTY: Final = (_empty(0), _empty(BLOCK))
-
-
 def _last_row(row: bytes, offset: int) -> bytes:
     """Return one line of any length, offset of any width."""
     left, right = row[:8].hex(" "), row[8:].hex(" ")
     return f"{offset:08x}  {left:<24} {right:<24} |".encode() + row.translate(_SHOWN) + b"|\n"
 
-
-# Rule: the first thing that is no hex is named with its place; nothing is guessed.
 
 EXPECTED: Final = "hex bytes such as 01 02 0A"
 _GROUP: Final = re.compile(r"[^\s,]+")
@@ -133,42 +133,37 @@ def _mistake(text: str, place: int, where: str, found: str) -> UserError:
     return mistake(f"{where}, line {text.count(chr(10), 0, place) + 1}, column {column}", found, EXPECTED)
 
 
+# Each returns the bytes in the form of its name; `name` is the variable, where the form has one.
 A_LINE: Final = 16
 
 
 def hex_lines(content: bytes, name: str = "") -> str:
-    """Return hex, sixteen bytes a line."""
     return "\n".join(_lines(content, "{:02x}", " "))
 
 
 def iec_list(content: bytes, name: str = "") -> str:
-    """Return the bytes as a list of `16#..`."""
     return ",\n".join(_lines(content, "16#{:02X}", ", "))
 
 
 def st_array(content: bytes, name: str) -> str:
-    """Return the declaration of an ARRAY OF BYTE with the bytes as its initial value."""
     items = ",\n    ".join(_lines(content, "16#{:02X}", ", "))
     last = len(content) - 1
     return f"{identifier(name)} : ARRAY[0..{last}] OF BYTE := [\n    {items}\n];" if content else ""
 
 
 def c_array(content: bytes, name: str) -> str:
-    """Return the definition of an array in C."""
     items = ",\n    ".join(_lines(content, "0x{:02X}", ", "))
     head = f"const uint8_t {identifier(name)}[{len(content)}]"
     return f"{head} = {{\n    {items}\n}};" if content else ""
 
 
 def python_bytes(content: bytes, name: str) -> str:
-    """Return an assignment in Python."""
     pieces = [content[at : at + A_LINE] for at in range(0, len(content), A_LINE)]
     written = "\n".join('    b"' + "".join(f"\\x{byte:02x}" for byte in piece) + '"' for piece in pieces)
     return f"{identifier(name)} = (\n{written}\n)" if pieces else ""
 
 
 def base64_text(content: bytes, name: str = "") -> str:
-    """Return the bytes in base64, one line."""
     import base64  # only who asks for it pays for it
 
     return base64.b64encode(content).decode("ascii")

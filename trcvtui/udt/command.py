@@ -18,7 +18,7 @@ from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules, choice_of
 from trcvtui.udt.resolve import KNOWN_TYPE, unknown_constant, unknown_name
 from trcvtui.udt.sources import read_file, read_files
 from trcvtui.udt.type_set import TypeSet
-from trcvtui.udt.types import Array, Enumeration, Struct, Type, Union
+from trcvtui.udt.types import Enumeration, Struct, Type, Union, parts_of
 
 
 def notes_of(types: TypeSet, name: str, type_: Type, rules: LayoutRules) -> list[str]:
@@ -44,20 +44,15 @@ def _packing(type_: Struct | Union | Enumeration, rules: LayoutRules) -> Iterato
     yield f"its packing ({pack}) is not applied by the layout {rules.name}; codesys-N and c apply it"
 
 
-def _named(type_: Type, seen: set[Struct | Union | Enumeration]) -> Iterator[Struct | Union | Enumeration]:
+def _named(type_: Type, seen: set[Type]) -> Iterator[Struct | Union | Enumeration]:
     """Yield every structure, union and enumeration in a type once."""
-    while isinstance(type_, Array):
-        type_ = type_.element
-    if not isinstance(type_, Struct | Union | Enumeration) or type_ in seen:
-        return
-    seen.add(type_)
-    yield type_
-    if isinstance(type_, Enumeration):
-        return
-    if type_.base is not None:
-        yield from _named(type_.base, seen)
-    for member in type_.members:
-        yield from _named(member.type, seen)
+    if isinstance(type_, Struct | Union | Enumeration):
+        if type_ in seen:
+            return
+        seen.add(type_)
+        yield type_
+    for part in parts_of(type_):
+        yield from _named(part, seen)
 
 
 EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"

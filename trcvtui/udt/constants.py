@@ -1,7 +1,7 @@
-"""Constants by name: the user's own, the ones that source files declare, and the values of enumerations.
+"""Whole numbers with names in them: formulas, and the constants of a user, of files, of enumerations.
 
-Rule: a whole name goes before the end of one, what the user gives before what a file says; a name that
-could mean two numbers means none.
+Rules: a formula is data of a file: bounded, and never evaluated as Python. A whole name goes before the end
+of one, the user's before a file's; a name that could mean two numbers means none.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import Constant, Formula, Number
 from trcvtui.udt.literals import NAME, parse_integer
 from trcvtui.udt.types import ELEMENTARY
-
-# Rule: a formula is data of a file: bounded in length, depth and size, and never evaluated as Python.
 
 LookUp = Callable[[str], int | None]
 
@@ -79,15 +77,12 @@ class _Evaluation:
         return symbol
 
     def sum(self, depth: int) -> int | None:
-        value = self.product(depth)
-        while sign := self.accept("+", "-"):
-            value = self.joined(sign, value, self.product(depth))
-        return value
+        return self.chain("+-", lambda: self.chain("*/", lambda: self.factor(depth)))
 
-    def product(self, depth: int) -> int | None:
-        value = self.factor(depth)
-        while sign := self.accept("*", "/"):
-            value = self.joined(sign, value, self.factor(depth))
+    def chain(self, signs: str, operand: Callable[[], int | None]) -> int | None:
+        value = operand()
+        while sign := self.accept(*signs):
+            value = self.joined(sign, value, operand())
         return value
 
     def factor(self, depth: int) -> int | None:
@@ -117,12 +112,17 @@ class _Evaluation:
         if sign == "/":
             if right == 0:
                 raise self.refusal("no division by zero")
-            whole = abs(left) // abs(right)  # IEC 61131-3 cuts towards zero
-            return whole if (left < 0) == (right < 0) else -whole
+            return quotient(left, right)
         value = left * right if sign == "*" else left + right if sign == "+" else left - right
         if abs(value) > LARGEST:
             raise self.refusal("a number of at most 64 bits")
         return value
+
+
+def quotient(left: int, right: int) -> int:
+    """Return the quotient, cut towards zero as IEC 61131-3 and C do."""
+    whole = abs(left) // abs(right)
+    return whole if (left < 0) == (right < 0) else -whole
 
 
 LONGEST_CHAIN = 12  # constants that are made of constants below them in the file

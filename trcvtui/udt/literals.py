@@ -1,4 +1,4 @@
-"""IEC literals both ways: durations, dates, times of day and whole numbers.
+"""IEC names and literals both ways: durations, dates, times of day and whole numbers.
 
 Rule: whole nanoseconds throughout; no float touches a time, so every stored count comes back exactly.
 """
@@ -24,26 +24,9 @@ NAME: Final = rf"[^\W\d][\w{_MARKS}]*"
 
 
 # IEC 61131-3 table 8: largest first, each at most once.
-UNITS = (
-    ("d", DAY),
-    ("h", 3600 * SECOND),
-    ("m", 60 * SECOND),
-    ("s", SECOND),
-    ("ms", MS),
-    ("us", 1000),
-    ("ns", 1),
-)
-UNIT_NS = dict(UNITS)
-PREFIXES = {
-    "TIME": "T#",
-    "LTIME": "LTIME#",
-    "DATE": "D#",
-    "LDATE": "LDATE#",
-    "TOD": "TOD#",
-    "LTOD": "LTOD#",
-    "DT": "DT#",
-    "LDT": "LDT#",
-}
+UNIT_NS = {"d": DAY, "h": 3600 * SECOND, "m": 60 * SECOND, "s": SECOND, "ms": MS, "us": 1000, "ns": 1}
+PREFIXES = {name: f"{name}#" for name in ("LTIME", "LDATE", "TOD", "LTOD", "DT", "LDT")}
+PREFIXES |= {"TIME": "T#", "DATE": "D#"}
 EXPECTED = {
     Kind.DURATION: "a duration such as T#1s500ms",
     Kind.DATE: "a date such as D#2024-01-31",
@@ -77,7 +60,7 @@ def format_time(ns: int, prefix: str = "T#") -> str:
     """Return nanoseconds as an IEC duration, largest unit first: 1_500_000_000 is `T#1s500ms`."""
     parts = []
     rest = abs(ns)
-    for unit, size in UNITS:
+    for unit, size in UNIT_NS.items():
         count, rest = divmod(rest, size)
         if count:
             parts.append(f"{count}{unit}")

@@ -8,20 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 
 from trcvtui.errors import MOST_SHOWN, Problem, UserError
-from trcvtui.udt.ast import (
-    ArraySpec,
-    Declaration,
-    EnumSpec,
-    Formula,
-    Number,
-    PointerSpec,
-    RangeSpec,
-    Reference,
-    Spec,
-    StructSpec,
-    TextSpec,
-    UnplacedSpec,
-)
+from trcvtui.udt import ast
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.types import (
     BUILTIN_TYPES,
@@ -51,7 +38,7 @@ WHOLE = (Kind.INTEGER, Kind.BITS)
 
 
 class Resolver:
-    """One joining: what is declared, what became of it, and what is wrong with it (an ordered set each)."""
+    """One set of files: what is declared, what became of it, what is wrong with it (ordered sets)."""
 
     def __init__(
         self,
@@ -62,14 +49,14 @@ class Resolver:
     ) -> None:
         self.constants, self.known, self.broken = constants, known, broken
         self.last_wins = frozenset(name.casefold() for name in last_wins)
-        self.declared: dict[str, Declaration] = {}
+        self.declared: dict[str, ast.Declaration] = {}
         self.places: dict[str, list[str]] = {}
         self.types: dict[str, Type] = {}
         self.depths: dict[str, int] = {}
         self.bad: dict[str, dict[Problem, None]] = {}
         self.notes: dict[str, dict[str, None]] = {}
 
-    def declare(self, declaration: Declaration) -> None:
+    def declare(self, declaration: ast.Declaration) -> None:
         key = declaration.name.casefold()
         places = self.places.setdefault(key, [])
         places.append(declaration.where)
@@ -96,7 +83,7 @@ class Resolver:
 
     def build_all(self) -> None:
         for declaration in self.declared.values():
-            if isinstance(declaration.spec, EnumSpec):
+            if isinstance(declaration.spec, ast.EnumSpec):
                 self.constants.add_values(declaration.name, declaration.spec.values)
         for key in self.in_order():
             declaration = self.declared[key]
@@ -132,7 +119,7 @@ class Resolver:
         names = (self.key_of(reference) for reference in references(spec)) if spec else ()
         return (name for name in names if name in self.declared)
 
-    def key_of(self, reference: Reference) -> str:
+    def key_of(self, reference: ast.Reference) -> str:
         """Return what a name is looked up by: `Lib.T` whole, or where that is unknown, T (udt.md 5)."""
         whole = reference.name.casefold()
         return whole if self.is_declared(whole) else whole.rpartition(".")[2]
@@ -142,29 +129,29 @@ class Resolver:
 
     # -- one specification -------------------------------------------------------------------------------
 
-    def build(self, spec: Spec, name: str, user: str) -> tuple[Type | None, int]:
+    def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
         """Return the type of a specification and how deep it nests; None when something in it is bad."""
         match spec:
             case Text():
                 return spec, 0
-            case Reference():
+            case ast.Reference():
                 return self.look_up(spec, user)
-            case ArraySpec():
+            case ast.ArraySpec():
                 return self.build_array(spec, user)
-            case StructSpec():
+            case ast.StructSpec():
                 return self.build_struct(spec, name, user)
-            case EnumSpec():
+            case ast.EnumSpec():
                 return self.build_enum(spec, name, user), 0
-            case TextSpec():
+            case ast.TextSpec():
                 return self.build_text(spec, user), 0
-            case RangeSpec():
+            case ast.RangeSpec():
                 return self.build_range(spec, user), 0
-            case PointerSpec(text):
+            case ast.PointerSpec(text):
                 return Pointer(text), 0
-            case UnplacedSpec():
+            case ast.UnplacedSpec():
                 return Unplaced(spec.name, spec.why), 0
 
-    def build_array(self, spec: ArraySpec, user: str) -> tuple[Type | None, int]:
+    def build_array(self, spec: ast.ArraySpec, user: str) -> tuple[Type | None, int]:
         element, depth = self.build(spec.element, "", user)
         bounds = [self.limits(low, high, user) for low, high in spec.bounds]
         known = tuple([pair for pair in bounds if pair is not None])
@@ -172,14 +159,14 @@ class Resolver:
             return None, depth + 1
         return Array(known, element), depth + 1
 
-    def build_text(self, spec: TextSpec, user: str) -> Type | None:
+    def build_text(self, spec: ast.TextSpec, user: str) -> Type | None:
         length = self.whole(spec.length, user)
         if length is not None and length < 1:
             self.refuse(user, _wrong(spec.length, length, "a length of 1 or more"))
             return None
         return None if length is None else Text(length, spec.wide, spec.utf8)
 
-    def build_range(self, spec: RangeSpec, user: str) -> Type | None:
+    def build_range(self, spec: ast.RangeSpec, user: str) -> Type | None:
         base = self.look_up(spec.base, user)[0]
         unknown = self.unknown_in(spec.low, spec.high)
         limits = None if unknown else self.limits(spec.low, spec.high, user)
@@ -204,7 +191,7 @@ class Resolver:
             return None
         return Subrange(base, *limits)
 
-    def build_struct(self, spec: StructSpec, name: str, user: str) -> tuple[Type | None, int]:
+    def build_struct(self, spec: ast.StructSpec, name: str, user: str) -> tuple[Type | None, int]:
         base, deepest = self.build_base(spec, user)
         firsts = _members_of(base)
         members: list[Member] = []
@@ -225,7 +212,7 @@ class Resolver:
         assert not isinstance(base, Union)
         return Struct(name, tuple(members), base, spec.pack), deepest + 1
 
-    def build_base(self, spec: StructSpec, user: str) -> tuple[Struct | Union | None, int]:
+    def build_base(self, spec: ast.StructSpec, user: str) -> tuple[Struct | Union | None, int]:
         if spec.base is None:
             return None, 0
         base, depth = self.look_up(spec.base, user)
@@ -236,7 +223,7 @@ class Resolver:
             self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", f"a {word} to extend"))
         return None, depth
 
-    def build_enum(self, spec: EnumSpec, name: str, user: str) -> Type | None:
+    def build_enum(self, spec: ast.EnumSpec, name: str, user: str) -> Type | None:
         base = ELEMENTARY["INT"] if spec.base is None else self.look_up(spec.base, user)[0]
         if isinstance(base, Subrange):
             base = base.base
@@ -246,7 +233,7 @@ class Resolver:
             self.refuse(user, Problem(spec.base.where, f"'{spec.base.name}'", "an integer type such as INT"))
         return None
 
-    def values(self, spec: EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
+    def values(self, spec: ast.EnumSpec, name: str) -> tuple[tuple[str, int | None], ...]:
         """Return names and numbers; None for what cannot be worked out: only the size is known (U8)."""
         values: list[tuple[str, int | None]] = []
         number: int | None = -1
@@ -260,7 +247,7 @@ class Resolver:
 
     # -- names and numbers -------------------------------------------------------------------------------
 
-    def look_up(self, reference: Reference, user: str) -> tuple[Type | None, int]:
+    def look_up(self, reference: ast.Reference, user: str) -> tuple[Type | None, int]:
         row = ELEMENTARY.get(reference.name.upper())
         key = self.key_of(reference)
         # A vendor's own name may be declared in a file of another vendor: then that is meant.
@@ -313,17 +300,17 @@ class Resolver:
             at = before[at]
         return [*names[:1], *reversed(names[1:])] if len(names) <= MOST_SHOWN else []
 
-    def is_base(self, reference: Reference, user: str) -> bool:
+    def is_base(self, reference: ast.Reference, user: str) -> bool:
         spec = self.declared[user].spec if user in self.declared else None
-        return isinstance(spec, StructSpec) and spec.base is reference
+        return isinstance(spec, ast.StructSpec) and spec.base is reference
 
-    def limits(self, low: Number, high: Number, user: str) -> tuple[int, int] | None:
+    def limits(self, low: ast.Number, high: ast.Number, user: str) -> tuple[int, int] | None:
         """Return `low..high` worked out, None when that fails; the higher one is not below the lower one."""
         first, last = self.whole(low, user), self.whole(high, user)
         if first is None or last is None:
             return None
         if last < first:
-            if isinstance(high, Formula) or isinstance(low, int):
+            if isinstance(high, ast.Formula) or isinstance(low, int):
                 problem = _wrong(high, last, f"a number from {first} upwards", self.place(user))
             else:
                 problem = _wrong(low, first, f"a number up to {last}")
@@ -331,7 +318,7 @@ class Resolver:
             return None
         return first, last
 
-    def whole(self, number: Number, user: str) -> int | None:
+    def whole(self, number: ast.Number, user: str) -> int | None:
         """Return the value of a number; keep what is unknown in it."""
         if isinstance(number, int):
             return number
@@ -347,7 +334,7 @@ class Resolver:
             self.refuse(user, Problem(number.where, found, unknown_constant(name)))
         return value
 
-    def unknown_in(self, *numbers: Number) -> list[str]:
+    def unknown_in(self, *numbers: ast.Number) -> list[str]:
         """Return the names in numbers that have no value; a number that is wrong in itself has none."""
         unknown: list[str] = []
         for number in numbers:
@@ -357,7 +344,7 @@ class Resolver:
                 return []
         return list(dict.fromkeys(unknown))
 
-    def quietly(self, number: Number, scope: str) -> int | None:
+    def quietly(self, number: ast.Number, scope: str) -> int | None:
         try:
             return self.constants.value(number, [], scope)
         except UserError:
@@ -378,20 +365,20 @@ def unknown_name(problem: Problem) -> str:
     return name if reason else problem.found[1:-1]
 
 
-def _number_text(number: Number) -> str:
-    return number.text if isinstance(number, Formula) else str(number)
+def _number_text(number: ast.Number) -> str:
+    return number.text if isinstance(number, ast.Formula) else str(number)
 
 
-def references(spec: Spec) -> Iterator[Reference]:
+def references(spec: ast.Spec) -> Iterator[ast.Reference]:
     """Yield every name of a type in a specification."""
     match spec:
-        case Reference():
+        case ast.Reference():
             yield spec
-        case ArraySpec(_, element):
+        case ast.ArraySpec(_, element):
             yield from references(element)
-        case EnumSpec(base=Reference() as base) | RangeSpec(base=base):
+        case ast.EnumSpec(base=ast.Reference() as base) | ast.RangeSpec(base=base):
             yield base
-        case StructSpec(members, base):
+        case ast.StructSpec(members, base):
             if base is not None:
                 yield base
             for member in members:
@@ -407,7 +394,7 @@ def _members_of(base: Struct | Union | None) -> dict[str, str]:
     return names
 
 
-def _wrong(number: Number, value: int, expected: str, where: str = "") -> Problem:
-    if isinstance(number, Formula):
+def _wrong(number: ast.Number, value: int, expected: str, where: str = "") -> Problem:
+    if isinstance(number, ast.Formula):
         return Problem(number.where, f"'{number.text}', which is {value}", expected)
     return Problem(where, str(value), expected)

@@ -1,13 +1,14 @@
-"""Types written down as source text: IEC ST, and the TYPE of a TIA source (SCL).
+"""Types as source text: names that a language can carry, IEC ST, and the TYPE of a TIA source (SCL).
 
-Rule: the text stands alone: every type that the written one uses is in it, before its first use.
+Rules: what is legal stays, and a type in which nothing has to change is the same type. The text stands alone:
+every type that the written one uses is in it, before its first use.
 """
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Final
 
@@ -24,10 +25,9 @@ from trcvtui.udt.types import (
     Text,
     Type,
     Union,
+    parts_of,
     type_text,
 )
-
-# Rule: what is legal stays, and a type in which nothing has to change is the same type.
 
 
 def ascii_word(name: str) -> str:
@@ -106,7 +106,7 @@ def st_renamed(type_: Type) -> Type:
 
 
 class Renaming:
-    """One renaming; `escaped` and `fold` as in Taken. Types are renamed once, and know each other's names."""
+    """One renaming; `escaped` and `fold` as in NameScope. Each type is renamed once."""
 
     def __init__(self, escaped: Callable[[str], str], fold: Callable[[str], str] = str) -> None:
         self.escaped, self.fold = escaped, fold
@@ -296,29 +296,17 @@ def _ranges(bounds: tuple[tuple[int, int], ...]) -> str:
 def named_types(type_: Type) -> list[Type]:
     """Return the named types of a declaration, each once, before its first use; itself last."""
     found: dict[int, Type] = {}
-    for each in _named(type_, set()):
-        found.setdefault(id(each), each)
-    if id(type_) not in found:
-        found[id(type_)] = type_
-    return list(found.values())
+    seen: set[int] = set()
 
-
-def _named(type_: Type, seen: set[int]) -> Iterator[Type]:
-    match type_:
-        case Array(element=element):
-            yield from _named(element, seen)
-        case Struct() | Union():
-            if id(type_) in seen:
-                return
-            seen.add(id(type_))
-            if type_.base is not None:
-                yield from _named(type_.base, seen)
-            for member in type_.members:
-                yield from _named(member.type, seen)
-            if type_.name:
-                yield type_
-        case Enumeration(name=name):
-            if name:
-                yield type_
-        case _:
+    def below(one: Type) -> None:
+        if id(one) in seen:
             return
+        seen.add(id(one))
+        for part in parts_of(one):
+            below(part)
+        if isinstance(one, Struct | Union | Enumeration) and one.name:
+            found[id(one)] = one
+
+    below(type_)
+    found.setdefault(id(type_), type_)
+    return list(found.values())

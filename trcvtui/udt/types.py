@@ -1,6 +1,6 @@
 """IEC types as frozen values: elementary types (one table row each), STRING, ARRAY, STRUCT, enumeration.
 
-Rule: a type says nothing about places. Sizes, gaps and byte order come from `layout.py`.
+Rule: a type says nothing about places: sizes, gaps and byte order come from its layout.
 """
 
 from __future__ import annotations
@@ -206,6 +206,17 @@ class Enumeration:
 
 Type = Elementary | Text | Subrange | Pointer | Unplaced | Array | Struct | Union | Enumeration
 LeafType = Elementary | Text | Subrange | Pointer | Enumeration
+
+
+def parts_of(type_: Type) -> list[Type]:
+    """Return the types that stand directly in a type: its element, or its base and its members."""
+    match type_:
+        case Array():
+            return [type_.element]
+        case Struct() | Union():
+            return [*([type_.base] if type_.base else []), *(member.type for member in type_.members)]
+        case _:
+            return []
 
 
 def type_text(type_: Type) -> str:

@@ -1,6 +1,7 @@
 """Two profiles, or two declarations, side by side on the same bytes: ours and theirs, member by member.
 
-Rule: a row costs only when it is asked for; members are the same when their paths are, in any case.
+Rules: a row costs only when it is asked for; members are the same when their paths are, in any case. What
+lies alike on both sides is one run, however long; table, summary and exit code come from one count.
 """
 
 from __future__ import annotations
@@ -18,10 +19,6 @@ from trcvtui.udt.layout.value_text import NO_DATA, form_text, stored_form, value
 from trcvtui.udt.layout.values import decode_leaf, decode_leaves
 from trcvtui.udt.report import in_columns, json_head, json_many, json_text, json_value, leaf_type_text
 from trcvtui.udt.types import Text
-
-# Rule: the walk is over the declaration, an ARRAY's element once; what lies alike in both is not entered.
-
-# Rule: where two declarations agree, an array is one run, however long; the cost is that of the declarations.
 
 
 class Run(NamedTuple):
@@ -112,12 +109,8 @@ class _Pairing:
 
 
 def _members(node: PlacedStruct, first: int) -> Iterator[tuple[str, tuple[int, Node]]]:
-    """Yield the members by name, what the type EXTENDS as members of its own."""
-    for name, child, before in zip(node.names, node.nodes, node.firsts, strict=False):
-        if name or not isinstance(child, PlacedStruct):
-            yield name.casefold(), (first + before, child)
-        else:
-            yield from _members(child, first + before)
+    """Yield the members by name, each with the number of its first leaf."""
+    return ((one.name.casefold(), (one.first, one.node)) for one in node.flat(first=first))
 
 
 def _number(node: PlacedArray, index: tuple[int, ...]) -> int:
@@ -398,8 +391,6 @@ def _differs(ours: ComparedLeaf | None, theirs: ComparedLeaf | None) -> tuple[st
     found = [word for word, is_so in told if is_so]
     return (*found, VALUE) if ours.value != theirs.value else tuple(found)
 
-
-# Rule: rows are made once; table, summary and exit code come from the same count of all of them.
 
 MARK: Final = "*"
 NOTHING: Final = "-"

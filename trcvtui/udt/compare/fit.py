@@ -54,7 +54,7 @@ NAMED: Final = 3  # members that a sentence names
 SHOWN: Final = 32  # characters of a value
 TIE: Final = 1.0  # points: less is no evidence
 
-# The points of what is no member; those of members stand in likelihood.py, those of causes in causes.py.
+# The points of what is no member; those of members and causes stand in likelihood.py.
 LENGTH: Final = (8.0, -30.0)  # the message has the size of the type
 MULTIPLE: Final = -1.0  # less, when it is several times that size
 REPEATED: Final = 0.6  # k messages of other bytes say k**REPEATED times as much as one
@@ -545,7 +545,7 @@ def _called(reading: _Reading) -> str:
     return f"{reading.profiles[0]}, {reading.cause}" if reading.cause.kind else str(reading.profiles[0])
 
 
-# Rule: the words are those of the engine; names from a file reach the terminal as one plain line.
+# -- as text and as JSON: names from a file reach the terminal as one plain line -----------------------------
 
 MOST_ROWS: Final = 10  # of the text; JSON has all
 MOST_PRINTED: Final = 12

@@ -1,8 +1,9 @@
-"""What the bytes of one member say for a reading: points, and why.
+"""What bytes say for a reading: those of each member, and those beside a message; what else may be wrong.
 
 Points are natural logarithms: how much likelier the bytes are as a value that machines send than as bytes by
 chance. Of the bytes of telegrams about half are 0, so a 0 says little wherever it stands; a value without
-meaning costs at most `log(DOUBT)`, for machines do send such.
+meaning costs at most `log(DOUBT)`, for machines do send such. A cause is tried only where the lengths of the
+messages allow it; each says how rare it is.
 """
 
 from __future__ import annotations
@@ -400,8 +401,6 @@ def _order(rules: LayoutRules) -> _Order:
 def _short(value: float) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
-
-# Rule: a cause is tried only where the lengths of the messages allow it; each says how rare it is.
 
 HEADER, TRAILER, LONG, SHORT = "header", "trailer", "long", "short"
 WORD_SWAP, BYTE_SWAP = "word-swap", "byte-swap"

@@ -1,7 +1,8 @@
 """The padded type: a declaration that under one layout lies as a type does under another.
 
-Gaps become members of their own. What cannot be reached becomes raw bytes, and is told with the reason; the
-result is laid out again and every member compared, so that what is called possible is proved.
+Gaps become members of their own, and what is stored in another way bit strings of its size. What cannot be
+reached becomes raw bytes, and is told with the reason; the result is laid out again and every member
+compared, so that what is called possible is proved.
 """
 
 from __future__ import annotations
@@ -16,8 +17,6 @@ from trcvtui.udt.layout.placing import Filling, Placing, Unreachable
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
 from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, LeafType, Struct, Text, Type, Union, type_text
-
-# Rule: a stand-in has exactly the size of the leaf, and what then is to be converted is told.
 
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
@@ -75,8 +74,6 @@ def _text(type_: Text, size: int, theirs: LayoutRules, ours: LayoutRules) -> tup
     return (type_ if ours.text.length(type_) == length else found), ""
 
 
-# Rule: both trees are walked side by side, an ARRAY's element and a shared STRUCT once; names are whole.
-
 RawMember = tuple[int, str]  # the wanted node of its STRUCT (`id`), its name
 
 
@@ -110,8 +107,8 @@ class _Proof:
         self._proved.add(key)
 
     def struct(self, wanted: PlacedStruct, found: PlacedStruct, path: str) -> None:
-        own = {name.casefold(): (at, bit, node) for name, at, bit, node in flat(found)}
-        for name, offset, bit, node in flat(wanted):
+        own = {one.name.casefold(): (one.offset, one.bit, one.node) for one in found.flat()}
+        for name, offset, bit, node, _ in wanted.flat():
             below = f"{path}.{name}" if path else name
             is_raw = (id(wanted), name) in self.raw
             if is_raw and (bit is not None or not node.size):
@@ -123,16 +120,6 @@ class _Proof:
                 if own_bit != bit:
                     raise Unreachable(below, "it comes to lie at another bit")
                 self.node(node, lies, below)
-
-
-def flat(node: PlacedStruct, at: int = 0) -> Iterator[tuple[str, int, int | None, Node]]:
-    """Yield name, offset, bit and node of every member, what the type EXTENDS as members of its own."""
-    for name, offset, bit, child in zip(node.names, node.offsets, node.bits, node.nodes, strict=True):
-        if name or not isinstance(child, PlacedStruct):
-            is_bit = isinstance(child, PlacedLeaf) and child.is_bit
-            yield name, at + offset, bit if is_bit else None, child
-        else:
-            yield from flat(child, at + offset)
 
 
 MOST_TOLD: Final = 1024  # raw members that are named; a type of theirs may be used again and again
@@ -318,7 +305,7 @@ class _Rebuild:
 
     def filling(self, type_: Struct | Union, node: PlacedStruct, limit: int | None = None) -> Filling:
         cap = max(self.pack, 1) if self.pack is not None else self.placing.cap(type_)
-        return Filling(self.placing, cap, {name.casefold() for name, *_ in flat(node)}, limit)
+        return Filling(self.placing, cap, {one.name.casefold() for one in node.flat()}, limit)
 
     def named(self, type_: Struct | Union, fill: Filling, path: str) -> Struct | Union:
         """Return the type as it was where nothing had to change."""
@@ -339,21 +326,14 @@ def _below(path: str, inner: str) -> str:
     return f"{path}.{inner}" if path else inner
 
 
-def _members(
-    type_: Struct | Union, node: PlacedStruct, at: int = 0
-) -> Iterator[tuple[str, int, int | None, Node, Type]]:
+def _members(type_: Struct | Union, node: PlacedStruct) -> Iterator[tuple[str, int, int | None, Node, Type]]:
     """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
-    types: list[Type] = [] if type_.base is None else [type_.base]
-    types += [member.type for member in type_.members]
-    for name, offset, bit, child, inner in zip(
-        node.names, node.offsets, node.bits, node.nodes, types, strict=True
-    ):
-        if name:
-            is_bit = isinstance(child, PlacedLeaf) and child.is_bit
-            yield name, at + offset, bit if is_bit else None, child, inner
-        else:
-            assert isinstance(child, PlacedStruct) and isinstance(inner, Struct | Union)
-            yield from _members(inner, child, at + offset)
+    for one, type_of_it in zip(node.flat(), _types(type_), strict=True):
+        yield one.name, one.offset, one.bit, one.node, type_of_it
+
+
+def _types(type_: Struct | Union) -> list[Type]:
+    return [*(_types(type_.base) if type_.base else []), *(member.type for member in type_.members)]
 
 
 def told(found: PaddedType) -> list[str]:

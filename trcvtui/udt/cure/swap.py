@@ -24,6 +24,7 @@ from trcvtui.udt.types import (
     Text,
     Type,
     Union,
+    parts_of,
     type_text,
 )
 
@@ -182,11 +183,8 @@ class _Swapping:
     def is_bytes(self, type_: Type) -> bool:
         """Return whether no byte of the type has another place after the swap."""
         match type_:
-            case Array(element=element):
-                return self.is_bytes(element)
-            case Struct() | Union():
-                parts = [member.type for member in type_.members] + ([type_.base] if type_.base else [])
-                return all(map(self.is_bytes, parts))
+            case Array() | Struct() | Union():
+                return all(map(self.is_bytes, parts_of(type_)))
             case Text(wide=wide):
                 return not wide
             case _:

@@ -20,6 +20,7 @@ from trcvtui.udt.exports.outline import (
 )
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
+from trcvtui.udt.layout.value_text import UNITS
 from trcvtui.udt.st_write import NameScope, ascii_word
 from trcvtui.udt.types import Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union, type_text
 
@@ -234,9 +235,6 @@ def _elementary(row: Elementary) -> tuple[Lines, str]:
     if row.code.endswith("s"):
         return [f"size: {row.size}"], row.name
     return [f"type: {_number(row)}"], "" if row.kind is Kind.INTEGER else _unit(row)
-
-
-UNITS: Final = {1: "ns", 1_000_000: "ms", 1_000_000_000: "s", 86_400_000_000_000: "days"}
 
 
 def _unit(row: Elementary) -> str:

@@ -1,4 +1,7 @@
-"""One leaf's bytes and its value: elementary types, and which coding a leaf has under a layout's rules."""
+"""One leaf's bytes and its value: which coding a leaf has under a layout's rules; texts, S7's own times.
+
+Rule: to_value never fails, whatever the bytes are; to_raw raises Refused for every value that does not fit.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +26,6 @@ from trcvtui.udt.literals import (
     parse_time,
 )
 from trcvtui.udt.types import DAY, MS, SECOND, Elementary, Enumeration, Kind, LeafType, Text
-
-# Rule: to_value never fails, whatever the bytes are; to_raw raises Refused for every value that does not fit.
 
 Value = bool | int | float | str
 

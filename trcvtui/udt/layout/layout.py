@@ -1,4 +1,7 @@
-"""A type laid out in memory: every leaf and every gap with its offset, as the rules of the layout say."""
+"""A type laid out in memory: its leaves and gaps, and which profiles lay a type out alike.
+
+Rule: two profiles are one when every leaf lies at the same place and is stored in the same way.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,7 @@ from trcvtui.udt.layout.rules import (
     rules_for,
 )
 from trcvtui.udt.layout.value_text import stored_form
-from trcvtui.udt.types import Array, Enumeration, Kind, Struct, Text, Type, Union, type_text
+from trcvtui.udt.types import Enumeration, Kind, Struct, Text, Type, Union, parts_of, type_text
 
 __all__ = [
     "BYTE_ORDERS",
@@ -166,9 +169,6 @@ def _spelled(type_: Type, name: str) -> str:
     return own if own.casefold() == name.casefold() else name
 
 
-# Rule: two profiles are one when every leaf lies at the same place and is stored in the same way.
-
-
 class Profile(NamedTuple):
     """How a sender stores a type; `text` is the STRING form, "" where the type has no STRING."""
 
@@ -265,20 +265,10 @@ class _Shapes:
 
 def has_text(type_: Type) -> bool:
     """Return whether a STRING or WSTRING is in the type."""
-    return _has_text(type_, set())
-
-
-def _has_text(type_: Type, seen: set[int]) -> bool:
-    match type_:
-        case Text():
+    waiting, seen = [type_], {id(type_)}
+    for one in waiting:
+        if isinstance(one, Text):
             return True
-        case Array(element=element):
-            return _has_text(element, seen)
-        case Struct() | Union():
-            if id(type_) in seen:
-                return False
-            seen.add(id(type_))
-            parts = [member.type for member in type_.members] + ([type_.base] if type_.base else [])
-            return any(_has_text(part, seen) for part in parts)
-        case _:
-            return False
+        waiting += [part for part in parts_of(one) if id(part) not in seen]
+        seen.update(map(id, parts_of(one)))
+    return False

@@ -51,22 +51,23 @@ class PlacedMember(NamedTuple):
     bit: int = 0
 
 
+class FlatMember(NamedTuple):
+    """A member of a structure or of what it EXTENDS; `bit` is None but for a bit, `first` its first leaf."""
+
+    name: str
+    offset: int
+    bit: int | None
+    node: Node
+    first: int
+
+
 class PlacedStruct:
     """A structure: its members' names, offsets and nodes, and the number of leaves before each."""
 
     __slots__ = (
-        "align",
-        "bits",
-        "firsts",
-        "index",
-        "leaves",
-        "names",
-        "nodes",
-        "offsets",
-        "overlaps",
-        "size",
-        "steps",
-    )
+        "align", "bits", "firsts", "index", "leaves", "names", "nodes", "offsets", "overlaps",
+        "size", "steps",
+    )  # fmt: skip
 
     def __init__(self, parts: Sequence[PlacedMember], size: int, align: int) -> None:
         self.names = tuple(part.name for part in parts)
@@ -83,6 +84,16 @@ class PlacedStruct:
             firsts.append(firsts[-1] + node.leaves)
         self.leaves: int = firsts.pop()
         self.firsts = tuple(firsts)
+
+    def flat(self, offset: int = 0, first: int = 0) -> Iterator[FlatMember]:
+        """Yield the members, those of what the type EXTENDS as members of its own."""
+        for number, node in enumerate(self.nodes):
+            name, at, before = self.names[number], offset + self.offsets[number], first + self.firsts[number]
+            if name or not isinstance(node, PlacedStruct):
+                is_bit = isinstance(node, PlacedLeaf) and node.is_bit
+                yield FlatMember(name, at, self.bits[number] if is_bit else None, node, before)
+            else:
+                yield from node.flat(at, before)
 
 
 class PlacedUnion(PlacedStruct):
@@ -102,18 +113,9 @@ class PlacedArray:
     """
 
     __slots__ = (
-        "align",
-        "bounds",
-        "columns",
-        "count",
-        "element",
-        "is_bits",
-        "leaves",
-        "overlaps",
-        "pitch",
-        "row_size",
-        "size",
-    )
+        "align", "bounds", "columns", "count", "element", "is_bits", "leaves", "overlaps",
+        "pitch", "row_size", "size",
+    )  # fmt: skip
 
     def __init__(self, type_: Array, element: Node, pitch: int, align: int) -> None:
         self.bounds, self.count, self.element, self.pitch = type_.bounds, type_.count, element, pitch

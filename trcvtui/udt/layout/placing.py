@@ -1,4 +1,4 @@
-"""Where members lie: one walk over a declaration, by the rules of a layout (udt.md section 3).
+"""Where members lie: one walk over a declaration, by the rules of a layout; and members put at given places.
 
 Rule: alignment applies to the members of a STRUCT only; a lone scalar, text or array of these is tight
 (baosky.md section 9). Each STRUCT is placed once, however many members have its type.
@@ -157,8 +157,6 @@ def _checked(node: _N, where: str) -> _N:
         raise mistake(where, f"{node.leaves} elements", f"at most {MOST_LEAVES} elements")
     return node
 
-
-# Rule: the arithmetic is that of placing.py, asked for a place in place of giving one.
 
 BYTE = ELEMENTARY["BYTE"]
 

@@ -179,7 +179,7 @@ def layout_names() -> list[str]:
 
 
 def rules_for(
-    layout: str = DEFAULT_LAYOUT,
+    layout: str | LayoutRules = DEFAULT_LAYOUT,
     byte_order: str | None = None,
     text: str | None = None,
     *,
@@ -187,21 +187,7 @@ def rules_for(
     string_even: bool | None = None,
     enum_base: str | None = None,
 ) -> LayoutRules:
-    """Return the rules of a layout by name, its settings replaced by what is given; refuse unknown ones."""
-    rules = settled(layout, byte_order, text, pointer_size, string_even)
-    if enum_base is not None:
-        rules = replace(rules, enum_base=_known("enum base", enum_base.upper(), INTEGERS).name)
-    return rules
-
-
-def settled(
-    layout: str | LayoutRules,
-    byte_order: str | None = None,
-    text: str | None = None,
-    pointer_size: int | None = None,
-    string_even: bool | None = None,
-) -> LayoutRules:
-    """Return the rules of a layout, or these, with the settings that are given."""
+    """Return the rules of a layout, or these, with the settings that are given; raise UserError."""
     rules = layout
     if isinstance(rules, str):
         rules = _known("layout", LAYOUT_ALIASES.get(rules, rules), LAYOUTS, layout_names())
@@ -218,6 +204,8 @@ def settled(
         rules = replace(rules, pointer_size=pointer_size)
     if string_even is not None:
         rules = replace(rules, string_even=string_even)
+    if enum_base is not None:
+        rules = replace(rules, enum_base=_known("enum base", enum_base.upper(), INTEGERS).name)
     return rules
 
 
@@ -232,7 +220,14 @@ class LayoutChoice(NamedTuple):
 
     def rules(self, own: str | LayoutRules = DEFAULT_LAYOUT) -> LayoutRules:
         """Return the rules chosen; `own` where no layout is. Raise UserError for an unknown name."""
-        return settled(own if self.layout is None else self.layout, *self[1:])
+        chosen = own if self.layout is None else self.layout
+        return rules_for(
+            chosen,
+            self.byte_order,
+            self.text,
+            pointer_size=self.pointer_size,
+            string_even=self.string_even,
+        )
 
     def __str__(self) -> str:
         """Return it as a line has it: `layout=packed byte_order=big`."""

@@ -1,4 +1,4 @@
-"""A decoded value as a person reads it: hex beside bit strings, names beside the numbers of an enumeration.
+"""How a leaf is stored, and its value as a person reads it: hex beside bit strings, names beside numbers.
 
 Rule: bytes are data, so no control code passes; and what is odd about them is shown (udt.md U11, U12).
 """

@@ -1,7 +1,8 @@
-"""Leaves that overlap, written so that all of them still read as their own values.
+"""The bytes of a layout to values and back, streamed or one by one; in a UNION every member keeps its value.
 
-Rule: first the leaves of which every bit counts; then BOOL, texts and the like, which several byte strings
-say, by changing as little as their value needs.
+Rules: no data is an error: a leaf that is not wholly there is None, surplus bytes are ignored. What is made
+of the element of an ARRAY is made once. Of overlapping leaves those of which every bit counts are written
+first; then BOOL, texts and the like, by changing as little as their value needs.
 """
 
 from __future__ import annotations
@@ -27,8 +28,6 @@ from trcvtui.udt.layout.layout_tree import (
     walk,
 )
 from trcvtui.udt.types import Text
-
-# Rule: what is made of the element of an ARRAY is made once and given again for every element.
 
 FEW: Final = 256  # leaves that are made one by one
 PAGE: Final = 1024  # elements that are decoded, rows that are aligned at once
@@ -162,9 +161,6 @@ def pages(rows: Iterable[_T], size: int = PAGE) -> Iterator[list[_T]]:
     waiting = iter(rows)
     while page := list(islice(waiting, size)):
         yield page
-
-
-# Rule: no data is an error. A leaf that is not wholly there is None; surplus bytes are ignored.
 
 
 def decode(layout: Layout, data: Data) -> Values:

@@ -10,20 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import (
-    ArraySpec,
-    Constant,
-    Declaration,
-    Declarations,
-    EnumSpec,
-    Formula,
-    MemberSpec,
-    Number,
-    PointerSpec,
-    Reference,
-    Spec,
-    StructSpec,
-)
+from trcvtui.udt import ast
 from trcvtui.udt.sources.c_parse import (
     C_TYPES,
     FOUR_BYTES,
@@ -43,7 +30,7 @@ MOST_DIMENSIONS = 8
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
 
 
-def read_c(text: str, name: str) -> Declarations:
+def read_c(text: str, name: str) -> ast.Declarations:
     """Return what a C header declares; raise UserError where pycparser is not there."""
     try:
         from pycparser.c_parser import CParser  # type: ignore[import-untyped]
@@ -53,10 +40,10 @@ def read_c(text: str, name: str) -> Declarations:
     reader = _Reader(source)
     for node in parsed(CParser, source):
         reader.outer(node)
-    return Declarations(
+    return ast.Declarations(
         tuple(reader.types),
         tuple(source.problems),
-        tuple(map(Constant, reader.constants, reader.constants.values())),
+        tuple(map(ast.Constant, reader.constants, reader.constants.values())),
     )
 
 
@@ -65,11 +52,11 @@ class _Reader:
 
     def __init__(self, source: CSource) -> None:
         self.source = source
-        self.types: list[Declaration] = []
+        self.types: list[ast.Declaration] = []
         self.tags: dict[str, str] = {}
-        self.aliases: dict[str, Reference] = {}
+        self.aliases: dict[str, ast.Reference] = {}
         self.macros = Macros(source)
-        self.constants: dict[str, Number] = {}
+        self.constants: dict[str, ast.Number] = {}
         for name in source.numbers:
             value = self.macros.macro(name)
             if value is not None:
@@ -91,7 +78,7 @@ class _Reader:
     def outer(self, node: Any) -> None:
         """Read an outer declaration: a typedef, a STRUCT, UNION or enumeration with a tag, a constant."""
         kind = type(node).__name__
-        if isinstance(node, Declaration):
+        if isinstance(node, ast.Declaration):
             self.types.append(node)
         elif kind == "Typedef":
             self.typedef(node)
@@ -112,9 +99,9 @@ class _Reader:
         elif tag == node.name:
             return  # typedef struct T T;
         spec = self.declare(node.name, node, lambda: self.spec(node.type, 0))
-        if isinstance(spec, Reference) and spec.name.upper() in ELEMENTARY:
+        if isinstance(spec, ast.Reference) and spec.name.upper() in ELEMENTARY:
             self.aliases[node.name] = spec
-        if node.name.upper() in ELEMENTARY and isinstance(spec, Reference):
+        if node.name.upper() in ELEMENTARY and isinstance(spec, ast.Reference):
             self.types.pop()  # `typedef unsigned short UINT;` says what UINT is: nothing new to declare
 
     def tagged(self, node: Any) -> None:
@@ -127,21 +114,21 @@ class _Reader:
         elif type(node).__name__ == "Enum":
             self.enum(node)
 
-    def declare(self, name: str, node: Any, read: Callable[[], Spec]) -> Spec | None:
+    def declare(self, name: str, node: Any, read: Callable[[], ast.Spec]) -> ast.Spec | None:
         """Keep one declaration with what is wrong in it, and what is worth a note."""
         self.problems, self.notes = [], {}
-        spec: Spec | None = None
+        spec: ast.Spec | None = None
         try:
             spec = read()
         except UserError as refused:
             self.problems.extend(refused.problems)
         where = self.where(node)
-        self.types.append(Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
+        self.types.append(ast.Declaration(name, spec, where, tuple(self.problems), tuple(self.notes)))
         return spec
 
     # -- types -------------------------------------------------------------------------------------------
 
-    def spec(self, node: Any, depth: int) -> Spec:
+    def spec(self, node: Any, depth: int) -> ast.Spec:
         """Return the type of a declarator."""
         match type(node).__name__:
             case "TypeDecl":
@@ -149,10 +136,10 @@ class _Reader:
             case "ArrayDecl":
                 return self.array(node, depth)
             case "PtrDecl":
-                return PointerSpec("POINTER TO " + _target(node.type))
+                return ast.PointerSpec("POINTER TO " + _target(node.type))
         raise mistake(self.where(node), "a function", "a type with a size")
 
-    def inner(self, node: Any, depth: int) -> Spec:
+    def inner(self, node: Any, depth: int) -> ast.Spec:
         """Return a type by name, or one written in place."""
         if depth > MOST_NESTED:
             raise mistake(self.where(node), "a type nested deeper", f"at most {MOST_NESTED} levels")
@@ -160,10 +147,10 @@ class _Reader:
         if kind == "IdentifierType":
             return self.named(node)
         if not _is_definition(node):
-            return Reference(self.tags.get(node.name, node.name), self.where(node))
+            return ast.Reference(self.tags.get(node.name, node.name), self.where(node))
         return self.enum(node) if kind == "Enum" else self.struct(node, depth)
 
-    def named(self, node: Any) -> Reference:
+    def named(self, node: Any) -> ast.Reference:
         words = sorted(word for word in node.names if word != "signed" or "char" in node.names)
         if len(words) > 1 and "int" in words and words != ["int", "unsigned"]:
             words.remove("int")
@@ -177,21 +164,21 @@ class _Reader:
             raise mistake(self.where(node), f"'{' '.join(node.names)}'", NO_ONE_SIZE[name])
         if name in FOUR_BYTES:
             self.notes["int is taken as 4 bytes"] = None
-        return Reference(C_TYPES.get(name, name), self.where(node))
+        return ast.Reference(C_TYPES.get(name, name), self.where(node))
 
-    def struct(self, node: Any, depth: int) -> StructSpec:
+    def struct(self, node: Any, depth: int) -> ast.StructSpec:
         """Return a STRUCT or UNION; a bad member is noted and left out."""
         place = self.source.offset(node.coord.line, node.coord.column or 1) if node.coord else 0
-        members: list[MemberSpec] = []
+        members: list[ast.MemberSpec] = []
         for at, member in enumerate(node.decls or ()):
             try:
                 members.extend(self.member(member, at, depth + 1))
             except UserError as refused:
                 self.problems.extend(refused.problems)
         is_union = type(node).__name__ == "Union"
-        return StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
+        return ast.StructSpec(tuple(members), pack=self.source.pack(place), is_union=is_union)
 
-    def member(self, node: Any, at: int, depth: int) -> Iterator[MemberSpec]:
+    def member(self, node: Any, at: int, depth: int) -> Iterator[ast.MemberSpec]:
         if type(node).__name__ != "Decl":
             return
         if node.bitsize is not None:
@@ -203,12 +190,12 @@ class _Reader:
             if type(node.type).__name__ not in ("Struct", "Union") or node.type.name:
                 raise mistake(self.where(node), "a member without a name", "a name")
             self.notes["a member without a name is called anonymous_N"] = None
-            yield MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), self.where(node))
+            yield ast.MemberSpec(f"anonymous_{at}", self.inner(node.type, depth), self.where(node))
             return
-        yield MemberSpec(node.name, self.spec(node.type, depth), self.where(node))
+        yield ast.MemberSpec(node.name, self.spec(node.type, depth), self.where(node))
 
-    def array(self, node: Any, depth: int) -> Spec:
-        bounds: list[tuple[Number, Number]] = []
+    def array(self, node: Any, depth: int) -> ast.Spec:
+        bounds: list[tuple[ast.Number, ast.Number]] = []
         where = self.where(node)
         while type(node).__name__ == "ArrayDecl":
             bounds.append((0, self.last_index(node)))
@@ -216,11 +203,11 @@ class _Reader:
         if len(bounds) > MOST_DIMENSIONS:
             raise mistake(where, f"{len(bounds)} dimensions", f"at most {MOST_DIMENSIONS}")
         element = self.spec(node, depth + 1)
-        if isinstance(element, Reference) and element.name == "CHAR":
+        if isinstance(element, ast.Reference) and element.name == "CHAR":
             self.notes["char[] is read as ARRAY OF CHAR: a text ends with its NUL"] = None
-        return ArraySpec(tuple(bounds), element)
+        return ast.ArraySpec(tuple(bounds), element)
 
-    def last_index(self, node: Any) -> Number:
+    def last_index(self, node: Any) -> ast.Number:
         """Return the last index of an array: the number in its brackets less one."""
         where = self.where(node)
         if node.dim is None:
@@ -232,23 +219,23 @@ class _Reader:
                 raise mistake(
                     where, "a length that is no number", "a number, or + - * / of names and numbers"
                 )
-            return Formula(f"{text} - 1", where)
+            return ast.Formula(f"{text} - 1", where)
         if length < 1:
             raise mistake(where, f"[{length}]", "a length of 1 or more")
         return length - 1
 
-    def enum(self, node: Any) -> EnumSpec:
+    def enum(self, node: Any) -> ast.EnumSpec:
         """Return an enumeration; its values become constants."""
         self.notes["an enum is taken as 4 bytes"] = None
-        values: list[tuple[str, Number | None]] = []
+        values: list[tuple[str, ast.Number | None]] = []
         number: int | None = -1
         for row in node.values.enumerators:
             given = fold(row.value, self.look_up)
             number = given if row.value is not None else None if number is None else number + 1
             if number is not None:
                 self.constants[row.name] = number
-            values.append((row.name, number if number is not None else Formula("?", self.where(row))))
-        return EnumSpec(Reference("DINT", self.where(node)), tuple(values))
+            values.append((row.name, number if number is not None else ast.Formula("?", self.where(row))))
+        return ast.EnumSpec(ast.Reference("DINT", self.where(node)), tuple(values))
 
 
 def _is_definition(node: Any) -> bool:

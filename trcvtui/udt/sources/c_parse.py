@@ -1,4 +1,8 @@
-"""C text into the nodes of pycparser, one outer declaration at a time: a bad one never hides the others."""
+"""C text into the nodes of pycparser, one outer declaration at a time, and the whole numbers in it.
+
+Rules: a bad declaration never hides the others. A number is bounded in length, depth and size; a name that
+nobody knows makes it unknown.
+"""
 
 from __future__ import annotations
 
@@ -8,36 +12,26 @@ from typing import Any
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import Declaration
+from trcvtui.udt.constants import quotient
 from trcvtui.udt.sources.c_source import KEYWORDS, CSource
 
-# One IEC type for each C type; the words of a type are sorted, `signed` and a needless `int` left out.
-C_TYPES = {
-    "int8_t": "SINT",
-    "int16_t": "INT",
-    "int32_t": "DINT",
-    "int64_t": "LINT",
-    "uint8_t": "USINT",
-    "uint16_t": "UINT",
-    "uint32_t": "UDINT",
-    "uint64_t": "ULINT",
-    "bool": "BOOL",
-    "_Bool": "BOOL",
-    "char": "CHAR",
-    "char8_t": "CHAR",
-    "char16_t": "WCHAR",
-    "float": "REAL",
-    "double": "LREAL",
-    "float32_t": "REAL",
-    "float64_t": "LREAL",
-    "char signed": "SINT",
-    "char unsigned": "USINT",
-    "short": "INT",
-    "short unsigned": "UINT",
-    "int": "DINT",
-    "int unsigned": "UDINT",
-    "long long": "LINT",
-    "long long unsigned": "ULINT",
+# The words of a C type are sorted, `signed` and a needless `int` left out.
+_IEC_TYPES = {
+    "BOOL": ("bool", "_Bool"),
+    "SINT": ("int8_t", "char signed"),
+    "INT": ("int16_t", "short"),
+    "DINT": ("int32_t", "int"),
+    "LINT": ("int64_t", "long long"),
+    "USINT": ("uint8_t", "char unsigned"),
+    "UINT": ("uint16_t", "short unsigned"),
+    "UDINT": ("uint32_t", "int unsigned"),
+    "ULINT": ("uint64_t", "long long unsigned"),
+    "CHAR": ("char", "char8_t"),
+    "WCHAR": ("char16_t",),
+    "REAL": ("float", "float32_t"),
+    "LREAL": ("double", "float64_t"),
 }
+C_TYPES = {word: name for name, words in _IEC_TYPES.items() for word in words}
 FOUR_BYTES = ("int", "int unsigned")
 # No size of their own in C; INT, UINT and BOOL have two bytes or one in IEC 61131-3, and four on Windows.
 NO_ONE_SIZE = {
@@ -55,8 +49,6 @@ NAMED_TYPES = frozenset(
 )
 
 
-# Rule: bounded in length, depth and size; a name that nobody knows makes the number unknown.
-
 LONGEST = 1000
 DEEPEST = 64
 LARGEST = 1 << 64
@@ -66,8 +58,8 @@ _BINARY: dict[str, Callable[[int, int], int | None]] = {
     "+": lambda a, b: a + b,
     "-": lambda a, b: a - b,
     "*": lambda a, b: a * b,
-    "/": lambda a, b: _quotient(a, b),
-    "%": lambda a, b: None if b == 0 else a - b * (_quotient(a, b) or 0),
+    "/": lambda a, b: None if b == 0 else quotient(a, b),
+    "%": lambda a, b: None if b == 0 else a - b * quotient(a, b),
     "<<": lambda a, b: a << b if 0 <= b < 64 else None,
     ">>": lambda a, b: a >> b if 0 <= b < 64 else None,
     "&": lambda a, b: a & b,
@@ -134,11 +126,7 @@ def formula(node: Any, depth: int = 0) -> str | None:
 
 def is_short(text: str) -> bool:
     """Return whether an expression is one that a C parser may be asked to read: not long, not deep."""
-    depth = deepest = 0
-    for symbol in text if len(text) <= LONGEST else "":
-        depth += (symbol in "([{") - (symbol in ")]}")
-        deepest = max(deepest, depth)
-    return len(text) <= LONGEST and deepest <= DEEPEST
+    return len(text) <= LONGEST and _is_flat(text)
 
 
 def _constant(text: str) -> int | None:
@@ -149,14 +137,6 @@ def _constant(text: str) -> int | None:
         return int(digits, 8) if re.fullmatch(r"0[0-7]+", digits) else int(digits, 0)
     except ValueError:
         return None
-
-
-def _quotient(left: int, right: int) -> int | None:
-    """Return the quotient, cut towards zero as C does."""
-    if right == 0:
-        return None
-    whole = abs(left) // abs(right)
-    return whole if (left < 0) == (right < 0) else -whole
 
 
 # A name that no typedef of this file declares, where only a type can stand: it comes from an #include.

@@ -16,25 +16,12 @@ PACKS = (1, 2, 4, 8, 16)
 LONGEST_WORDS = 200
 MOST_NESTED = 64
 # A macro with one of these in it is no number.
-KEYWORDS = frozenset(
-    {
-        *(
-            "struct",
-            "union",
-            "enum",
-            "typedef",
-            "const",
-            "volatile",
-            "static",
-            "extern",
-            "inline",
-            "restrict",
-        ),
-        *("void", "char", "short", "int", "long", "float", "double", "signed", "unsigned", "_Bool", "bool"),
-        *("return", "if", "else", "for", "while", "do", "switch", "case", "break", "goto", "sizeof"),
-        *("__attribute__", "__packed", "__declspec", "_Alignas"),
-    }
-)
+_WORDS = """
+struct union enum typedef const volatile static extern inline restrict void char short int long float double
+signed unsigned _Bool bool return if else for while do switch case break goto sizeof __attribute__ __packed
+__declspec _Alignas
+"""
+KEYWORDS = frozenset(_WORDS.split())
 # Of all attributes only these change nothing in a layout and may be left out.
 HARMLESS = frozenset({"unused", "used", "deprecated", "may_alias", "gcc_struct", "ms_struct", "nonstring"})
 

@@ -9,17 +9,7 @@ from __future__ import annotations
 import re
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import (
-    ArraySpec,
-    Declaration,
-    Declarations,
-    MemberSpec,
-    Number,
-    PointerSpec,
-    Reference,
-    Spec,
-    StructSpec,
-)
+from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.literals import NAME
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
@@ -34,76 +24,76 @@ _QUOTED = re.compile(r'"([^"]+)"')
 _NAME = re.compile(rf"{NAME}(\.{NAME})*")
 
 
-def read_openness(root: Element) -> Declarations:
+def read_openness(root: Element) -> ast.Declarations:
     """Return the PLC data types of an export; raise UserError when it holds something else."""
     structs = list(root.all(TYPE))
     if not structs:
         others = ", ".join(f"<{child.name}>" for child in root.children if child.name.startswith("SW."))
         raise mistake(root.where, others or "no type", f"<{TYPE}>, the export of a PLC data type")
-    types: list[Declaration] = []
+    types: list[ast.Declaration] = []
     problems: list[Problem] = []
     for struct in structs:
         try:
             types.append(_declaration(struct))
         except UserError as refused:
             problems.extend(refused.problems)
-    return Declarations(tuple(types), tuple(problems), layout=S7.name)
+    return ast.Declarations(tuple(types), tuple(problems), layout=S7.name)
 
 
-def _declaration(element: Element) -> Declaration:
+def _declaration(element: Element) -> ast.Declaration:
     name = element.at("AttributeList", "Name")
     if name is None or not name.text.strip():
         raise mistake(element.where, f"<{TYPE}> without a name", "<AttributeList> with <Name>")
     sections = element.at("AttributeList", "Interface", "Sections") or element.at("Interface", "Sections")
     if sections is None:
         found = f"'{name.text.strip()}' without members"
-        return Declaration(
+        return ast.Declaration(
             name.text.strip(), None, element.where, (Problem(element.where, found, "<Sections>"),)
         )
     problems: list[Problem] = []
     members = [m for section in sections.all("Section") for m in _members(section, 1, problems)]
-    return Declaration(name.text.strip(), StructSpec(tuple(members)), element.where, tuple(problems))
+    return ast.Declaration(name.text.strip(), ast.StructSpec(tuple(members)), element.where, tuple(problems))
 
 
-def _members(element: Element, depth: int, problems: list[Problem]) -> list[MemberSpec]:
+def _members(element: Element, depth: int, problems: list[Problem]) -> list[ast.MemberSpec]:
     """Return the members in a section or a STRUCT; a bad one is noted and left out."""
-    members: list[MemberSpec] = []
+    members: list[ast.MemberSpec] = []
     for member in element.all("Member"):
         try:
             spec = _type(member.needed("Datatype"), member, depth, problems)
-            members.append(MemberSpec(member.needed("Name"), spec, member.where))
+            members.append(ast.MemberSpec(member.needed("Name"), spec, member.where))
         except UserError as refused:
             problems.extend(refused.problems)
     return members
 
 
-def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> Spec:
+def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> ast.Spec:
     """Return the type that a Datatype names, a STRUCT with the members below the member."""
     text = text.strip()
     if array := _ARRAY.fullmatch(text):
         inner = _type(array.group(2), member, deeper(depth, member), problems)
-        return ArraySpec(_bounds(array.group(1), member), inner)
+        return ast.ArraySpec(_bounds(array.group(1), member), inner)
     if text.upper() == "STRUCT":
-        return StructSpec(tuple(_members(member, deeper(depth, member), problems)))
+        return ast.StructSpec(tuple(_members(member, deeper(depth, member), problems)))
     if string := _TEXT.fullmatch(text):
         return text_type(string.group(2) or "", bool(string.group(1)), member.where)
     if _POINTER.fullmatch(text):
-        return PointerSpec(text)
+        return ast.PointerSpec(text)
     if quoted := _QUOTED.fullmatch(text):
-        return Reference(quoted.group(1), member.where)
+        return ast.Reference(quoted.group(1), member.where)
     if _NAME.fullmatch(text):
-        return Reference(text, member.where)
+        return ast.Reference(text, member.where)
     raise mistake(
         member.where, f"Datatype '{text[:40]}'", 'a type such as Int, String[10], Array[0..3] of "T"'
     )
 
 
-def _bounds(text: str, member: Element) -> tuple[tuple[Number, Number], ...]:
+def _bounds(text: str, member: Element) -> tuple[tuple[ast.Number, ast.Number], ...]:
     """Return the bounds of `0..3, 1..2`."""
     ranges = text.split(",")
     if len(ranges) > MOST_DIMENSIONS:
         raise mistake(member.where, f"{len(ranges)} dimensions", f"at most {MOST_DIMENSIONS}")
-    pairs: list[tuple[Number, Number]] = []
+    pairs: list[tuple[ast.Number, ast.Number]] = []
     for range_ in ranges:
         low, dots, high = range_.partition("..")
         if not dots:

@@ -10,21 +10,7 @@ import re
 from collections.abc import Callable, Iterator
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.udt.ast import (
-    ArraySpec,
-    Constant,
-    Declaration,
-    Declarations,
-    EnumSpec,
-    Formula,
-    MemberSpec,
-    Number,
-    PointerSpec,
-    RangeSpec,
-    Reference,
-    Spec,
-    StructSpec,
-)
+from trcvtui.udt import ast
 from trcvtui.udt.constants import read_number
 from trcvtui.udt.literals import NAME, parse_integer
 from trcvtui.udt.sources.st import read_spec
@@ -35,9 +21,9 @@ NOT_TYPES = ("documentation", "addData")
 _NAME = re.compile(rf"{NAME}(\.{NAME})*")
 
 
-def read_plcopen(root: Element) -> Declarations:
+def read_plcopen(root: Element) -> ast.Declarations:
     """Return all data types of a project, and the constants of its global variables."""
-    types: list[Declaration] = []
+    types: list[ast.Declaration] = []
     problems: list[Problem] = []
     for element in root.below("dataType", "union"):
         # A UNION without a name is the type of somebody's variable.
@@ -50,10 +36,10 @@ def read_plcopen(root: Element) -> Declarations:
     if not types and not problems:
         problems.append(Problem(root.where, "no data type", "<dataType> in a PLCopen project"))
     constants = [constant for list_ in root.below("globalVars") for constant in _constants(list_).constants]
-    return Declarations(tuple(types), tuple(problems), tuple(constants))
+    return ast.Declarations(tuple(types), tuple(problems), tuple(constants))
 
 
-def _declarations(element: Element) -> Iterator[Declaration]:
+def _declarations(element: Element) -> Iterator[ast.Declaration]:
     """Yield the type of an element; more only if its ST text declares more."""
     name = element.needed("name")
     plain = _plain_text(element)
@@ -63,17 +49,17 @@ def _declarations(element: Element) -> Iterator[Declaration]:
             for type_ in read.types:
                 yield named(type_, name)
             if read.problems:
-                yield Declaration(name, None, plain.where, read.problems)
+                yield ast.Declaration(name, None, plain.where, read.problems)
             return
     walk = _TypeWalk()
-    spec: Spec | None = None
+    spec: ast.Spec | None = None
     try:
         spec = walk.struct(element, 0) if element.name == "union" else walk.base(element, 0)
-        if isinstance(spec, StructSpec):
+        if isinstance(spec, ast.StructSpec):
             spec = spec._replace(base=_extends(element), pack=_pack(element))
     except UserError as refused:
         walk.problems.extend(refused.problems)
-    yield Declaration(name, spec, element.where, tuple(walk.problems))
+    yield ast.Declaration(name, spec, element.where, tuple(walk.problems))
 
 
 def _additions(element: Element, kind: str) -> Iterator[Element]:
@@ -93,11 +79,11 @@ def _plain_text(element: Element) -> Element | None:
     return None
 
 
-def _extends(element: Element) -> Reference | None:
+def _extends(element: Element) -> ast.Reference | None:
     for inheritance in _additions(element, "datatypeinheritance"):
         base = inheritance.at("Extends")
         if base is not None and base.text.strip():
-            return Reference(base.text.strip(), base.where)
+            return ast.Reference(base.text.strip(), base.where)
     return None
 
 
@@ -112,18 +98,18 @@ def _pack(element: Element) -> int | None:
     return None
 
 
-def _constants(list_: Element) -> Declarations:
+def _constants(list_: Element) -> ast.Declarations:
     """Return the constants of one list of global variables."""
     plain = _plain_text(list_)
     if plain is not None:
         return qualified(read_inside(plain), list_.get("name"))
-    found: list[Constant] = []
+    found: list[ast.Constant] = []
     for variable in list_.all("variable") if list_.get("constant").strip() in ("true", "1") else ():
         value = variable.at("initialValue", "simpleValue")
         whole = parse_integer(value.get("value")) if value else None
         if whole is not None and variable.get("name"):
-            found.append(Constant(variable.get("name"), whole, variable.where))
-    return qualified(Declarations((), (), tuple(found)), list_.get("name"))
+            found.append(ast.Constant(variable.get("name"), whole, variable.where))
+    return qualified(ast.Declarations((), (), tuple(found)), list_.get("name"))
 
 
 class _TypeWalk:
@@ -132,65 +118,65 @@ class _TypeWalk:
     def __init__(self) -> None:
         self.problems: list[Problem] = []
 
-    def base(self, element: Element, depth: int) -> Spec:
+    def base(self, element: Element, depth: int) -> ast.Spec:
         """Return the type in the <baseType> of an element."""
         inner = element.at("baseType")
         if inner is None:
             raise mistake(element.where, f"<{element.name}> without a type", "<baseType>")
         return self.type(inner, depth)
 
-    def type(self, element: Element, depth: int) -> Spec:
+    def type(self, element: Element, depth: int) -> ast.Spec:
         """Return the type in a <type> or <baseType>."""
         inner = _inner(element)
         if inner is None:
             raise mistake(element.where, f"<{element.name}> with nothing in it", "a type")
         return SPECS.get(inner.name, _TypeWalk.elementary)(self, inner, deeper(depth, inner))
 
-    def struct(self, element: Element, depth: int) -> Spec:
-        members: list[MemberSpec] = []
+    def struct(self, element: Element, depth: int) -> ast.Spec:
+        members: list[ast.MemberSpec] = []
         for variable in element.all("variable"):
             try:
                 name, type_ = variable.needed("name"), variable.at("type")
                 if type_ is None:
                     raise mistake(variable.where, f"member '{name}' without a type", "<type>")
-                members.append(MemberSpec(name, self.type(type_, depth), variable.where))
+                members.append(ast.MemberSpec(name, self.type(type_, depth), variable.where))
             except UserError as refused:
                 self.problems.extend(refused.problems)
-        return StructSpec(tuple(members), is_union=element.name == "union")
+        return ast.StructSpec(tuple(members), is_union=element.name == "union")
 
-    def array(self, element: Element, depth: int) -> Spec:
+    def array(self, element: Element, depth: int) -> ast.Spec:
         pairs = [bounds(d.needed("lower"), d.needed("upper"), d.where) for d in element.all("dimension")]
         if not pairs:
             raise mistake(element.where, "<array> without bounds", '<dimension lower="..." upper="..."/>')
-        return ArraySpec(tuple(pairs), self.base(element, depth))
+        return ast.ArraySpec(tuple(pairs), self.base(element, depth))
 
-    def enum(self, element: Element, _depth: int) -> Spec:
+    def enum(self, element: Element, _depth: int) -> ast.Spec:
         list_, base = element.at("values"), _inner(element.at("baseType"))
         values = [(value.needed("name"), _value(value)) for value in (list_.all("value") if list_ else ())]
         if not values:
             raise mistake(element.where, "<enum> without values", '<value name="..."/>')
-        return EnumSpec(_reference(base) if base else None, tuple(values))
+        return ast.EnumSpec(_reference(base) if base else None, tuple(values))
 
-    def range(self, element: Element, _depth: int) -> Spec:
+    def range(self, element: Element, _depth: int) -> ast.Spec:
         limits, base = element.at("range"), _inner(element.at("baseType"))
         if limits is None or base is None:
             raise mistake(element.where, f"<{element.name}> without all its parts", "<range> and <baseType>")
         low, high = bounds(limits.needed("lower"), limits.needed("upper"), limits.where)
-        return RangeSpec(_reference(base), low, high)
+        return ast.RangeSpec(_reference(base), low, high)
 
-    def pointer(self, element: Element, _depth: int) -> Spec:
+    def pointer(self, element: Element, _depth: int) -> ast.Spec:
         target = _inner(element.at("baseType"))
-        return PointerSpec("POINTER TO " + (_reference(target).name if target else "?"))
+        return ast.PointerSpec("POINTER TO " + (_reference(target).name if target else "?"))
 
-    def derived(self, element: Element, _depth: int) -> Spec:
+    def derived(self, element: Element, _depth: int) -> ast.Spec:
         name = element.needed("name")
         # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
-        return Reference(name, element.where) if _NAME.fullmatch(name) else read_spec(name, element.where)
+        return ast.Reference(name, element.where) if _NAME.fullmatch(name) else read_spec(name, element.where)
 
-    def string(self, element: Element, _depth: int) -> Spec:
+    def string(self, element: Element, _depth: int) -> ast.Spec:
         return text_type(element.get("length"), element.name.lower() == "wstring", element.where)
 
-    def elementary(self, element: Element, _depth: int) -> Spec:
+    def elementary(self, element: Element, _depth: int) -> ast.Spec:
         return _reference(element)
 
 
@@ -201,22 +187,22 @@ def _inner(element: Element | None) -> Element | None:
     )
 
 
-def _value(value: Element) -> Number | None:
+def _value(value: Element) -> ast.Number | None:
     """Return the number of a value of an enumeration; None is one more than the value before."""
     text = value.get("value").strip()
     try:
         return read_number(text, value.where) if text else None
     except UserError:
-        return Formula(text, value.where)  # only the size is known (udt.md U8)
+        return ast.Formula(text, value.where)  # only the size is known (udt.md U8)
 
 
-def _reference(element: Element) -> Reference:
+def _reference(element: Element) -> ast.Reference:
     """Return a type by its name: `<derived name="T"/>`, or `<INT/>`."""
     name = element.needed("name") if element.name == "derived" else element.name
-    return Reference(name, element.where)
+    return ast.Reference(name, element.where)
 
 
-SPECS: dict[str, Callable[[_TypeWalk, Element, int], Spec]] = {
+SPECS: dict[str, Callable[[_TypeWalk, Element, int], ast.Spec]] = {
     "struct": _TypeWalk.struct,
     "union": _TypeWalk.struct,
     "array": _TypeWalk.array,

@@ -9,7 +9,7 @@ import re
 from bisect import bisect_right
 
 from trcvtui.errors import UserError
-from trcvtui.udt.ast import Constant, Declaration, Declarations, Reference, Spec, StructSpec
+from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, OPENERS, Shape, Source, SourceDialect, StToken
 from trcvtui.udt.sources.st_spec import SpecParser, encoded
@@ -34,12 +34,12 @@ _PACK_MODE = r"""(?i)attribute\s+['"]pack_mode['"]\s*:=\s*['"]([^'"]*)['"]"""
 _ACCESS = r"""(?i)S7_Optimized_Access\s*:=\s*['"](TRUE|FALSE)['"]"""
 
 
-def read_st(text: str, name: str, first_line: int = 1, dialect: SourceDialect = IEC) -> Declarations:
+def read_st(text: str, name: str, first_line: int = 1, dialect: SourceDialect = IEC) -> ast.Declarations:
     """Return what ST text declares; `name` is the file as messages call it, `first_line` where it begins."""
     return Parser(Source(name, text, first_line, dialect.nests_comments), dialect).file()
 
 
-def read_spec(text: str, where: str, first_line: int = 1, dialect: SourceDialect = IEC) -> Spec:
+def read_spec(text: str, where: str, first_line: int = 1, dialect: SourceDialect = IEC) -> ast.Spec:
     """Return the one type that a text names, such as `ARRAY[0..9] OF BYTE`; raise UserError."""
     parser = SpecParser(Source(where, text, first_line, dialect.nests_comments), dialect)
     spec = parser.spec()
@@ -55,13 +55,13 @@ class Parser(SpecParser):
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source, dialect)
-        self.types: list[Declaration] = []
-        self.constants: list[Constant] = []
+        self.types: list[ast.Declaration] = []
+        self.constants: list[ast.Constant] = []
         self.layout = dialect.layout
         self.since = 0  # the first token behind the last declaration: pragmas from here on belong to the next
         self.ends = _block_ends(source.tokens)
 
-    def file(self) -> Declarations:
+    def file(self) -> ast.Declarations:
         """Return all declarations up to the end of the text."""
         while not self.at_end():
             if self.accept("TYPE"):
@@ -79,7 +79,7 @@ class Parser(SpecParser):
                 self.advance()
                 self.skip_to(*self.starts())
                 self.accept("END_TYPE")
-        return Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
+        return ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
 
     def starts(self) -> tuple[str, ...]:
         """Return the words with which reading can go on behind something unknown."""
@@ -105,12 +105,12 @@ class Parser(SpecParser):
         """Return whether a block of another kind begins here: its word, and then its name."""
         return self.sees(*OTHER_BLOCKS) and self.tokens[self.at + 1].upper not in (":", "EXTENDS")
 
-    def declaration(self) -> Declaration | None:
+    def declaration(self) -> ast.Declaration | None:
         """Return one declaration with its own problems; None when it has not even a name."""
         others, self.problems = self.problems, []
         self.nested, self.notes = 0, []
         name: StToken | None = None
-        spec: Spec | None = None
+        spec: ast.Spec | None = None
         try:
             if self.sees(*ACCESS) and self.is_name(1):
                 self.advance()
@@ -128,9 +128,11 @@ class Parser(SpecParser):
         if name is None:
             self.problems += own
             return None
-        return Declaration(name.name, spec, self.where(name), tuple(own), tuple(dict.fromkeys(self.notes)))
+        return ast.Declaration(
+            name.name, spec, self.where(name), tuple(own), tuple(dict.fromkeys(self.notes))
+        )
 
-    def declared(self) -> Spec:
+    def declared(self) -> ast.Spec:
         """Return what stands behind the name of a type: EXTENDS, colon or header, the type."""
         base = self.extends()
         self.header()
@@ -141,9 +143,9 @@ class Parser(SpecParser):
         pragmas = self.pragmas_since()
         first = self.token
         spec = encoded(self.spec(), pragmas)
-        if base is not None and not isinstance(spec, StructSpec):
+        if base is not None and not isinstance(spec, ast.StructSpec):
             raise self.refusal("STRUCT or UNION behind EXTENDS", first)
-        if isinstance(spec, StructSpec):
+        if isinstance(spec, ast.StructSpec):
             spec = spec._replace(base=base, pack=self.pack(pragmas, first))
         access = [found[1].upper() for text in pragmas if (found := re.search(_ACCESS, text))]
         if access:
@@ -156,12 +158,12 @@ class Parser(SpecParser):
         """Return the pragmas between the last declaration and the cursor."""
         return self.pragmas(self.since, self.at)
 
-    def extends(self) -> Reference | None:
+    def extends(self) -> ast.Reference | None:
         """Return the name behind EXTENDS, None where there is no such word."""
         if not self.accept("EXTENDS"):
             return None
         token, name = self.qualified("a type")
-        return Reference(name, self.where(token))
+        return ast.Reference(name, self.where(token))
 
     def header(self) -> None:
         """Go behind the colon, or in front of STRUCT behind the header lines of a TIA source."""
@@ -227,7 +229,7 @@ class Parser(SpecParser):
             if self.accept(":="):
                 number = self.number()
                 if self.sees(";") or self.at == end:
-                    self.constants.extend(Constant(name.name, number, self.where(name)) for name in names)
+                    self.constants.extend(ast.Constant(name.name, number, self.where(name)) for name in names)
         except UserError:
             pass  # TRUE, 'text' and 1.5 are constants too, of no use to a bound
         self.skip_until(end, ";")

@@ -1,4 +1,8 @@
-"""A place in the tokens of an ST text: look, take, refuse, and go on behind a mistake."""
+"""ST text of any dialect as tokens, and a place in them: look, take, refuse, and go on after a mistake.
+
+Rule: every text can be cut; what is no token becomes one that no grammar rule takes. Comments are left out,
+pragmas set aside, positions kept.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +15,6 @@ from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.ast import Formula, Number
 from trcvtui.udt.constants import DEEPEST
 from trcvtui.udt.literals import NAME, parse_integer
-
-# Rule: every text can be cut; what is no token becomes one that no grammar rule takes.
 
 
 class SourceDialect(NamedTuple):

@@ -10,19 +10,7 @@ from bisect import bisect_left
 from collections.abc import Callable
 
 from trcvtui.errors import UserError
-from trcvtui.udt.ast import (
-    ArraySpec,
-    EnumSpec,
-    MemberSpec,
-    Number,
-    PointerSpec,
-    RangeSpec,
-    Reference,
-    Spec,
-    StructSpec,
-    TextSpec,
-    UnplacedSpec,
-)
+from trcvtui.udt import ast
 from trcvtui.udt.resolve import MOST_NESTED
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
 from trcvtui.udt.types import ELEMENTARY, Kind, Text
@@ -43,7 +31,7 @@ class SpecParser(Cursor):
         self.nested = 0
         self.notes: list[str] = []  # of the declaration at hand
 
-    def spec(self) -> Spec:
+    def spec(self) -> ast.Spec:
         """Return a type, whatever it is."""
         self.nested += 1
         if self.nested > MOST_NESTED:
@@ -55,13 +43,13 @@ class SpecParser(Cursor):
         self.nested -= 1
         return spec
 
-    def struct(self) -> Spec:
+    def struct(self) -> ast.Spec:
         """Return STRUCT ... END_STRUCT or UNION ... END_UNION; a bad member is noted and left out."""
         word = self.advance().upper
         if self.sees(*QUALIFIERS) and self.tokens[self.at + 1].upper not in (":", ","):
             self.notes += [OVERLAP] if self.sees("OVERLAP") else []
             self.advance()
-        members: list[MemberSpec] = []
+        members: list[ast.MemberSpec] = []
         nested = self.nested
         while not self.accept(f"END_{word}"):
             if self.block_ends() or self.sees(*CLOSERS):
@@ -74,9 +62,9 @@ class SpecParser(Cursor):
                 self.note(refused)
                 self.skip_statement()
                 self.nested = nested
-        return StructSpec(tuple(members), is_union=word == "UNION")
+        return ast.StructSpec(tuple(members), is_union=word == "UNION")
 
-    def member(self, end: str) -> list[MemberSpec]:
+    def member(self, end: str) -> list[ast.MemberSpec]:
         """Return the members of one line: `A, B : LREAL := 1.0;`."""
         first = self.at
         names = [self.name(f"a member or '{end}'")]
@@ -88,7 +76,7 @@ class SpecParser(Cursor):
         pragmas = self.pragmas(first, self.at)
         spec = encoded(self.spec(), pragmas)
         self.rest(spec, end)
-        return [MemberSpec(name.name, spec, self.where(name)) for name in names]
+        return [ast.MemberSpec(name.name, spec, self.where(name)) for name in names]
 
     def pragmas(self, first: int, last: int) -> list[str]:
         """Return the pragmas in front of the tokens of number first..last."""
@@ -96,11 +84,11 @@ class SpecParser(Cursor):
         start, stop = bisect_left(pragmas, (first, "")), bisect_left(pragmas, (last + 1, ""))
         return [text for _, text in pragmas[start:stop]]
 
-    def rest(self, spec: Spec, end: str) -> None:
+    def rest(self, spec: ast.Spec, end: str) -> None:
         """Skip initial value and semicolon, which may be missing behind END_STRUCT or before `end`."""
         if self.accept(":="):
             self.initial_value()
-        elif isinstance(spec, StructSpec):
+        elif isinstance(spec, ast.StructSpec):
             self.accept(";")
             return
         if not self.sees(end):
@@ -117,7 +105,7 @@ class SpecParser(Cursor):
                 raise self.refusal("';'")
             before = self.advance()
 
-    def array(self) -> Spec:
+    def array(self) -> ast.Spec:
         """Return ARRAY[..] OF a type."""
         self.expect("ARRAY")
         self.expect("[")
@@ -127,9 +115,9 @@ class SpecParser(Cursor):
             bounds.append(self.bounds())
         self.expect("]")
         self.expect("OF")
-        return ArraySpec(tuple(bounds), self.spec())
+        return ast.ArraySpec(tuple(bounds), self.spec())
 
-    def bounds(self) -> tuple[Number, Number]:
+    def bounds(self) -> tuple[ast.Number, ast.Number]:
         """Return `low..high`."""
         low = self.number()
         self.expect("..")
@@ -138,7 +126,7 @@ class SpecParser(Cursor):
             raise self.refusal(f"a number from {low} upwards", token)
         return low, high
 
-    def text(self) -> Spec:
+    def text(self) -> ast.Spec:
         """Return STRING or WSTRING, with a length as `[n]` or `(n)` or without."""
         wide = self.advance().upper == "WSTRING"
         closer = {"[": "]", "(": ")"}.get(self.token.upper)
@@ -149,20 +137,20 @@ class SpecParser(Cursor):
         if isinstance(length, int) and length < 1:
             raise self.refusal("a length of 1 or more", token)
         self.expect(closer)
-        return Text(length, wide) if isinstance(length, int) else TextSpec(length, wide)
+        return Text(length, wide) if isinstance(length, int) else ast.TextSpec(length, wide)
 
-    def pointer(self) -> Spec:
+    def pointer(self) -> ast.Spec:
         """Return POINTER TO, REFERENCE TO or REF_TO; where it points to need not be known."""
         first = self.at
         if self.advance().upper != "REF_TO":
             self.expect("TO")
         self.spec()
-        return PointerSpec(self.text_from(first))
+        return ast.PointerSpec(self.text_from(first))
 
-    def named(self) -> Spec:
+    def named(self) -> ast.Spec:
         """Return a type by name; with brackets a subrange, an enumeration or an FB with its arguments."""
         first, name = self.qualified("a type")
-        reference = Reference(name, self.where(first))
+        reference = ast.Reference(name, self.where(first))
         if not self.sees("("):
             return reference
         row = ELEMENTARY.get(name.upper())
@@ -170,12 +158,12 @@ class SpecParser(Cursor):
             return self.subrange(reference)
         if row is None and not (self.nested == 1 and self.has_values()):
             self.brackets()
-            return UnplacedSpec(name, "an FB instance", reference.where)
+            return ast.UnplacedSpec(name, "an FB instance", reference.where)
         if self.has_values():
             if row is not None and row.kind not in WHOLE:  # AX: named values of a REAL, a STRING
                 self.brackets()
                 return reference
-            return EnumSpec(reference, self.enumerators())
+            return ast.EnumSpec(reference, self.enumerators())
         return self.subrange(reference)
 
     def has_range(self) -> bool:
@@ -205,7 +193,7 @@ class SpecParser(Cursor):
                 return
         raise self.refusal("')'")
 
-    def subrange(self, base: Reference) -> Spec:
+    def subrange(self, base: ast.Reference) -> ast.Spec:
         """Return `INT(0..10)`; of a REAL the base, for its limits are no whole numbers."""
         row = ELEMENTARY.get(base.name.upper())
         if row is not None and row.kind is Kind.REAL:
@@ -214,22 +202,22 @@ class SpecParser(Cursor):
         self.expect("(")
         low, high = self.bounds()
         self.expect(")")
-        return RangeSpec(base, low, high)
+        return ast.RangeSpec(base, low, high)
 
-    def enumeration(self) -> Spec:
+    def enumeration(self) -> ast.Spec:
         """Return `(a, b := 5)`, with a base type behind it or without."""
         first = self.token
         values = self.enumerators()
         if self.is_name() and not self.sees(*MEMBER_ENDS):
             token, base = self.qualified("a type")
-            return EnumSpec(Reference(base, self.where(token)), values)
+            return ast.EnumSpec(ast.Reference(base, self.where(token)), values)
         own = self.dialect.enum_base
-        return EnumSpec(Reference(own, self.where(first)) if own else None, values)
+        return ast.EnumSpec(ast.Reference(own, self.where(first)) if own else None, values)
 
-    def enumerators(self) -> tuple[tuple[str, Number | None], ...]:
+    def enumerators(self) -> tuple[tuple[str, ast.Number | None], ...]:
         """Return names and numbers of an enumeration; a comma may stand behind the last."""
         self.expect("(")
-        values: dict[str, tuple[str, Number | None]] = {}
+        values: dict[str, tuple[str, ast.Number | None]] = {}
         while not values or not self.sees(")"):
             name = self.name("the name of a value")
             key = name.name.casefold()
@@ -241,7 +229,7 @@ class SpecParser(Cursor):
         self.expect(")")
         return tuple(values.values())
 
-    def enumerator(self) -> Number:
+    def enumerator(self) -> ast.Number:
         """Return the number of a value; what is no whole number becomes a formula that nobody works out."""
         start = self.at
         try:
@@ -262,21 +250,21 @@ class SpecParser(Cursor):
         return self.formula(start)
 
 
-def encoded(spec: Spec, pragmas: list[str]) -> Spec:
+def encoded(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
     """Return the type, a STRING of it in UTF-8 when an attribute says so (udt.md 2.2)."""
     if not any(re.search(_UTF8, text) for text in pragmas):
         return spec
     match spec:
-        case ArraySpec(bounds, element):
-            return ArraySpec(bounds, encoded(element, pragmas))
+        case ast.ArraySpec(bounds, element):
+            return ast.ArraySpec(bounds, encoded(element, pragmas))
         case Text(length=length, wide=False):
             return Text(length, utf8=True)
-        case TextSpec(wide=False):
+        case ast.TextSpec(wide=False):
             return spec._replace(utf8=True)
     return spec
 
 
-SPECS: dict[str, Callable[[SpecParser], Spec]] = {
+SPECS: dict[str, Callable[[SpecParser], ast.Spec]] = {
     "STRUCT": SpecParser.struct,
     "UNION": SpecParser.struct,
     "ARRAY": SpecParser.array,

@@ -61,7 +61,6 @@ OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "
 
 
 def show(args: Namespace) -> Iterator[str]:
-    """Return the answer of `udt show`."""
     from trcvtui.udt.report import show_json, show_text
 
     layout = layout_of(args)
@@ -69,7 +68,6 @@ def show(args: Namespace) -> Iterator[str]:
 
 
 def decode(args: Namespace) -> Iterator[str]:
-    """Return the answer of `udt decode`."""
     from trcvtui.udt.report import decode_json, decode_text
 
     layout = layout_of(args)
@@ -85,7 +83,6 @@ def decode(args: Namespace) -> Iterator[str]:
 
 
 def encode(args: Namespace) -> str:
-    """Return the answer of `udt encode`."""
     from trcvtui.udt.byte_text import BYTE_FORMS
     from trcvtui.udt.report import encode_values
 

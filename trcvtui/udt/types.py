@@ -150,7 +150,6 @@ class Array:
 
     @property
     def count(self) -> int:
-        """Return the number of elements."""
         count = 1
         for low, high in self.bounds:
             count *= high - low + 1

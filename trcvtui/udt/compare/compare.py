@@ -278,7 +278,6 @@ class Summary(NamedTuple):
     first_offset: int | None
 
     def __str__(self) -> str:
-        """Return the sentence."""
         sizes = f"ours {self.our_size} bytes, theirs {self.their_size}"
         of = f"of the first {self.counted} members" if self.counted < self.rows else f"of {self.rows} members"
         if self.first_offset is None:
@@ -340,7 +339,6 @@ class Count:
         self.first: int | None = None
 
     def add(self, row: ComparedRow) -> None:
-        """Count one row."""
         self.rows += 1
         if row.differs:
             self.differing += 1

@@ -99,7 +99,6 @@ class Fit:
 
     @property
     def profile(self) -> Profile:
-        """Return the first of the profiles."""
         return self.profiles[0]
 
     @property
@@ -381,7 +380,6 @@ class _Reading:
 
     @property
     def own_points(self) -> float:
-        """Return the points of the members alone."""
         return sum(one.points for one in self.said) + sum(step.points for step in self.steps)
 
     @cached_property
@@ -612,5 +610,4 @@ def same_words(found: Fit) -> str:
 
 
 def reason_text(reason: Reason) -> str:
-    """Return one reason with its points."""
     return one_line(f"{reason.points:+.1f} {reason.text}")

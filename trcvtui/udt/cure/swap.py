@@ -102,7 +102,6 @@ class Swap(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Return everything in one text."""
         return "\n".join(part for part in (self.types, self.helpers, self.code) if part)
 
 

@@ -12,6 +12,7 @@ from trcvtui.udt.exports.outline import (
     ExportField,
     bounds_text,
     fields_of,
+    quoted,
     refuse_empty,
     structs_of,
 )
@@ -42,10 +43,6 @@ def write(layout: Layout) -> str:
     return _ImhexWriter(layout).text()
 
 
-def _quoted(text: str) -> str:
-    return '"' + one_line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
 class _ImhexWriter:
     """Writes types in the order in which they need each other; each is written once."""
 
@@ -57,7 +54,6 @@ class _ImhexWriter:
         self.types: list[str] = []
 
     def text(self) -> str:
-        """Return the whole pattern."""
         layout, rules = self.layout, self.rules
         main = layout.type if isinstance(layout.type, Struct | Union) else None
         if main is not None:
@@ -181,6 +177,6 @@ class _ImhexWriter:
 
 def _notes(own: str, word: str, doc: str) -> str:
     """Return the attributes that keep a name which had to become another word, and a comment."""
-    notes = [] if not own or own == word else [f"name({_quoted(own)})"]
-    notes += [f"comment({_quoted(doc)})"] if doc else []
+    notes = [] if not own or own == word else [f"name({quoted(own)})"]
+    notes += [f"comment({quoted(doc)})"] if doc else []
     return f" [[{', '.join(notes)}]]" if notes else ""

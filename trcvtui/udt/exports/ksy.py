@@ -9,12 +9,12 @@ import keyword
 import re
 from typing import Final
 
-from trcvtui.errors import one_line
 from trcvtui.udt.exports.outline import (
     BASE_NAME,
     ExportField,
     bounds_text,
     fields_of,
+    quoted,
     refuse_empty,
     structs_of,
 )
@@ -53,11 +53,6 @@ def write(layout: Layout) -> str:
     """Return the description of the type."""
     refuse_empty(layout)
     return "\n".join([*_KsyWriter(layout).lines(), ""])
-
-
-def _quoted(text: str) -> str:
-    """Return the text as a YAML scalar."""
-    return '"' + one_line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 class _KsyWriter:
@@ -103,7 +98,7 @@ class _KsyWriter:
         return [
             "meta:",
             f"  id: {self.main}",
-            f"  title: {_quoted(f'{self.layout.name} ({form})')}",
+            f"  title: {quoted(f'{self.layout.name} ({form})')}",
             '  ks-version: "0.11"',
             f"  endian: {rules.byte_order[0]}e",
             "  bit-endian: le",
@@ -137,7 +132,7 @@ class _KsyWriter:
         else:
             attribute, doc = self.one(type_, node)
         doc = ": ".join(part for part in (shown, doc) if part)
-        return [f"- id: {name}", *_indented(attribute), *([f"  doc: {_quoted(doc)}"] if doc else [])]
+        return [f"- id: {name}", *_indented(attribute), *([f"  doc: {quoted(doc)}"] if doc else [])]
 
     def array(self, type_: Array, node: PlacedArray, name: str) -> tuple[Lines, str]:
         doc = f"ARRAY{bounds_text(type_)} OF {type_text(type_.element)}"

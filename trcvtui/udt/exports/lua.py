@@ -14,17 +14,7 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.literals import PREFIXES
 from trcvtui.udt.st_write import NameScope, ascii_word
-from trcvtui.udt.types import (
-    DAY,
-    Array,
-    Elementary,
-    Enumeration,
-    Kind,
-    Struct,
-    Text,
-    Type,
-    Union,
-)
+from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union
 
 PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
 LARGEST_EXACT = 1 << 53  # a number of Lua 5.2 is a double

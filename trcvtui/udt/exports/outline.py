@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from trcvtui.errors import mistake
+from trcvtui.errors import mistake, one_line
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.types import Array, Struct, Type, Union
@@ -76,6 +76,11 @@ def count_fields(type_: Type, node: Node) -> int:
         return counts[type_]
 
     return count(type_, node)
+
+
+def quoted(text: str) -> str:
+    """Return the text in quotes, as YAML and ImHex read it."""
+    return '"' + one_line(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def bounds_text(type_: Array) -> str:

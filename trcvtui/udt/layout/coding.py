@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 from trcvtui.errors import UserError
@@ -400,33 +401,28 @@ def _character(row: Elementary, _: LayoutRules) -> Coding:
 
 
 def _literal(row: Elementary, _: LayoutRules) -> Coding:
-    low, high = row.limits
-
-    def to_value(count: int) -> str:
-        return format_literal(row, count)
-
-    def to_raw(value: object) -> int:
-        count = parse_literal(row, value) if isinstance(value, str) else None
-        if count is None or not low <= count <= high:
-            raise Refused(f"{row.name} from {to_value(low)} to {to_value(high)}, {EXPECTED[row.kind]}")
-        return count
-
-    return Coding(row.code, to_value, to_raw)
+    return _written(row, partial(format_literal, row), partial(parse_literal, row))
 
 
 def _date(row: Elementary, rules: LayoutRules) -> Coding:
     """Return DATE; a literal has whole days, the rest of a finer count is told behind it and taken back."""
     a_day = DAY // row.unit_ns
-    if a_day == 1:
-        return _literal(row, rules)
-    low, high = row.limits
 
     def to_value(count: int) -> str:
         rest = count % a_day * row.unit_ns
         return format_literal(row, count) + (f" (and {format_time(rest)})" if rest else "")
 
+    return _literal(row, rules) if a_day == 1 else _written(row, to_value, partial(_day_and_rest, row))
+
+
+def _written(
+    row: Elementary, to_value: Callable[[int], str], count_of: Callable[[str], int | None]
+) -> Coding:
+    """Return a count that is written as a literal."""
+    low, high = row.limits
+
     def to_raw(value: object) -> int:
-        count = _day_and_rest(row, value) if isinstance(value, str) else None
+        count = count_of(value) if isinstance(value, str) else None
         if count is None or not low <= count <= high:
             raise Refused(f"{row.name} from {to_value(low)} to {to_value(high)}, {EXPECTED[row.kind]}")
         return count

@@ -79,7 +79,6 @@ class Layout:
 
     @property
     def leaf_count(self) -> int:
-        """Return the number of leaves."""
         return self.root.leaves
 
     @cached_property
@@ -178,7 +177,6 @@ class Profile(NamedTuple):
 
     @property
     def rules(self) -> LayoutRules:
-        """Return the rules of the profile."""
         return rules_for(self.layout, self.byte_order, self.text or None)
 
     def __str__(self) -> str:

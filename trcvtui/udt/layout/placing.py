@@ -263,12 +263,7 @@ class Filling:
         array_step = max(min(floor, self.cap), member_floor)
         if size > 1 and self.end % array_step == 0:
             self.align = max(self.align, array_step)
-            self._add(
-                self._pad_name(),
-                Array(((0, size - 1),), BYTE),
-                self.end,
-                _up(self.end + size, floor),
-            )
+            self._add(self._pad_name(), Array(((0, size - 1),), BYTE), self.end, _up(self.end + size, floor))
         else:
             start = _up(self.end, member_floor)
             if start >= offset:

@@ -222,11 +222,7 @@ class LayoutChoice(NamedTuple):
         """Return the rules chosen; `own` where no layout is. Raise UserError for an unknown name."""
         chosen = own if self.layout is None else self.layout
         return rules_for(
-            chosen,
-            self.byte_order,
-            self.text,
-            pointer_size=self.pointer_size,
-            string_even=self.string_even,
+            chosen, self.byte_order, self.text, pointer_size=self.pointer_size, string_even=self.string_even
         )
 
     def __str__(self) -> str:

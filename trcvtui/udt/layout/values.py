@@ -157,7 +157,6 @@ class _Values:
 
 
 def pages(rows: Iterable[_T], size: int = PAGE) -> Iterator[list[_T]]:
-    """Yield rows by the page."""
     waiting = iter(rows)
     while page := list(islice(waiting, size)):
         yield page
@@ -208,7 +207,6 @@ class Overlay:
         (self._loose if _is_loose(leaf, value) else self._exact).append((leaf, part))
 
     def write(self) -> None:
-        """Write all leaves."""
         texts_first = sorted(self._loose, key=lambda row: _order(row[0]))
         firm = bytes(len(self._data))
         for number, (leaf, part) in enumerate((*self._exact, *texts_first)):

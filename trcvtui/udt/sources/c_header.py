@@ -129,7 +129,6 @@ class _Reader:
     # -- types -------------------------------------------------------------------------------------------
 
     def spec(self, node: Any, depth: int) -> ast.Spec:
-        """Return the type of a declarator."""
         match type(node).__name__:
             case "TypeDecl":
                 return self.inner(node.type, depth)

@@ -32,7 +32,6 @@ class SpecParser(Cursor):
         self.notes: list[str] = []  # of the declaration at hand
 
     def spec(self) -> ast.Spec:
-        """Return a type, whatever it is."""
         self.nested += 1
         if self.nested > MOST_NESTED:
             raise self.refusal(f"at most {MOST_NESTED} levels of STRUCT and ARRAY")
@@ -106,7 +105,6 @@ class SpecParser(Cursor):
             before = self.advance()
 
     def array(self) -> ast.Spec:
-        """Return ARRAY[..] OF a type."""
         self.expect("ARRAY")
         self.expect("[")
         bounds = [self.bounds()]
@@ -118,7 +116,6 @@ class SpecParser(Cursor):
         return ast.ArraySpec(tuple(bounds), self.spec())
 
     def bounds(self) -> tuple[ast.Number, ast.Number]:
-        """Return `low..high`."""
         low = self.number()
         self.expect("..")
         token, high = self.token, self.number()

@@ -9,8 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.udt.udt_strategies import types_of
+from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.layout.layout import lay_out, rules_for
-from trcvtui.udt.resolve import MOST_NESTED
 from trcvtui.udt.sources import decode_text, read_file, read_text
 from trcvtui.udt.type_set import TypeSet, join
 from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, Struct, Subrange, Text, Type, type_text

@@ -6,7 +6,7 @@ import pytest
 
 from tests.udt.st_texts import good, lines, members
 from tests.udt.udt_strategies import types_of
-from trcvtui.udt.resolve import MOST_NESTED
+from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.types import (
     ELEMENTARY,
     Enumeration,

@@ -6,7 +6,7 @@ import pytest
 
 from tests.udt.udt_strategies import types_of
 from trcvtui.errors import UserError
-from trcvtui.udt.resolve import MOST_NESTED
+from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.sources import parse_type
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join

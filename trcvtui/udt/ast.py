@@ -10,6 +10,11 @@ from typing import NamedTuple
 from trcvtui.errors import Problem
 from trcvtui.udt.types import Text
 
+# Baosky allows 6 or 8 levels (baosky.md section 8); beyond this no tool in the field follows.
+MOST_NESTED = 32
+MOST_DIMENSIONS = 8
+PACKS = (0, 1, 2, 4, 8)  # what a pack_mode may be
+
 
 class Formula(NamedTuple):
     """A whole number written with names (`GVL.MAX + 1`); worked out when constants are known."""

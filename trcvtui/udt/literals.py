@@ -9,7 +9,7 @@ import re
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, Elementary, Kind
+from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, WHOLE, Elementary, Kind
 
 # `\w` knows no combining marks (Hindi vowels, Thai tones, decomposed accents); bidirectional and zero-width
 # characters and spaces, which stand between them, are left out.
@@ -21,6 +21,7 @@ _MARKS: Final = (
     r"\u17b4-\u17d3\u1ab0-\u1aff\u1b00-\u1b44\u1dc0-\u1dff\u20d0-\u20f0\u302a-\u302f\u3099\u309a"
 )
 NAME: Final = rf"[^\W\d][\w{_MARKS}]*"
+QUALIFIED_NAME: Final = rf"{NAME}(\.{NAME})*"
 
 
 # IEC 61131-3 table 8: largest first, each at most once.
@@ -108,7 +109,7 @@ def parse_integer(text: str) -> int | None:
         return None
     type_name, sign, base, digits = found.groups()
     row = ELEMENTARY.get((type_name or "INT").upper())
-    if row is None or row.kind not in (Kind.INTEGER, Kind.BITS):
+    if row is None or row.kind not in WHOLE:
         return None
     try:
         number = int(digits, int(base or 10))

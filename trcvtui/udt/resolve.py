@@ -14,10 +14,10 @@ from trcvtui.udt.types import (
     BUILTIN_TYPES,
     ELEMENTARY,
     VENDOR_NAMES,
+    WHOLE,
     Array,
     Elementary,
     Enumeration,
-    Kind,
     Member,
     Pointer,
     Struct,
@@ -26,15 +26,13 @@ from trcvtui.udt.types import (
     Type,
     Union,
     Unplaced,
+    all_members,
 )
 
-# Baosky allows 6 or 8 levels (baosky.md section 8); beyond this no tool in the field follows.
-MOST_NESTED = 32
 KNOWN = "a known "
 KNOWN_TYPE = f"{KNOWN}type"
 KNOWN_CONSTANT = KNOWN + 'constant: "{0}" = VALUE in [constants] of the project, or --constant {0}=VALUE'
 MOST_WALKED = 200  # types on the search for a circle
-WHOLE = (Kind.INTEGER, Kind.BITS)
 
 
 class Resolver:
@@ -90,8 +88,9 @@ class Resolver:
             if declaration.spec is None:
                 continue
             type_, depth = self.build(declaration.spec, declaration.name, key)
-            if depth > MOST_NESTED:
-                found, expected = f"'{declaration.name}' nested {depth} deep", f"at most {MOST_NESTED} levels"
+            if depth > ast.MOST_NESTED:
+                found = f"'{declaration.name}' nested {depth} deep"
+                expected = f"at most {ast.MOST_NESTED} levels"
                 self.refuse(key, Problem(declaration.where, found, expected))
             if type_ is not None and key not in self.bad:
                 self.types[key], self.depths[key] = type_, depth
@@ -193,7 +192,7 @@ class Resolver:
 
     def build_struct(self, spec: ast.StructSpec, name: str, user: str) -> tuple[Type | None, int]:
         base, deepest = self.build_base(spec, user)
-        firsts = _members_of(base)
+        firsts = dict.fromkeys((member.name.casefold() for member in all_members(base)), "")
         members: list[Member] = []
         for member in spec.members:
             first = firsts.setdefault(member.name.casefold(), member.where)
@@ -383,15 +382,6 @@ def references(spec: ast.Spec) -> Iterator[ast.Reference]:
                 yield base
             for member in members:
                 yield from references(member.spec)
-
-
-def _members_of(base: Struct | Union | None) -> dict[str, str]:
-    """Return the names of all members of a base and its own bases; where they stand is not known here."""
-    names: dict[str, str] = {}
-    while base is not None:
-        names |= {member.name.casefold(): "" for member in base.members}
-        base = base.base
-    return names
 
 
 def _wrong(number: ast.Number, value: int, expected: str, where: str = "") -> Problem:

@@ -25,6 +25,7 @@ from trcvtui.udt.types import (
     Text,
     Type,
     Union,
+    all_members,
     parts_of,
     type_text,
 )
@@ -130,8 +131,8 @@ class Renaming:
     def struct(self, type_: Struct | Union) -> Struct | Union:
         base = None if type_.base is None else self.of(type_.base)
         taken = NameScope(self.escaped, self.fold)
-        for name in _names(base):
-            taken(name)
+        for member in all_members(base if isinstance(base, Struct | Union) else None):
+            taken(member.name)
         members = tuple(Member(taken(member.name), self.of(member.type)) for member in type_.members)
         name = self.names(type_.name) if type_.name else ""
         pairs = zip(members, type_.members, strict=True)
@@ -150,12 +151,6 @@ class Renaming:
             if (name, values) == (type_.name, type_.values)
             else replace(type_, name=name, values=values)
         )
-
-
-def _names(base: Type | None) -> list[str]:
-    if not isinstance(base, Struct | Union):
-        return []
-    return [*_names(base.base), *(member.name for member in base.members)]
 
 
 INDENT: Final = "    "
@@ -255,7 +250,7 @@ def _scl_body(type_: Struct, indent: str) -> str:
     inner = indent + INDENT
     lines = [
         f"{inner}{scl_name(member.name)} : {_scl_spec(member.type, inner)};\n"
-        for member in _all_members(type_)
+        for member in all_members(type_)
     ]
     return "".join(lines)
 
@@ -282,11 +277,6 @@ def _scl_spec(type_: Type, indent: str) -> str:
             return "LWORD"
         case _:
             return type_text(type_)
-
-
-def _all_members(type_: Struct) -> tuple[Member, ...]:
-    """Return the members, before them those of what the type EXTENDS: TIA has no such word."""
-    return (_all_members(type_.base) if type_.base else ()) + type_.members
 
 
 def _ranges(bounds: tuple[tuple[int, int], ...]) -> str:

@@ -13,7 +13,6 @@ from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt.ast import Declarations, Spec
 from trcvtui.udt.constants import Constants
 from trcvtui.udt.resolve import KNOWN, Resolver, unknown_name
-from trcvtui.udt.resolve import MOST_NESTED as MOST_NESTED
 from trcvtui.udt.types import Type
 
 

@@ -29,6 +29,9 @@ class Kind(Enum):
     ADDRESS = "address"
 
 
+WHOLE = (Kind.INTEGER, Kind.BITS)
+
+
 @dataclass(frozen=True, slots=True)
 class Elementary:
     """One elementary type: size and natural alignment in bytes, `struct` code, nanoseconds per count.
@@ -205,6 +208,11 @@ class Enumeration:
 
 Type = Elementary | Text | Subrange | Pointer | Unplaced | Array | Struct | Union | Enumeration
 LeafType = Elementary | Text | Subrange | Pointer | Enumeration
+
+
+def all_members(type_: Struct | Union | None) -> list[Member]:
+    """Return the members, before them those of what the type EXTENDS; none for None."""
+    return [*all_members(type_.base), *type_.members] if type_ else []
 
 
 def parts_of(type_: Type) -> list[Type]:

@@ -80,15 +80,15 @@ class _Pairing:
 
     def _array(self, ours: PlacedArray, theirs: PlacedArray, a: int, b: int) -> Iterator[Run]:
         our, their = ours.element, theirs.element
-        for index in product(*[range(low, high + 1) for low, high in ours.bounds]):
-            first, other = a + _number(ours, index) * our.leaves, _number(theirs, index)
-            if other < 0:
+        for number, index in enumerate(product(*[range(low, high + 1) for low, high in ours.bounds])):
+            first, other = a + number * our.leaves, theirs.number_of(index)
+            if other is None:
                 yield Run(first, None, our.leaves)
             else:
                 yield from self.runs(our, their, first, b + other * their.leaves)
-        for index in product(*[range(low, high + 1) for low, high in theirs.bounds]):
-            if _number(ours, index) < 0:
-                yield Run(None, b + _number(theirs, index) * their.leaves, their.leaves)
+        for number, index in enumerate(product(*[range(low, high + 1) for low, high in theirs.bounds])):
+            if ours.number_of(index) is None:
+                yield Run(None, b + number * their.leaves, their.leaves)
 
     def same(self, ours: Node, theirs: Node) -> bool:
         """Return whether both have the same leaf paths in the same order."""
@@ -111,16 +111,6 @@ class _Pairing:
 def _members(node: PlacedStruct, first: int) -> Iterator[tuple[str, tuple[int, Node]]]:
     """Yield the members by name, each with the number of its first leaf."""
     return ((one.name.casefold(), (one.first, one.node)) for one in node.flat(first=first))
-
-
-def _number(node: PlacedArray, index: tuple[int, ...]) -> int:
-    """Return the number of the element at an index, -1 when it is not within bounds."""
-    number = 0
-    for at, (low, high) in zip(index, node.bounds, strict=True):
-        if not low <= at <= high:
-            return -1
-        number = number * (high - low + 1) + at - low
-    return number
 
 
 NAMED: Final = 3  # members that a sentence names

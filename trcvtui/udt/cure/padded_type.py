@@ -16,7 +16,18 @@ from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, Placed
 from trcvtui.udt.layout.placing import Filling, Placing, Unreachable
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import stored_form
-from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, LeafType, Struct, Text, Type, Union, type_text
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    Array,
+    Enumeration,
+    LeafType,
+    Struct,
+    Text,
+    Type,
+    Union,
+    all_members,
+    type_text,
+)
 
 BIT_STRINGS = {1: "BYTE", 2: "WORD", 4: "DWORD", 8: "LWORD"}
 
@@ -328,12 +339,8 @@ def _below(path: str, inner: str) -> str:
 
 def _members(type_: Struct | Union, node: PlacedStruct) -> Iterator[tuple[str, int, int | None, Node, Type]]:
     """Yield name, offset, bit, node and type of every member, what the type EXTENDS as members of its own."""
-    for one, type_of_it in zip(node.flat(), _types(type_), strict=True):
-        yield one.name, one.offset, one.bit, one.node, type_of_it
-
-
-def _types(type_: Struct | Union) -> list[Type]:
-    return [*(_types(type_.base) if type_.base else []), *(member.type for member in type_.members)]
+    for one, member in zip(node.flat(), all_members(type_), strict=True):
+        yield one.name, one.offset, one.bit, one.node, member.type
 
 
 def told(found: PaddedType) -> list[str]:

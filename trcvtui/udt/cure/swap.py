@@ -24,6 +24,7 @@ from trcvtui.udt.types import (
     Text,
     Type,
     Union,
+    all_members,
     parts_of,
     type_text,
 )
@@ -202,11 +203,11 @@ class _Swapping:
             yield from self.loops(type_, at)
         elif isinstance(type_, Struct):
             assert isinstance(at.plain, Struct)
-            for (inner, own), (plain, declared) in zip(_members(type_), _members(at.plain), strict=True):
-                name = own if self.language == "st" else scl_name(own)
-                below = f"{path}.{declared}" if path else declared
-                there = at._replace(plain=plain, to=f"{to}.{name}", of=f"{of}.{name}", path=below)
-                yield from self.statements(inner, there)
+            for own, plain in zip(all_members(type_), all_members(at.plain), strict=True):
+                name = own.name if self.language == "st" else scl_name(own.name)
+                below = f"{path}.{plain.name}" if path else plain.name
+                there = at._replace(plain=plain.type, to=f"{to}.{name}", of=f"{of}.{name}", path=below)
+                yield from self.statements(own.type, there)
         else:
             what = "a UNION: swap the member that is in use" if isinstance(type_, Union) else type_text(type_)
             self.left_out.append(f"{path or of}: {what}")
@@ -249,13 +250,6 @@ class _Swapping:
     def named(self, path: str) -> str:
         """Return a path as the language writes a local variable."""
         return f"#{path}" if self.language == "scl" else path
-
-
-def _members(type_: Struct) -> Iterator[tuple[Type, str]]:
-    if type_.base is not None:
-        yield from _members(type_.base)
-    for member in type_.members:
-        yield member.type, member.name
 
 
 def _has_name(type_: Type) -> bool:

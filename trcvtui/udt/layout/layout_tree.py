@@ -135,6 +135,15 @@ class PlacedArray:
         row, column = divmod(number, self.columns)
         return row * self.row_size + column // 8, column % 8
 
+    def number_of(self, index: Sequence[int]) -> int | None:
+        """Return the number of the element at an index; None when it is not within bounds."""
+        number = 0
+        for at, (low, high) in zip(index, self.bounds, strict=True):
+            if not low <= at <= high:
+                return None
+            number = number * (high - low + 1) + at - low
+        return number
+
 
 def _step(name: str) -> str:
     """Return the name as a path has it: in quotes where it could be taken for several steps."""
@@ -349,12 +358,6 @@ def _below(node: Node, step: re.Match[str]) -> tuple[int, Node]:
 
 
 def _element_number(node: PlacedArray, text: str) -> int | None:
-    indices = [re.fullmatch(_INDEX, index) for index in text.split(",")]
-    if len(indices) != len(node.bounds):
-        return None
-    number = 0
-    for found, (low, high) in zip(indices, node.bounds, strict=True):
-        if found is None or not low <= int(found[1]) <= high:
-            return None
-        number = number * (high - low + 1) + int(found[1]) - low
-    return number
+    found = [re.fullmatch(_INDEX, index) for index in text.split(",")]
+    index = [int(one[1]) for one in found if one is not None]
+    return node.number_of(index) if len(found) == len(index) == len(node.bounds) else None

@@ -12,6 +12,7 @@ from trcvtui.udt.types import (
     ELEMENTARY,
     MS,
     SECOND,
+    WHOLE,
     Elementary,
     Enumeration,
     Kind,
@@ -251,7 +252,7 @@ def choice_of(name: str, text: str, where: str = "") -> str | int | bool:
     return _known(where or name, text, choices[name])
 
 
-INTEGERS: Final = {row.name: row for row in ELEMENTARY.values() if row.kind in (Kind.INTEGER, Kind.BITS)}
+INTEGERS: Final = {row.name: row for row in ELEMENTARY.values() if row.kind in WHOLE}
 
 
 def _known(what: str, name: str, table: dict[str, _T], names: list[str] | None = None) -> _T:

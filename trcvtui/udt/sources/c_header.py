@@ -22,10 +22,7 @@ from trcvtui.udt.sources.c_parse import (
     parsed,
 )
 from trcvtui.udt.sources.c_source import CSource
-from trcvtui.udt.type_set import MOST_NESTED
 from trcvtui.udt.types import ELEMENTARY
-
-MOST_DIMENSIONS = 8
 
 PLC_TYPES = "plctypes.h"  # B&R: there INT, UINT and BOOL are those of IEC 61131-3
 
@@ -140,8 +137,8 @@ class _Reader:
 
     def inner(self, node: Any, depth: int) -> ast.Spec:
         """Return a type by name, or one written in place."""
-        if depth > MOST_NESTED:
-            raise mistake(self.where(node), "a type nested deeper", f"at most {MOST_NESTED} levels")
+        if depth > ast.MOST_NESTED:
+            raise mistake(self.where(node), "a type nested deeper", f"at most {ast.MOST_NESTED} levels")
         kind = type(node).__name__
         if kind == "IdentifierType":
             return self.named(node)
@@ -199,8 +196,8 @@ class _Reader:
         while type(node).__name__ == "ArrayDecl":
             bounds.append((0, self.last_index(node)))
             node = node.type
-        if len(bounds) > MOST_DIMENSIONS:
-            raise mistake(where, f"{len(bounds)} dimensions", f"at most {MOST_DIMENSIONS}")
+        if len(bounds) > ast.MOST_DIMENSIONS:
+            raise mistake(where, f"{len(bounds)} dimensions", f"at most {ast.MOST_DIMENSIONS}")
         element = self.spec(node, depth + 1)
         if isinstance(element, ast.Reference) and element.name == "CHAR":
             self.notes["char[] is read as ARRAY OF CHAR: a text ends with its NUL"] = None

@@ -12,7 +12,7 @@ from typing import Any
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import Declaration
-from trcvtui.udt.constants import quotient
+from trcvtui.udt.constants import LARGEST, LONGEST, quotient
 from trcvtui.udt.sources.c_source import KEYWORDS, CSource
 
 # The words of a C type are sorted, `signed` and a needless `int` left out.
@@ -49,9 +49,7 @@ NAMED_TYPES = frozenset(
 )
 
 
-LONGEST = 1000
 DEEPEST = 64
-LARGEST = 1 << 64
 
 _SUFFIX = re.compile(r"[uUlL]+\Z")
 _BINARY: dict[str, Callable[[int, int], int | None]] = {

@@ -11,17 +11,15 @@ import re
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt import ast
 from trcvtui.udt.layout.rules import S7
-from trcvtui.udt.literals import NAME
+from trcvtui.udt.literals import QUALIFIED_NAME
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
 
 TYPE = "SW.Types.PlcStruct"
-MOST_DIMENSIONS = 8
 
 _ARRAY = re.compile(r"array\s*\[([^\[\]]{1,400})\]\s*of\s+(.+)", re.IGNORECASE | re.DOTALL)
 _TEXT = re.compile(r"(w?)string\s*(?:\[([^\[\]]{1,200})\])?", re.IGNORECASE)
 _POINTER = re.compile(r"ref_to\s+.+", re.IGNORECASE | re.DOTALL)
 _QUOTED = re.compile(r'"([^"]+)"')
-_NAME = re.compile(rf"{NAME}(\.{NAME})*")
 
 
 def read_openness(root: Element) -> ast.Declarations:
@@ -81,7 +79,7 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> as
         return ast.PointerSpec(text)
     if quoted := _QUOTED.fullmatch(text):
         return ast.Reference(quoted.group(1), member.where)
-    if _NAME.fullmatch(text):
+    if re.fullmatch(QUALIFIED_NAME, text):
         return ast.Reference(text, member.where)
     raise mistake(
         member.where, f"Datatype '{text[:40]}'", 'a type such as Int, String[10], Array[0..3] of "T"'
@@ -91,8 +89,8 @@ def _type(text: str, member: Element, depth: int, problems: list[Problem]) -> as
 def _bounds(text: str, member: Element) -> tuple[tuple[ast.Number, ast.Number], ...]:
     """Return the bounds of `0..3, 1..2`."""
     ranges = text.split(",")
-    if len(ranges) > MOST_DIMENSIONS:
-        raise mistake(member.where, f"{len(ranges)} dimensions", f"at most {MOST_DIMENSIONS}")
+    if len(ranges) > ast.MOST_DIMENSIONS:
+        raise mistake(member.where, f"{len(ranges)} dimensions", f"at most {ast.MOST_DIMENSIONS}")
     pairs: list[tuple[ast.Number, ast.Number]] = []
     for range_ in ranges:
         low, dots, high = range_.partition("..")

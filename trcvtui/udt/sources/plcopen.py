@@ -12,13 +12,12 @@ from collections.abc import Callable, Iterator
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.udt import ast
 from trcvtui.udt.constants import read_number
-from trcvtui.udt.literals import NAME, parse_integer
+from trcvtui.udt.literals import QUALIFIED_NAME, parse_integer
 from trcvtui.udt.sources.st import read_spec
 from trcvtui.udt.sources.twincat import named, qualified, read_inside
 from trcvtui.udt.sources.xml_source import Element, bounds, deeper, text_type
 
 NOT_TYPES = ("documentation", "addData")
-_NAME = re.compile(rf"{NAME}(\.{NAME})*")
 
 
 def read_plcopen(root: Element) -> ast.Declarations:
@@ -92,7 +91,7 @@ def _pack(element: Element) -> int | None:
         for attribute in attributes.all("Attribute"):
             if attribute.get("Name").lower() == "pack_mode":
                 pack = parse_integer(attribute.get("Value"))
-                if pack not in (0, 1, 2, 4, 8):
+                if pack not in ast.PACKS:
                     raise mistake(attribute.where, f"pack_mode '{attribute.get('Value')}'", "0, 1, 2, 4 or 8")
                 return pack
     return None
@@ -171,7 +170,11 @@ class _TypeWalk:
     def derived(self, element: Element, _depth: int) -> ast.Spec:
         name = element.needed("name")
         # CODESYS writes what the schema has no element for as text: `REFERENCE TO Axis`.
-        return ast.Reference(name, element.where) if _NAME.fullmatch(name) else read_spec(name, element.where)
+        return (
+            ast.Reference(name, element.where)
+            if re.fullmatch(QUALIFIED_NAME, name)
+            else read_spec(name, element.where)
+        )
 
     def string(self, element: Element, _depth: int) -> ast.Spec:
         return text_type(element.get("length"), element.name.lower() == "wstring", element.where)

@@ -26,7 +26,6 @@ OTHER_BLOCKS = frozenset(
         *("CLASS", "INTERFACE", "METHOD", "PROPERTY", "ACTION"),
     }
 )
-PACKS = (0, 1, 2, 4, 8)
 OPTIMISED = "optimised access: the CPU sorts the members itself; laid out as standard access"
 
 # Patterns stay text: `re` compiles and keeps the ones that are used, and an import pays for none.
@@ -186,7 +185,7 @@ class Parser(SpecParser):
         found = next((mode for text in pragmas if (mode := re.search(_PACK_MODE, text))), None)
         if found is None:
             return None
-        number = int(found[1]) if found[1] in map(str, PACKS) else None
+        number = int(found[1]) if found[1] in map(str, ast.PACKS) else None
         if number is None:
             raise self.refusal(f"pack_mode 0, 1, 2, 4 or 8 instead of '{found[1][:20]}'", token)
         return number

@@ -11,14 +11,11 @@ from collections.abc import Callable
 
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
-from trcvtui.udt.resolve import MOST_NESTED
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
-from trcvtui.udt.types import ELEMENTARY, Kind, Text
+from trcvtui.udt.types import ELEMENTARY, WHOLE, Kind, Text
 
-MOST_DIMENSIONS = 8
 QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN")
 OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
-WHOLE = (Kind.INTEGER, Kind.BITS)
 _UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 
 
@@ -33,8 +30,8 @@ class SpecParser(Cursor):
 
     def spec(self) -> ast.Spec:
         self.nested += 1
-        if self.nested > MOST_NESTED:
-            raise self.refusal(f"at most {MOST_NESTED} levels of STRUCT and ARRAY")
+        if self.nested > ast.MOST_NESTED:
+            raise self.refusal(f"at most {ast.MOST_NESTED} levels of STRUCT and ARRAY")
         rule = SPECS.get(self.token.upper, SpecParser.named)
         if self.sees("POINTER", "REFERENCE") and self.tokens[self.at + 1].upper != "TO":
             rule = SpecParser.named  # POINTER alone is a type of S7
@@ -108,7 +105,7 @@ class SpecParser(Cursor):
         self.expect("ARRAY")
         self.expect("[")
         bounds = [self.bounds()]
-        while self.sees(",") and len(bounds) < MOST_DIMENSIONS:
+        while self.sees(",") and len(bounds) < ast.MOST_DIMENSIONS:
             self.advance()
             bounds.append(self.bounds())
         self.expect("]")

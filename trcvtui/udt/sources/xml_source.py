@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from xml.parsers import expat
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.udt.ast import Number, TextSpec
+from trcvtui.udt.ast import MOST_NESTED, Number, TextSpec
 from trcvtui.udt.constants import read_number
-from trcvtui.udt.type_set import MOST_NESTED
 from trcvtui.udt.types import Text
 
 MOST_DEPTH = 200

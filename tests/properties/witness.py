@@ -8,8 +8,8 @@ from tests.properties.byte_model import ByteModel, Ends
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.inbox import Inbox
 from trcvtui.rig.peers.peer import Peer
+from trcvtui.rig.peers.queues import Inbox
 
 
 class Ear(Inbox):
@@ -46,7 +46,7 @@ class Witness:
         self._compared: dict[Ends, int] = {}
         for peer in bench.peers.values():
             assert isinstance(peer, Peer)
-            peer.traffic.inbox = Ear(peer, self.heard, self._fresh)
+            peer.queues.inbox = Ear(peer, self.heard, self._fresh)
         self._resources = bench.runtime._resources  # what no reader gets: buffers, queue, unsettled
 
     def check(self, said: Mapping[Ends, bytearray], jobs: int) -> None:

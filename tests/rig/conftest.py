@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.rig.peer_wire import Wire
+from tests.rig.peers.peer_wire import Wire
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.sim.kernel import SimKernel
 

@@ -15,7 +15,7 @@ from trcvtui.rig.commands.counters_and_checksums import filled
 from trcvtui.rig.commands.library import check_library
 from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.commands.words import PeerPlay, PeerSend
-from trcvtui.rig.peers.outbox import Outbox
+from trcvtui.rig.peers.queues import Outbox
 
 MS = 1_000_000
 

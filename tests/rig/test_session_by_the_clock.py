@@ -10,7 +10,7 @@ import pytest
 from trcvtui.cli import main
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.peers.routine import next_due
+from trcvtui.rig.peers.peer import next_due
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario.race import race_file
 from trcvtui.rig.scenario.recorded_session import Seen

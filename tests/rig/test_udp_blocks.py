@@ -93,7 +93,7 @@ def test_an_empty_datagram_is_a_job_with_no_byte(tmp_path: Path) -> None:
     kernel, peer = desk.bench._kernel, desk.bench.peers["P1"]
     end = desk.bench._listening_end("U1")
     assert end is not None
-    assert kernel.send_to(peer._handle, memoryview(b""), end) == 0  # type: ignore[arg-type]
+    assert kernel.send_to(peer.transport._handle, memoryview(b""), end) == 0  # type: ignore[arg-type]
     desk.say("run 1")
     out = desk.bench.runtime.outputs("URECV_C_1")
     assert (out.status, out.done, out.rcvd_len) == (0x7008, True, 0)

@@ -30,8 +30,7 @@ from trcvtui.rig.commands.edit import edits_of
 from trcvtui.rig.commands.instances import after
 from trcvtui.rig.commands.routine import read_replies, read_routines
 from trcvtui.rig.commands.words import MENDS, CheckOn, Mend, PeerSend
-from trcvtui.rig.peers.routine import SelfActing, next_due
-from trcvtui.rig.peers.udp_peer import AnyPeer, new_peer
+from trcvtui.rig.peers.peer import Peer, SelfActing, next_due
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
 
@@ -55,7 +54,7 @@ def link_of(peer: PeerDecl, project: Project) -> str:
 class Checking:
     """One `check on`; it ends with the next one, or with `check off`."""
 
-    def __init__(self, peer: AnyPeer, command: CheckOn) -> None:
+    def __init__(self, peer: Peer, command: CheckOn) -> None:
         self._peer = peer
         self._command = command
         self._data = Checker(command.size) if command.instance else None
@@ -128,9 +127,9 @@ class Bench:
             if not peer.decl.active:
                 self._must_listen(peer)
 
-    def _new_peer(self, decl: PeerDecl) -> AnyPeer:
+    def _new_peer(self, decl: PeerDecl) -> Peer:
         small = self.project.rules.policy.small_buffers
-        return new_peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
+        return Peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
 
     def _with_sessions(self) -> SessionKernel:
         """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else.
@@ -156,7 +155,7 @@ class Bench:
     def _of_a_session(self, owner: str, what: str, partner: str, why: str) -> None:
         self.note(owner, what, f"{partner}: {why}")
 
-    def _must_listen(self, peer: AnyPeer) -> None:
+    def _must_listen(self, peer: Peer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""
         wrong = peer.listen()
         if wrong:

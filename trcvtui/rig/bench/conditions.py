@@ -10,7 +10,7 @@ from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.port_trouble import port_away
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.peers.udp_peer import AnyPeer
+from trcvtui.rig.peers.peer import Peer
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.literals import format_time
@@ -30,7 +30,7 @@ class Watched(Protocol):
         ...
 
     @property
-    def peers(self) -> Mapping[str, AnyPeer]:
+    def peers(self) -> Mapping[str, Peer]:
         """Return its peers by name."""
         ...
 

@@ -12,6 +12,7 @@ from trcvtui.errors import mistake
 from trcvtui.files import READABLE, read_bytes, reason_of
 
 MOST_BYTES: Final = 16 * 1024 * 1024
+KEPT_BYTES: Final = 65536  # of what a peer has received: one job of the largest LEN
 ESCAPES: Final = {"r": b"\r", "n": b"\n", "t": b"\t", "0": b"\0", "\\": b"\\", '"': b'"', "'": b"'"}
 _PIECE: Final = re.compile(r"\\(?:x([0-9A-Fa-f]{2})|(.?))|([^\\]+)", re.DOTALL)
 

@@ -8,7 +8,7 @@ from trcvtui.project.names import expected_name
 from trcvtui.project.project import InstanceDecl, PeerDecl, Project
 from trcvtui.project.tables import shown
 from trcvtui.rig.commands.data import base_name, read_data_condition
-from trcvtui.rig.commands.inbox import KEPT_BYTES
+from trcvtui.rig.commands.payload import KEPT_BYTES
 from trcvtui.rig.commands.read_payload import read_payload
 from trcvtui.rig.commands.tokens import Words, duration, pin_value
 from trcvtui.rig.commands.trace_pattern import parse_pattern

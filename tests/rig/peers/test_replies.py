@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.rig.bench_project import bench_project
-from tests.rig.peer_wire import Wire, connected, write
+from tests.rig.peers.peer_wire import Wire, connected, write
 from trcvtui.errors import UserError
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
@@ -21,7 +21,7 @@ from trcvtui.rig.commands.lines import rule_text
 from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.commands.routine import read_replies
 from trcvtui.rig.commands.words import ReplyOn
-from trcvtui.rig.peers.replies import Replies
+from trcvtui.rig.peers.queues import Replies
 
 ROOM = 1000
 

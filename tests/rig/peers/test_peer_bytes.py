@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.rig.peer_wire import MS, Wire, connected, write
+from tests.rig.peers.peer_wire import MS, Wire, connected, write
 from trcvtui.net.results import WOULD_BLOCK
 from trcvtui.plc.ledger import PeerSent
 from trcvtui.rig.commands.words import PeerSend
@@ -87,7 +87,7 @@ def test_a_stalled_peer_reads_nothing_until_it_resumes(wire: Wire) -> None:
     write(wire, other, b"wait")
     for _ in range(5):
         wire.step()
-    assert (peer.traffic.inbox.count, peer.snapshot().stalled) == (0, True)
+    assert (peer.queues.inbox.count, peer.snapshot().stalled) == (0, True)
     peer.resume()
     wire.until(lambda: peer.has_received(b"wait"))
 
@@ -122,13 +122,13 @@ def test_a_stall_closes_the_partners_window(wire: Wire) -> None:
 def test_received_means_all_of_the_connection_or_all_since_it_last_held(wire: Wire) -> None:
     peer, other = connected(wire)
     write(wire, other, b"\x01\x02")
-    wire.until(lambda: peer.traffic.inbox.count == 2)
+    wire.until(lambda: peer.queues.inbox.count == 2)
     assert not peer.has_received(b"\x01") and not peer.has_received(b"\x02")
     assert peer.has_received(b"\x01\x02")
     assert peer.has_received(b"\x01\x02"), "what has held holds until more arrives"
 
     write(wire, other, b"\x03")
-    wire.until(lambda: peer.traffic.inbox.count == 3)
+    wire.until(lambda: peer.queues.inbox.count == 3)
     assert not peer.has_received(b"\x01\x02")
     assert peer.has_received(b"\x03")
     assert peer.has_received(b"\x01\x02\x03")
@@ -138,10 +138,10 @@ def test_what_is_kept_of_a_flood_is_bounded(wire: Wire) -> None:
     peer, other = connected(wire)
     for number in range(8):
         write(wire, other, bytes([number]) * 32768)
-        wire.until(lambda: peer.traffic.inbox.count == 32768 * (number + 1))  # noqa: B023 - called at once
+        wire.until(lambda: peer.queues.inbox.count == 32768 * (number + 1))  # noqa: B023 - called at once
     snapshot = peer.snapshot()
     assert snapshot.bytes_received == 8 * 32768
-    assert peer.traffic.inbox.last == b"\x06" * 32768 + b"\x07" * 32768
+    assert peer.queues.inbox.last == b"\x06" * 32768 + b"\x07" * 32768
     assert len(snapshot.last_received) == 4096
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.rig.commands.words import PeerSend
-from trcvtui.rig.peers.outbox import Outbox
+from trcvtui.rig.peers.queues import Outbox
 
 
 def play(outbox: Outbox, until: int, step: int = 10, stack: int = 1 << 30) -> list[tuple[int, bytes]]:

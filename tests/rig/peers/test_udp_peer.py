@@ -19,7 +19,8 @@ from trcvtui.project.project import PeerDecl
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.commands.words import PeerRst, PeerSend
-from trcvtui.rig.peers.udp_peer import UdpPeer, new_peer
+from trcvtui.rig.peers.peer import Peer
+from trcvtui.rig.peers.transports import DatagramTransport
 
 MS: Final = 1_000_000
 HOME: Final = Endpoint("127.0.0.1", 0)
@@ -35,7 +36,7 @@ class Air:
         self.ends: dict[str, Endpoint] = {}
         self.now = 0
         self.plc = self.socket()
-        self.made: list[UdpPeer] = []
+        self.made: list[Peer] = []
 
     def socket(self) -> Handle:
         handle = self.kernel.datagram_socket("PLC")
@@ -48,19 +49,19 @@ class Air:
         assert end is not None
         return end
 
-    def peer(self, remote: Endpoint | str | None = None, end: Endpoint = HOME) -> UdpPeer:
+    def peer(self, remote: Endpoint | str | None = None, end: Endpoint = HOME) -> Peer:
         decl = PeerDecl("P1", False, end, udp=True, remote=remote)
-        peer = new_peer(decl, self.kernel, self.ends.get, self.events.append)
-        assert isinstance(peer, UdpPeer)
+        peer = Peer(decl, self.kernel, self.ends.get, self.events.append)
+        assert isinstance(peer.transport, DatagramTransport)
         self.made.append(peer)
         return peer
 
-    def listening(self, remote: Endpoint | str | None = None) -> UdpPeer:
+    def listening(self, remote: Endpoint | str | None = None) -> Peer:
         peer = self.peer(remote)
         assert peer.listen() == ""
         return peer
 
-    def tell(self, peer: UdpPeer, data: bytes, sender: Handle | None = None) -> None:
+    def tell(self, peer: Peer, data: bytes, sender: Handle | None = None) -> None:
         assert peer.last_port is not None
         to = Endpoint("127.0.0.1", peer.last_port)
         handle = self.plc if sender is None else sender
@@ -275,7 +276,7 @@ def test_a_udp_peer_of_a_project_listens_at_load_and_says_its_messages_by_itself
     bench = Bench(load_project(file), kernel)
     air = Air(bench._kernel)
     peer = bench.peers["P1"]
-    assert isinstance(peer, UdpPeer) and peer.state == "listening"
+    assert isinstance(peer.transport, DatagramTransport) and peer.state == "listening"
     bench.step()
     air.tell(peer, b"I am here")
     heard: list[bytes] = []

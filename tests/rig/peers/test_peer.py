@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.rig.peer_wire import Wire, connected, write
+from tests.rig.peers.peer_wire import Wire, connected, write
 from trcvtui.net.results import WOULD_BLOCK
 from trcvtui.rig.commands.words import PeerSend
 
@@ -149,7 +149,7 @@ def test_shutdown_sends_fin_and_goes_on_reading(wire: Wire) -> None:
     peer.shutdown()
     assert wire.ending(other) == "FIN"
     write(wire, other, b"still here")
-    wire.until(lambda: peer.traffic.inbox.count == 10)
+    wire.until(lambda: peer.queues.inbox.count == 10)
     assert peer.is_in("connected")
     assert peer.send(PeerSend("P1", b"x"), wire.now) == "P1 has shut down its sending side"
     wire.kernel.close(other)

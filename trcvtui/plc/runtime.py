@@ -22,7 +22,7 @@ from trcvtui.blocks.udp.udp_control import UdpBinding
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.resources import Resources
-from trcvtui.net.connection.udp import UdpPort, connection_of
+from trcvtui.net.connection.udp import UdpEndpoint, connection_of
 from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.net.kernel import Handle
 from trcvtui.net.layers.layer_kernel import ReadyKernel
@@ -141,9 +141,9 @@ class Runtime:
         policy, journal = self._project.rules.policy, self.ledger.write
         return connection_of(config, self._kernel, self._resources, policy, self._resolve, journal)
 
-    def _port(self, config: UdpConfig) -> UdpPort:
+    def _port(self, config: UdpConfig) -> UdpEndpoint:
         policy, journal = self._project.rules.policy, self.ledger.write
-        return UdpPort(config, self._kernel, policy, self._resolve, journal)
+        return UdpEndpoint(config, self._kernel, self._resources, policy, self._resolve, journal)
 
     def _instance(self, decl: InstanceDecl) -> Instance:
         instance = Instance(decl, self._binding(decl), self.ledger.write)

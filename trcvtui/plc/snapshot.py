@@ -19,7 +19,7 @@ from trcvtui.blocks.table import buffer_pins as buffer_pins
 from trcvtui.blocks.table import is_time as is_time
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection, State
-from trcvtui.net.connection.udp import UdpPort
+from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
 from trcvtui.plc.ledger import Outputs
 
@@ -251,7 +251,7 @@ def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
     )
 
 
-def port_snapshot(port: UdpPort, now: int) -> ConnectionSnapshot:
+def port_snapshot(port: UdpEndpoint, now: int) -> ConnectionSnapshot:
     """Return a UDP_CONFIG: `created` is its ready state, `remote` the other end of the last datagram."""
     waiting = port.retry_at is not None
     return ConnectionSnapshot(

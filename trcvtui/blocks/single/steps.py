@@ -13,7 +13,7 @@ from trcvtui.blocks.outcome import Outcome
 from trcvtui.blocks.status_sequence import Course
 from trcvtui.blocks.tcp.loss_status import loss_cause
 from trcvtui.net.connection.connection import ConnectionLoss, LossKind
-from trcvtui.net.connection.udp import UdpPort
+from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
 
 IDLE: Final = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
@@ -21,7 +21,7 @@ REQ_ROSE: Final = Cause(Why.INPUT, "REQ rose", pin="REQ", value=1)
 NO_ENDPOINT: Final = Cause(Why.INPUT, "REQ rose where no such connection is", pin="REQ", value=1)
 
 
-def no_socket(port: UdpPort, pin: str, asked: str) -> Outcome:
+def no_socket(port: UdpEndpoint, pin: str, asked: str) -> Outcome:
     """Return why nothing moves on a UDP_CONFIG: what failed when its socket was to be made, if anything."""
     return _no_socket(port.failure, pin, asked)
 

@@ -9,7 +9,7 @@ from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
 from trcvtui.net.connection.config import ANY_ADDRESS, RemoteAddress
-from trcvtui.net.connection.udp import DatagramConnection
+from trcvtui.net.connection.udp import UdpEndpoint
 
 TARGETS: Final = ("TADDR_Param",)
 SOURCES: Final = ("TADDR_Param", "TADDR_RCV_IP")
@@ -17,7 +17,7 @@ SOURCES: Final = ("TADDR_Param", "TADDR_RCV_IP")
 
 def unfit(bound: Binding, needs_datagrams: bool, receives: bool = False) -> Outcome | None:
     """Return why this block can never work on this connection; `needs_datagrams`: it is TUSEND or TURCV."""
-    is_udp = isinstance(bound.connection, DatagramConnection)
+    is_udp = isinstance(bound.connection, UdpEndpoint)
     if is_udp and bound.address is None:
         return _wrong(Condition.OTHER_TRANSPORT, "the connection is UDP, and this block has no ADDR")
     if is_udp and receives and bound.address is not None:

@@ -22,7 +22,7 @@ from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse, reserve, rival_
 from trcvtui.blocks.tcp.loss_status import shown
 from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
 from trcvtui.net.connection.connection import ConnectionLoss
-from trcvtui.net.connection.udp import DatagramConnection
+from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault, WouldBlock
 
 # What a datagram that no route takes shows; every other call that fails is "send failed".
@@ -150,12 +150,12 @@ class SendJob:
         return Outcome(Condition.SEND_BUFFER_FULL, cause)
 
     def _peer(self) -> str:
-        if self._address is not None and isinstance(self._connection, DatagramConnection):
+        if self._address is not None and isinstance(self._connection, UdpEndpoint):
             return self._connection.where(self._address)
         return str(self._connection.peer or "")
 
     def _send(self) -> int | WouldBlock | Fault | ConnectionLoss:
-        if self._address is not None and isinstance(self._connection, DatagramConnection):
+        if self._address is not None and isinstance(self._connection, UdpEndpoint):
             return self._connection.send_to(self._unsent, self._address, self._instance)
         return self._connection.send(self._unsent, self._instance)
 

@@ -19,7 +19,7 @@ from trcvtui.blocks.table import BlockRow
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import StepFault
-from trcvtui.net.connection.udp import UdpPort
+from trcvtui.net.connection.udp import UdpEndpoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class UdpBinding:
     """CONFIG, ADDR and DATA of one instance. `data` None: the pin is open; `priority` is that of its task."""
 
     env: Environment
-    port: UdpPort
+    port: UdpEndpoint
     address: RemoteAddress
     data: DataArea | None
     instance: str
@@ -45,7 +45,7 @@ class UdpBinding:
 class UdpPart:
     """Show a socket's life on STATUS; `call` answers None when the job may decide."""
 
-    def __init__(self, env: Environment, port: UdpPort) -> None:
+    def __init__(self, env: Environment, port: UdpEndpoint) -> None:
         self.cont = False
         self.waits = 0  # how many scans of "creating" have been shown since creating began
         self._env = env

@@ -123,7 +123,7 @@ class DatagramIn:
     def _collect(self) -> Outcome | None:
         """Take one datagram into the job's own buffer; return what failed."""
         self._first_offset = self._port.bytes_received
-        got = self._port.receive(memoryview(self._buffer), self._instance)
+        got = self._port.receive_from(memoryview(self._buffer), self._instance)
         if isinstance(got, Fault):
             self._end(done=False, reason="receiving failed", size=0)
             return Outcome(Condition.RECEIVE_FAILED, cause_of(got))

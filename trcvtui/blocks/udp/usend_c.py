@@ -91,7 +91,7 @@ class DatagramOut:
         self._shape = self._data.shape
         payload = bytes(self._data.content[: length or self._data.size])
         self._start(len(payload))
-        got = self._port.send(memoryview(payload), self._address, self._instance)
+        got = self._port.send_to(memoryview(payload), self._address, self._instance)
         if isinstance(got, int):
             self.have, self.last_bytes, self._peer = got, self._env.now, str(self._port.peer)
             return _sending(got, self._peer)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
-from typing import Final
+from typing import ClassVar, Final
 
 from trcvtui.net.connection.config import ConnectConfig, Policy
 from trcvtui.net.connection.resources import Claim, DirectionClaims, Resources
@@ -158,6 +158,8 @@ class DeadLinkWatch:
 class Connection:
     """One CONNECT at work. Blocks talk to this, never to the kernel."""
 
+    SET_UP: ClassVar[type[SetUp]] = SetUp
+
     def __init__(
         self,
         config: ConnectConfig,
@@ -180,7 +182,7 @@ class Connection:
         self.since_scan = 0  # the scan in which the state last changed to connected
         self.retry_at: int | None = None
         self.handle: Handle | None = None
-        self.set_up = SetUp(
+        self.set_up = self.SET_UP(
             config, kernel, policy, resolve, resources.connection_ids, self._note_set_up, resources.work
         )
         self._kernel = kernel

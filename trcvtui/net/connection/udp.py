@@ -1,6 +1,8 @@
-"""A CONNECT of UDP: a socket that stands as soon as it is bound, and datagrams to and from an ADDR each.
+"""A UDP endpoint: a socket that stands as soon as it is bound, and datagrams to and from an ADDR each.
 
-Rule: nothing that a partner does ends it; a call that fails to receive does, and it is built again.
+Rule 1: nothing that a partner does ends it. A receive call that fails ends the socket of a CONNECT, which is
+built again; of a UDP_CONFIG it is told to the block, and the socket stays.
+Rule 2: `incarnation` counts the sockets; a block whose socket is gone sees another number.
 """
 
 from __future__ import annotations
@@ -11,169 +13,15 @@ from typing import Final
 from trcvtui.net.connection.config import ANY_END, ConnectConfig, Policy, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, ConnectionLoss, LossKind, State
 from trcvtui.net.connection.description_check import Flaw
-from trcvtui.net.connection.resources import Claim, DirectionClaims, Resources
-from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault, wrong_local_address
+from trcvtui.net.connection.resources import Claim, Resources
+from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
 from trcvtui.net.events import (
-    BytesDropped,
-    BytesReceived,
     BytesSent,
-    ConnectionChanged,
     ConnectionEvent,
     What,
 )
 from trcvtui.net.kernel import Accepted, Handle, Kernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
-
-# Rule 1: `step` makes at most one attempt a scan, whoever asks first; the others read the same answer.
-# Rule 2: `incarnation` counts the sockets; a block whose socket is gone sees another number.
-
-
-class UdpPort:
-    """One local end for datagrams. Blocks talk to this, never to the kernel."""
-
-    def __init__(
-        self,
-        config: UdpConfig,
-        kernel: Kernel,
-        policy: Policy,
-        resolve: Callable[[str], int | None],
-        write: Callable[[ConnectionEvent], None],
-    ) -> None:
-        self.config = config
-        self.handle: Handle | None = None
-        self.incarnation = 0
-        self.local: Endpoint | None = None
-        self.peer: Endpoint | None = None  # of the last datagram, whichever way it went
-        self.receiving = DirectionClaims()
-        self.sending = DirectionClaims()
-        self.bytes_received = self.recvs = 0
-        self.bytes_sent = self.sends = 0
-        self.attempts = 0
-        self.since_scan = 0  # the scan in which it last opened
-        self.failure: Fault | None = None  # of the newest attempt
-        self.retry_at: int | None = None
-        self._kernel = kernel
-        self._policy = policy
-        self._resolve = resolve
-        self._write = write
-        self._kept_port = config.local.port
-        self._stepped_in = -1
-        self._step_fault: StepFault | None = None
-
-    @property
-    def is_open(self) -> bool:
-        """Return whether the socket is there and bound."""
-        return self.handle is not None
-
-    # -- open and close ---------------------------------------------------------------------------
-
-    def step(self, scan: int, now: int) -> StepFault | None:
-        """Try to open, once a scan and after the pause; return what failed in this scan's attempt."""
-        if self._stepped_in != scan:
-            self._stepped_in, self._step_fault = scan, None
-            if self.handle is None and (self.retry_at is None or now >= self.retry_at):
-                self._step_fault = self._open()
-                self._opened(scan, now)
-        return self._step_fault
-
-    def _opened(self, scan: int, now: int) -> None:
-        self.attempts += 1
-        self.failure = self._step_fault.fault if self._step_fault is not None else None
-        if self._step_fault is not None:
-            self.retry_at = now + self._policy.retry_ns
-            self._note(What.ATTEMPT_FAILED, fault=self._step_fault.fault)
-            return
-        self.retry_at = None
-        self.since_scan = scan
-        self.incarnation += 1
-        self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
-        self._note(What.LISTENING, detail="UDP")
-
-    def _open(self) -> StepFault | None:
-        made = self._kernel.datagram_socket(self.config.name)
-        if isinstance(made, Fault):
-            return StepFault(SetUpStage.SOCKET, made)
-        failed = self._bind(made)
-        if failed is not None:
-            self._kernel.close(made)
-            return failed
-        self.handle, self.local = made, self._kernel.local_end(made)
-        if self.local is not None:
-            self._kept_port = self.local.port
-        return None
-
-    def _bind(self, handle: Handle) -> StepFault | None:
-        local = Endpoint(self.config.local.address, self._kept_port)
-        own = self._kernel.local_addresses()
-        wrong = wrong_local_address(local.address, own, self._policy.strict_local_address)
-        if wrong:
-            return StepFault(SetUpStage.ADDRESS, Fault("address", wrong))
-        fault = self._kernel.bind(handle, local)
-        if fault is not None:
-            return StepFault(SetUpStage.ADDRESS if fault.error == "EADDRNOTAVAIL" else SetUpStage.BIND, fault)
-        fault = self._kernel.poll_add(handle)
-        return StepFault(SetUpStage.POLL_ADD, fault) if fault is not None else None
-
-    def close(self) -> Fault | None:
-        """Free the socket, and with it what waits in it; return the first call that failed."""
-        self.retry_at = self.failure = None
-        if self.handle is None:
-            return None
-        removed = self._kernel.poll_del(self.handle)
-        freed = self._kernel.close(self.handle)
-        self._note(What.RELEASED, fault=removed or freed)
-        self.handle = self.local = self.peer = None
-        self.receiving.end()
-        self.sending.end()
-        return removed or freed
-
-    def stop(self) -> None:
-        """Free everything without a word to any block (PLC STOP)."""
-        self.close()
-        self._kept_port = self.config.local.port
-
-    # -- datagrams ----------------------------------------------------------------------------------
-
-    def send(self, data: memoryview, to: RemoteAddress, instance: str) -> int | WouldBlock | Fault:
-        """Send one datagram."""
-        assert self.handle is not None
-        end = to.target(self._resolve)
-        got = end if isinstance(end, Fault) else self._kernel.send_to(self.handle, data, end)
-        if isinstance(got, int) and isinstance(end, Endpoint):
-            self.sends += 1
-            offset, self.peer = self.bytes_sent, end
-            self.bytes_sent = offset + got
-            self._write(BytesSent(self.config.name, self.incarnation, self.sends, offset, got, instance))
-        return got
-
-    def where(self, to: RemoteAddress) -> str:
-        """Return whom a datagram to this ADDR reaches, or what stands there as long as nobody knows."""
-        end = to.target(self._resolve)
-        return str(end if isinstance(end, Endpoint) else to)
-
-    def receive(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
-        """Take the next datagram."""
-        assert self.handle is not None
-        got = self._kernel.recv_from(self.handle, into)
-        if isinstance(got, Fault):
-            return WOULD_BLOCK if got.error == "EAGAIN" else got
-        if isinstance(got, Datagram):
-            self.recvs += 1
-            offset, self.peer = self.bytes_received, got.source
-            self.bytes_received = offset + got.whole
-            place = self.incarnation, self.recvs, offset, got.whole
-            self._write(BytesReceived(self.config.name, *place, instance))
-        return got
-
-    def drop(self, offset: int, size: int, reason: str, incarnation: int) -> None:
-        """Note received bytes that never reach DATA."""
-        if size:
-            self._write(BytesDropped(self.config.name, incarnation, offset, size, reason))
-
-    def _note(self, what: What, fault: Fault | None = None, detail: str = "") -> None:
-        local, peer = str(self.local or ""), str(self.peer or "")
-        self._write(ConnectionChanged(self.config.name, self.incarnation, what, local, peer, fault, detail))
-
 
 NO_ADDR: Final = StepFault(
     SetUpStage.DESCRIPTION,
@@ -182,7 +30,7 @@ NO_ADDR: Final = StepFault(
 )
 
 
-class DatagramSetUp(SetUp):
+class UdpSetUp(SetUp):
     """From socket to bound port; nobody has to come."""
 
     needs_addr = False  # whoever opens it has none, and needs one
@@ -246,29 +94,54 @@ class DatagramSetUp(SetUp):
         return self._kernel.close(handle)
 
 
-class DatagramConnection(Connection):
-    """One CONNECT of UDP at work; `peer` is the other end of the last datagram."""
+class UdpEndpoint(Connection):
+    """One CONNECT of UDP, or one UDP_CONFIG, at work; `peer` is the other end of the last datagram.
+
+    `is_config`: the first block that wants the socket opens it, at once and without a job; the first that
+    ends closes it. All bytes of a datagram count there, also those for which there was no room.
+    """
+
+    SET_UP = UdpSetUp
+    set_up: UdpSetUp
 
     def __init__(
         self,
-        config: ConnectConfig,
+        config: ConnectConfig | UdpConfig,
         kernel: Kernel,
         resources: Resources,
         policy: Policy,
         resolve: Callable[[str], int | None],
         write: Callable[[ConnectionEvent], None],
     ) -> None:
+        self.is_config = isinstance(config, UdpConfig)
+        self.failure: Fault | None = None  # of the newest attempt to open a UDP_CONFIG
+        if isinstance(config, UdpConfig):
+            config = ConnectConfig(config.name, local=config.local, is_datagram=True)
         super().__init__(config, kernel, resources, policy, resolve, write)
-        self._way = DatagramSetUp(
-            config, kernel, policy, resolve, resources.connection_ids, self._note_set_up, resources.work
-        )
-        self.set_up = self._way
         self._resolve = resolve
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether the socket is there and bound."""
+        return self.handle is not None
 
     def open(self, has_addr: bool = True) -> Fault | None:
         """Queue the set-up job; who opens it without an ADDR is told so by the first step."""
-        self._way.needs_addr = not has_addr
+        self.set_up.needs_addr = not has_addr
         return super().open()
+
+    def _take_step(self, now: int) -> StepFault | None:
+        if not self.is_config:
+            return super()._take_step(now)
+        if self.is_open or (self.retry_at is not None and now < self.retry_at):
+            return None
+        self.retry_at = self.failure = None
+        self.attempts += 1
+        failed = self.set_up.create() or self.set_up.prepare(now)
+        if failed is None:
+            return self._adopt(self.set_up.look(now), now)
+        self.failure = failed.fault
+        return self._failed(failed, now)
 
     def _become_connected(self, got: Accepted) -> None:
         self.handle, self.peer = got.handle, None
@@ -278,19 +151,44 @@ class DatagramConnection(Connection):
         self._local = self._kernel.local_end(got.handle)
         self._note(What.LISTENING, detail="UDP")
 
+    def close(self) -> Fault | None:
+        """Free the socket of a UDP_CONFIG, and what waits in it; return the first call that failed."""
+        self.retry_at = self.failure = None
+        if self.handle is None:
+            return None
+        removed = self._kernel.poll_del(self.handle)
+        freed = self._kernel.close(self.handle)
+        self._note(What.RELEASED, fault=removed or freed)
+        self._end_incarnation(ConnectionLoss(LossKind.OURS, ""), State.CLOSED)
+        return removed or freed
+
+    def stop(self) -> None:
+        """Free everything without a word to any block (PLC STOP)."""
+        if self.is_config:
+            self.close()
+            self.set_up.forget()
+        else:
+            super().stop()
+
     # -- datagrams ----------------------------------------------------------------------------------------
 
-    def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
+    def receive_from(self, into: memoryview, instance: str) -> Datagram | WouldBlock | Fault:
         """Take one datagram; what there is no room for is gone."""
         assert self.handle is not None
         got = self._kernel.recv_from(self.handle, into)
         if isinstance(got, Datagram):
             self.peer = got.source
-            self._took(got.size, instance)
-            return got
-        if isinstance(got, Fault) and got.error != "EAGAIN":
+            self._took(got.whole if self.is_config else got.size, instance)
+        elif isinstance(got, Fault) and got.error == "EAGAIN":
+            return WOULD_BLOCK
+        return got
+
+    def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
+        """Take one datagram; a call that fails ends the socket."""
+        got = self.receive_from(into, instance)
+        if isinstance(got, Fault):
             return self._lose(ConnectionLoss(LossKind.FAILED, str(self.peer or ""), got))
-        return WOULD_BLOCK
+        return got
 
     def send_to(self, data: memoryview, to: RemoteAddress, instance: str) -> int | WouldBlock | Fault:
         """Send one datagram; the stack takes it whole or not at all."""
@@ -336,7 +234,7 @@ class DatagramConnection(Connection):
 
     def _end_incarnation(self, loss: ConnectionLoss, state: State) -> None:
         super()._end_incarnation(loss, state)
-        self._way.local = None
+        self.set_up.local = None
 
 
 def connection_of(
@@ -348,5 +246,5 @@ def connection_of(
     write: Callable[[ConnectionEvent], None],
 ) -> Connection:
     """Return what works for this CONNECT."""
-    kind = DatagramConnection if config.is_datagram else Connection
+    kind = UdpEndpoint if config.is_datagram else Connection
     return kind(config, kernel, resources, policy, resolve, write)

@@ -11,6 +11,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.rig.test_udp_blocks import Desk
 from trcvtui.errors import UserError
 from trcvtui.net.events import ConnectionChanged
+from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
 from trcvtui.rig.commands.reader import parse_line
@@ -84,10 +85,8 @@ def test_a_port_that_is_taken_is_80a1(tmp_path: Path) -> None:
     desk = Desk(text, tmp_path)
     tcon(desk)
     desk.say("set TRCV_C_1 CONT=1", "run 3")
-    seen = [
-        line.event for line in desk.bench.runtime.ledger if getattr(line.event, "instance", "") == "TRCV_C_1"
-    ]
-    assert 0x80A1 in [getattr(event, "status", 0) for event in seen]
+    edges = [line.event for line in desk.bench.runtime.ledger if isinstance(line.event, StatusEdge)]
+    assert 0x80A1 in [edge.outputs.status for edge in edges if edge.instance == "TRCV_C_1"]
     desk.close()
 
 

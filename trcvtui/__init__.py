@@ -8,7 +8,7 @@ The tour of the house, bottom to top; a folder imports only from folders below i
     layers/      ISO-on-TCP and TLS on a stream
     os/  sim/    the real network of this machine; the simulated one
 * udt/        what bytes mean: types, constants, names
-    sources/ layout/ compare/ cure/ exports/ command/
+    sources/ layout/ compare/ cure/ exports/
 * blocks/     what the PLC programmer calls, in neutral conditions with their cause
     tcp/ udp/ serial/ framing/ single/
 * dialects/   which vendor's rules: STATUS words, switches, layout: baosky/ siemens/ twincat/

@@ -24,14 +24,14 @@ from trcvtui.udt.types import (
     Array,
     Elementary,
     Enumeration,
-    Kind,
     Member,
     Pointer,
+    StringType,
     Struct,
     Subrange,
-    Text,
     Type,
     Union,
+    ValueKind,
 )
 
 CAUSES = ("none", "header", "trailer", "word-swap", "byte-swap", "short", "long")
@@ -77,7 +77,7 @@ def random_type(chance: random.Random) -> Struct:
 def _member(chance: random.Random, depth: int) -> Type:
     drawn = chance.random()
     if drawn < 0.12:
-        return Text(chance.choice([1, 4, 6, 8, 10, 15, 20, 32, 80]), wide=chance.random() < 0.1)
+        return StringType(chance.choice([1, 4, 6, 8, 10, 15, 20, 32, 80]), wide=chance.random() < 0.1)
     if drawn < 0.18:
         count = chance.randint(2, 6)
         step = chance.choice([1, 1, 1, 10])
@@ -104,7 +104,7 @@ Draw = Callable[[Leaf, Layout, random.Random], object]
 def realistic(leaf: Leaf, layout: Layout, chance: random.Random) -> object:
     """Return a value as machines send it."""
     type_ = leaf.type
-    if isinstance(type_, Text):
+    if isinstance(type_, StringType):
         return _text(type_, layout, chance)
     if isinstance(type_, Enumeration):
         return chance.choice(type_.values)[1]
@@ -115,7 +115,7 @@ def realistic(leaf: Leaf, layout: Layout, chance: random.Random) -> object:
     return _elementary(layout.rules.stored(type_), leaf, layout, chance)
 
 
-def _text(type_: Text, layout: Layout, chance: random.Random) -> str:
+def _text(type_: StringType, layout: Layout, chance: random.Random) -> str:
     most = layout.rules.text.length(type_)
     kind = chance.random()
     if kind < 0.12:
@@ -129,25 +129,25 @@ def _text(type_: Text, layout: Layout, chance: random.Random) -> str:
 
 def _elementary(row: Elementary, leaf: Leaf, layout: Layout, chance: random.Random) -> object:
     match row.kind:
-        case Kind.BOOL:
+        case ValueKind.BOOL:
             return chance.random() < 0.5
-        case Kind.REAL:
+        case ValueKind.REAL:
             return _real(chance)
-        case Kind.CHARACTER:
+        case ValueKind.CHARACTER:
             return chance.choice(string.ascii_uppercase + string.digits)
-        case Kind.BITS:
+        case ValueKind.BITS:
             return chance.choice(
                 [0, 1, 3, chance.randrange(1 << 8 * row.size), 1 << chance.randrange(8 * row.size)]
             )
-        case Kind.INTEGER:
+        case ValueKind.INTEGER:
             return _whole(row, chance)
     unit = row.unit_ns or MS
     match row.kind:
-        case Kind.DURATION:
+        case ValueKind.DURATION:
             ns = chance.choice([100 * MS, SECOND, 60 * SECOND, MS]) * chance.randint(0, 5000)
-        case Kind.TIME_OF_DAY:
+        case ValueKind.TIME_OF_DAY:
             ns = chance.randrange(86_400) * SECOND + chance.choice([0, chance.randrange(1000) * MS])
-        case Kind.DATE:
+        case ValueKind.DATE:
             ns = chance.randint(13_000, 22_000) * DAY
         case _:
             ns = chance.randint(13_000, 22_000) * DAY + chance.randrange(86_400) * SECOND
@@ -195,12 +195,12 @@ def filled(fill: str) -> Draw:
 
     def draw(leaf: Leaf, layout: Layout, chance: random.Random) -> object:
         type_ = leaf.type
-        if isinstance(type_, Text | Pointer):
+        if isinstance(type_, StringType | Pointer):
             return "" if fill in ("zeros", "constant", "ones") else realistic(leaf, layout, chance)
         row = layout.rules.stored(type_)
-        if row.kind is Kind.BOOL:
+        if row.kind is ValueKind.BOOL:
             return False if fill == "zeros" else realistic(leaf, layout, chance)
-        if row.kind is Kind.REAL:
+        if row.kind is ValueKind.REAL:
             return (
                 0.0
                 if fill == "zeros"
@@ -209,7 +209,7 @@ def filled(fill: str) -> Draw:
                 else _real(chance)
             )
         if (
-            row.kind not in (Kind.INTEGER, Kind.BITS, Kind.DURATION)
+            row.kind not in (ValueKind.INTEGER, ValueKind.BITS, ValueKind.DURATION)
             or row.code.endswith("s")
             or row.name == "S5TIME"
         ):
@@ -218,7 +218,7 @@ def filled(fill: str) -> Draw:
         low, high = row.limits
         return (
             _shown(leaf, layout, max(min(number, high), low))
-            if row.kind is Kind.DURATION
+            if row.kind is ValueKind.DURATION
             else max(min(number, high), low)
         )
 
@@ -280,7 +280,7 @@ def swapped(layout: Layout, data: bytes, cause: str, way: int) -> bytes:
             out[at : at + 4] = data[at + 2 : at + 4] + data[at : at + 2]
         return bytes(out)
     for leaf in layout.leaves():
-        if isinstance(leaf.type, Text) or leaf.coding.code.endswith("s") or leaf.size not in (2, 4, 8):
+        if isinstance(leaf.type, StringType) or leaf.coding.code.endswith("s") or leaf.size not in (2, 4, 8):
             continue
         part = data[leaf.offset : leaf.offset + leaf.size]
         words = [part[at : at + 2] for at in range(0, leaf.size, 2)]

@@ -16,9 +16,9 @@ from trcvtui.udt.types import (
     Enumeration,
     Member,
     Pointer,
+    StringType,
     Struct,
     Subrange,
-    Text,
     Type,
     Union,
 )
@@ -97,7 +97,7 @@ def _leaf(random: Random) -> Type:
     row = random.choice(ROWS)
     match random.randrange(8):
         case 0:
-            return Text(random.randint(1, 9), random.random() < 0.5)
+            return StringType(random.randint(1, 9), random.random() < 0.5)
         case 1:
             return Pointer("POINTER TO BYTE")
         case 2:
@@ -131,7 +131,7 @@ class _Writer:
         while isinstance(type_, Array):
             sizes += "".join(f"[{high - low + 1}]" for low, high in type_.bounds)
             type_ = type_.element
-        if isinstance(type_, Text):
+        if isinstance(type_, StringType):
             assert type_.length is not None
             return f"{'uint16_t' if type_.wide else 'char'} {name}{sizes}[{type_.length + 1}];"
         return f"{self.c_name(type_, pack)} {name}{sizes};"

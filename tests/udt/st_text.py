@@ -19,7 +19,7 @@ from trcvtui.udt.ast import (
     StructSpec,
     UnplacedSpec,
 )
-from trcvtui.udt.types import ELEMENTARY, Kind, Text
+from trcvtui.udt.types import ELEMENTARY, StringType, ValueKind
 
 HERE = ""
 GAPS = [
@@ -38,7 +38,9 @@ PLACES = ["", " AT %I*", " AT %QX0.1"]
 
 names = st.from_regex(r"\A[a-zé_][a-z0-9]{0,4}_\Z")
 numbers = st.integers(-40, 300)
-whole = st.sampled_from([name for name, row in ELEMENTARY.items() if row.kind in (Kind.INTEGER, Kind.BITS)])
+whole = st.sampled_from(
+    [name for name, row in ELEMENTARY.items() if row.kind in (ValueKind.INTEGER, ValueKind.BITS)]
+)
 ranges = st.tuples(numbers, st.integers(0, 20)).map(lambda b: (b[0], b[0] + b[1]))
 
 
@@ -53,7 +55,7 @@ def _struct(members: list[tuple[str, Spec]], is_union: bool) -> StructSpec:
 
 leaves: st.SearchStrategy[Spec] = st.one_of(
     st.sampled_from([*ELEMENTARY, "Lib.T", "_.Kind", "motor_data"]).map(_reference),
-    st.builds(Text, st.none() | st.integers(1, 300), st.booleans()),
+    st.builds(StringType, st.none() | st.integers(1, 300), st.booleans()),
     st.builds(lambda base, b: RangeSpec(_reference(base), *b), whole, ranges),
     st.sampled_from(["POINTER TO INT", "REFERENCE TO Lib.T", "REF_TO ARRAY[0..9] OF BYTE"]).map(PointerSpec),
     st.just(UnplacedSpec("Lib.Cyl", "an FB instance", HERE)),
@@ -128,7 +130,7 @@ class Writer:
         match spec:
             case Reference(name):
                 return self.one_of(name, name.lower()) if name.upper() in ELEMENTARY else name
-            case Text(length, wide):
+            case StringType(length, wide):
                 word = self.word("WSTRING" if wide else "STRING")
                 return word if length is None else word + self.one_of(f"[{length}]", f"( {length} )")
             case RangeSpec(base, low, high):

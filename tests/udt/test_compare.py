@@ -12,7 +12,7 @@ from trcvtui.udt.compare.compare import ComparedRow, compare
 from trcvtui.udt.layout.layout import LayoutRules, lay_out, rules_for, shape
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode
-from trcvtui.udt.types import Member, Struct, Text
+from trcvtui.udt.types import Member, StringType, Struct
 
 MEMBERS = "kind : BYTE; weight : LREAL; count : INT;"
 CONTENT = bytes.fromhex("01 00000000000000 0000000000002940 0700 000000000000")
@@ -157,6 +157,6 @@ def test_rows_agree_with_two_decodes_of_their_own(type_, ours, theirs, content, 
 
 
 def test_a_text_in_utf_8_and_one_in_latin_1_are_stored_in_two_forms() -> None:
-    plain, marked = (Struct("T", (Member("s", Text(8, utf8=utf8)),)) for utf8 in (False, True))
+    plain, marked = (Struct("T", (Member("s", StringType(8, utf8=utf8)),)) for utf8 in (False, True))
     both = compare(lay_out(plain, rules_for()), lay_out(marked, rules_for()))
     assert [row.differs for row in both.rows(b"")] == [("form",)]

@@ -16,7 +16,7 @@ from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import decode_text, read_file, read_files, read_text
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import ELEMENTARY, Array, Struct, Text
+from trcvtui.udt.types import ELEMENTARY, Array, StringType, Struct
 
 FILES = files(".xml", ".tcdut", ".tcgvl", ".h")
 LACKS = ("a known type", "a known constant")
@@ -81,7 +81,11 @@ def test_a_file_cut_anywhere_ends_in_types_or_lines(path: Path) -> None:
 def test_own_samples_hold_what_they_say() -> None:
     motor = read_file(OWN / "motor.TcDUT").named("ST_Motor")
     assert isinstance(motor, Struct) and motor.pack == 1
-    assert [member.type for member in motor.members] == [ELEMENTARY["BOOL"], ELEMENTARY["LREAL"], Text(10)]
+    assert [member.type for member in motor.members] == [
+        ELEMENTARY["BOOL"],
+        ELEMENTARY["LREAL"],
+        StringType(10),
+    ]
     tank = read_file(OWN / "openness.xml").named("Tank")
     assert isinstance(tank, Struct) and [member.name for member in tank.members] == ["State", "Levels", "At"]
     plant = read_file(OWN / "plcopen.xml").named("Anlage")

@@ -14,7 +14,7 @@ from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import Layout, LayoutRules, lay_out, rules_for
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode, decode_leaf, decode_leaves, encode, put
-from trcvtui.udt.types import ROWS, Text, Type
+from trcvtui.udt.types import ROWS, StringType, Type
 
 
 def telegram() -> Layout:
@@ -272,6 +272,6 @@ def test_a_string_marked_as_utf_8_is_read_and_written_so() -> None:
 
 @given(st.binary(min_size=5, max_size=5))
 def test_bytes_that_are_no_utf_8_come_back_the_same(raw: bytes) -> None:
-    layout = lay_out(Text(4, utf8=True), rules_for("codesys-8"))
+    layout = lay_out(StringType(4, utf8=True), rules_for("codesys-8"))
     (value,) = decode(layout, raw)
     assert encode(layout, {"": value}) == raw[:4].split(b"\0")[0].ljust(5, b"\0")

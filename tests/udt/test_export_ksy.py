@@ -17,7 +17,7 @@ from tests.udt.udt_strategies import layout_of, layouts
 from trcvtui.udt.exports import export
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout
 from trcvtui.udt.layout.values import decode
-from trcvtui.udt.types import Kind, Text
+from trcvtui.udt.types import StringType, ValueKind
 
 # The compiler of Kaitai as `npm install kaitai-struct-compiler js-yaml` lays it down.
 COMPILER = Path(os.environ.get("TRCVTUI_KSC", "/usr/local/lib")) / "node_modules"
@@ -40,9 +40,9 @@ def stored(layout: Layout, data: bytes) -> list[object]:
     """Return what a .ksy tells of each leaf: texts and BOOL as they read, of the others the stored count."""
     found: list[object] = []
     for leaf, value in zip(layout.leaves(), decode(layout, data), strict=True):
-        is_text = isinstance(leaf.type, Text)
-        row = None if isinstance(leaf.type, Text) else layout.rules.stored(leaf.type)
-        if is_text or leaf.bit is not None or (row and row.kind is Kind.CHARACTER and row.size == 1):
+        is_text = isinstance(leaf.type, StringType)
+        row = None if isinstance(leaf.type, StringType) else layout.rules.stored(leaf.type)
+        if is_text or leaf.bit is not None or (row and row.kind is ValueKind.CHARACTER and row.size == 1):
             found.append(value)
             continue
         part = data[leaf.offset : leaf.offset + leaf.size]

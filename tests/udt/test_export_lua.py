@@ -25,7 +25,7 @@ from trcvtui.udt.exports.lua import filter_name
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out, rules_for
 from trcvtui.udt.layout.values import decode, encode
 from trcvtui.udt.sources import read_file
-from trcvtui.udt.types import Kind, Member, Pointer, Struct, Text
+from trcvtui.udt.types import Member, Pointer, StringType, Struct, ValueKind
 
 PORT = 2000
 with_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="tshark is not installed")
@@ -61,16 +61,16 @@ def assert_same(layout: Layout, shown: list[tuple[str, str]], data: bytes) -> No
 
 def as_decoded(layout: Layout, leaf: Leaf, text: str) -> object:
     """Return what tshark shows of a leaf as `udt decode` has it."""
-    if isinstance(leaf.type, Text):
+    if isinstance(leaf.type, StringType):
         return text
     if isinstance(leaf.type, Pointer):
         return f"16#{int(text, 16):0{2 * leaf.size}X}"
     match layout.rules.stored(leaf.type).kind:
-        case Kind.BOOL:
+        case ValueKind.BOOL:
             return text in ("1", "True")
-        case Kind.REAL:
+        case ValueKind.REAL:
             return digits(float(text), leaf)
-        case Kind.INTEGER | Kind.BITS:
+        case ValueKind.INTEGER | ValueKind.BITS:
             return int(text, 0)
     return text
 
@@ -103,7 +103,7 @@ def test_what_a_literal_leaves_out_is_beside_it_as_in_udt_decode(tmp_path: Path)
 @with_tshark
 @pytest.mark.parametrize("form", ["nul", "s7"])
 def test_a_string_in_utf_8_is_shown_so(form: str, tmp_path: Path) -> None:
-    members = (Member("u", Text(6, utf8=True)), Member("l", Text(6)))
+    members = (Member("u", StringType(6, utf8=True)), Member("l", StringType(6)))
     layout = lay_out(Struct("S", members), rules_for("baosky", None, form))
     data = encode(layout, {"u": "€é", "l": "é"})
     [shown] = dissected(layout, [data], tmp_path)

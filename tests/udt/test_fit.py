@@ -25,7 +25,7 @@ from trcvtui.udt.layout.layout import (
     shape,
 )
 from trcvtui.udt.layout.values import encode
-from trcvtui.udt.types import Elementary, Enumeration, Kind, Struct, Text
+from trcvtui.udt.types import Elementary, Enumeration, StringType, Struct, ValueKind
 
 TYPES = types_of("""
 TYPE E_Mode : (Idle := 0, Run := 1, Fault := 2) INT; END_TYPE
@@ -48,14 +48,14 @@ TELEGRAMS = ("Weight", "Report", "Line", "Batch")
 
 def ordinary(leaf: Leaf, chance: random.Random) -> object:
     """Return a value as machines send it."""
-    if isinstance(leaf.type, Text):
+    if isinstance(leaf.type, StringType):
         return "".join(chance.choices("ABCDEF0123456789-", k=chance.randint(1, leaf.type.length or 9)))
     if isinstance(leaf.type, Enumeration):
         return chance.randrange(3)
     assert isinstance(leaf.type, Elementary)
-    if leaf.type.kind is Kind.BOOL:
+    if leaf.type.kind is ValueKind.BOOL:
         return chance.random() < 0.5
-    if leaf.type.kind is Kind.REAL:
+    if leaf.type.kind is ValueKind.REAL:
         return chance.choice([round(chance.uniform(-500, 500), 2), chance.uniform(0.1, 3000), 2.5])
     return chance.randint(0, 255) if leaf.type.size == 1 else chance.randint(1, 9999)
 

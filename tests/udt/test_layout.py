@@ -14,7 +14,17 @@ from tests.udt.udt_strategies import bits_of, layout_of, layouts, struct_of, typ
 from trcvtui.errors import UserError
 from trcvtui.udt.layout.layout import LAYOUTS, MOST_BYTES, Layout, lay_out, rules_for
 from trcvtui.udt.layout.values import decode
-from trcvtui.udt.types import ELEMENTARY, ROWS, Array, Elementary, Kind, Member, Struct, Text, Unplaced
+from trcvtui.udt.types import (
+    ELEMENTARY,
+    ROWS,
+    Array,
+    Elementary,
+    Member,
+    StringType,
+    Struct,
+    Unplaced,
+    ValueKind,
+)
 
 READINGS = ("baosky", "baosky-slot4", "baosky-pack4", "natural8")
 Vector = tuple[int, list[int]]
@@ -181,7 +191,7 @@ def test_members_lie_on_their_alignment(layout: Layout) -> None:
     rules = layout.rules
     assert layout.size % layout.align == 0
     for leaf in layout.leaves():
-        natural = 1 if isinstance(leaf.type, Text) else rules.stored(leaf.type).align
+        natural = 1 if isinstance(leaf.type, StringType) else rules.stored(leaf.type).align
         # A pack_mode may place members closer; what it does to them is compared with gcc.
         assert rules.takes_pack or leaf.offset % min(natural, rules.cap) == 0
 
@@ -211,7 +221,7 @@ def test_any_run_of_leaves_is_a_slice_of_all(layout: Layout, start: int, count: 
     assert list(layout.page(start, stop).leaves) == expected
 
 
-PLAIN = [row for row in ROWS if row.kind is not Kind.BOOL and len(row.code) == 1]
+PLAIN = [row for row in ROWS if row.kind is not ValueKind.BOOL and len(row.code) == 1]
 
 
 @given(st.lists(st.sampled_from(PLAIN), min_size=1))

@@ -14,9 +14,9 @@ from trcvtui.udt.types import (
     Enumeration,
     Member,
     Pointer,
+    StringType,
     Struct,
     Subrange,
-    Text,
     Type,
     Union,
     Unplaced,
@@ -66,8 +66,8 @@ CODESYS_VECTORS: list[tuple[str, Struct, tuple[str, str, str, str]]] = [
     ),
     ("C5", struct("SINT", "LREAL", "DINT"), ("24: 0 8 16", "16: 0 4 12", "14: 0 2 10", "13: 0 1 9")),
     ("C6", struct("BOOL", "INT", "BOOL", "BOOL"), ("6: 0 2 4 5", "6: 0 2 4 5", "6: 0 2 4 5", "5: 0 1 3 4")),
-    ("C7", struct(Text(3), "DINT"), ("8: 0 4", "8: 0 4", "8: 0 4", "8: 0 4")),
-    ("C8", struct(Text(), Text(2, wide=True)), ("88: 0 82", "88: 0 82", "88: 0 82", "87: 0 81")),
+    ("C7", struct(StringType(3), "DINT"), ("8: 0 4", "8: 0 4", "8: 0 4", "8: 0 4")),
+    ("C8", struct(StringType(), StringType(2, wide=True)), ("88: 0 82", "88: 0 82", "88: 0 82", "87: 0 81")),
     (
         "C9",
         struct("BYTE", array(struct("DINT", "BYTE"), (0, 2)), "BYTE"),
@@ -145,13 +145,13 @@ S7_VECTORS: list[tuple[str, Struct, str]] = [
     ),
     ("S6", struct(array("BYTE", (1, 3)), "BYTE"), "6: 0 1 2 4"),
     ("S7", struct("BOOL", struct("BOOL"), "BOOL"), "6: 0.0 2.0 4.0"),
-    ("S8", struct(Text(5), "BYTE", "INT"), "12: 0 8 10"),
-    ("S9", struct(Text(), "BOOL"), "258: 0 256.0"),
+    ("S8", struct(StringType(5), "BYTE", "INT"), "12: 0 8 10"),
+    ("S9", struct(StringType(), "BOOL"), "258: 0 256.0"),
     ("S10", struct(array(struct("INT", "BOOL"), (1, 2)), "BYTE"), "10: 0 2.0 4 6.0 8"),
     ("S11", struct(array("BOOL", (0, 1), (0, 2))), "2: 0.0 0.1 0.2 1.0 1.1 1.2"),
-    ("S12", struct("USINT", "DTL", Text(3, wide=True)), "24: 0 2 14"),
+    ("S12", struct("USINT", "DTL", StringType(3, wide=True)), "24: 0 2 14"),
     ("S13", struct("CHAR", "DATE", "TIME_OF_DAY", "DATE_AND_TIME"), "16: 0 2 4 8"),
-    ("S14", struct(array(Text(3), (0, 1)), "BOOL"), "14: 0 6 12.0"),
+    ("S14", struct(array(StringType(3), (0, 1)), "BOOL"), "14: 0 6 12.0"),
     ("S15", struct("INT", array("BYTE", (1, 8)), "INT", "INT"), "14: 0 2 3 4 5 6 7 8 9 10 12"),
 ]
 
@@ -168,7 +168,7 @@ def test_s16_an_array_of_three_dimensions() -> None:
 
 
 def test_s8_without_string_even_goes_on_directly_behind_the_string() -> None:
-    layout = lay_out(struct(Text(5), "BYTE", "INT"), rules_for("s7-standard", string_even=False))
+    layout = lay_out(struct(StringType(5), "BYTE", "INT"), rules_for("s7-standard", string_even=False))
     assert f"{layout.size}: {' '.join(places(layout))}" == "10: 0 7 8"
 
 
@@ -181,7 +181,7 @@ WORKED = Struct(
         Member("bAck", T["BOOL"]),
         Member("iCount", T["INT"]),
         Member("rTemp", T["REAL"]),
-        Member("sName", Text(5)),
+        Member("sName", StringType(5)),
         Member("byTail", T["BYTE"]),
         Member("aFlags", array("BOOL", (0, 9))),
         Member("aRaw", array("BYTE", (0, 2))),
@@ -363,13 +363,17 @@ def test_the_settings_of_a_layout_replace_its_own() -> None:
     assert size(T["XWORD"], rules_for("codesys-4", pointer_size=4)) == 4
     assert size(ENUM, rules_for("baosky", enum_base="dint")) == 4
     assert size(ENUM_DWORD, rules_for("baosky", enum_base="SINT")) == 4, "a named base stays"
-    assert [size(Text(9), rules_for("codesys-8", None, form)) for form in ("nul", "s7", "cstr")] == [
+    assert [size(StringType(9), rules_for("codesys-8", None, form)) for form in ("nul", "s7", "cstr")] == [
         10,
         11,
         11,
     ]
-    assert [size(Text(), rules_for(name)) for name in ("baosky", "codesys-8", "s7-standard")] == [82, 81, 256]
-    assert size(Text(None, wide=True), rules_for("s7-standard")) == 2 * 254 + 4
+    assert [size(StringType(), rules_for(name)) for name in ("baosky", "codesys-8", "s7-standard")] == [
+        82,
+        81,
+        256,
+    ]
+    assert size(StringType(None, wide=True), rules_for("s7-standard")) == 2 * 254 + 4
     assert rules_for("s7-standard", "little").byte_order == "little"
 
 
@@ -388,6 +392,6 @@ def test_an_unknown_setting_is_refused_with_the_known_ones(settings: dict[str, o
 
 
 def test_a_wstring_of_an_s7_may_have_16382_characters() -> None:
-    assert lay_out(Text(16382, wide=True), rules_for("s7-standard")).size == 32768
+    assert lay_out(StringType(16382, wide=True), rules_for("s7-standard")).size == 32768
     with pytest.raises(UserError, match="at most 16382 characters"):
-        lay_out(Text(16383, wide=True), rules_for("s7-standard"))
+        lay_out(StringType(16383, wide=True), rules_for("s7-standard"))

@@ -16,7 +16,7 @@ from trcvtui.udt.layout.placing import Unreachable
 from trcvtui.udt.sources import read_text
 from trcvtui.udt.st_write import scl_text, st_text
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import ELEMENTARY, Member, Struct, Text
+from trcvtui.udt.types import ELEMENTARY, Member, StringType, Struct
 
 INDEX = r"\[[^\]]*\]"
 
@@ -218,7 +218,7 @@ def test_the_scl_of_an_s7_sender_is_read_again(name: str) -> None:
 @pytest.mark.slow
 @settings(max_examples=250, deadline=None)
 @given(structs(types, least=1), rules, rules)
-def test_a_corrective_type_that_is_called_possible_gives_the_others_offsets(
+def test_a_padded_type_that_is_called_possible_gives_the_others_offsets(
     type_: Struct, ours: LayoutRules, theirs: LayoutRules
 ) -> None:
     sent = lay_out(type_, theirs)
@@ -240,10 +240,12 @@ def test_a_corrective_type_that_is_called_possible_gives_the_others_offsets(
 
 
 def test_a_text_in_utf_8_stays_one() -> None:
-    sent = lay_out(Struct("T", (Member("w", ELEMENTARY["WORD"]), Member("s", Text(utf8=True)))), rules_for())
+    sent = lay_out(
+        Struct("T", (Member("w", ELEMENTARY["WORD"]), Member("s", StringType(utf8=True)))), rules_for()
+    )
     found = padded_type(sent, rules_for("s7-standard"))
     assert found.is_possible
-    assert found.layout.leaf(1).type == Text(80, utf8=True)
+    assert found.layout.leaf(1).type == StringType(80, utf8=True)
     again = types_of(st_text(sent.type))
     (_, text) = lay_out(again.named("T"), rules_for()).leaves()
-    assert text.type == Text(utf8=True)
+    assert text.type == StringType(utf8=True)

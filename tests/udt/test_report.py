@@ -16,7 +16,7 @@ from trcvtui.udt.layout.layout import Layout, lay_out, rules_for
 from trcvtui.udt.layout.value_text import real_text
 from trcvtui.udt.report import encode_values
 from trcvtui.udt.type_set import TypeSet
-from trcvtui.udt.types import Text
+from trcvtui.udt.types import StringType
 
 TELEGRAM = """TYPE Mode : (Stop, Run := 5); Telegram : STRUCT
   id : DINT; speed : REAL; ok : BOOL; bits : WORD; mode : Mode; name : STRING[4]; c : CHAR; wait : TIME;
@@ -150,7 +150,9 @@ def texts_overlap(layout: Layout) -> bool:
     if not layout.root.overlaps:
         return False
     places = [
-        range(leaf.offset, leaf.offset + leaf.size) for leaf in layout.leaves() if isinstance(leaf.type, Text)
+        range(leaf.offset, leaf.offset + leaf.size)
+        for leaf in layout.leaves()
+        if isinstance(leaf.type, StringType)
     ]
     return sum(map(len, places)) > len({at for place in places for at in place})
 

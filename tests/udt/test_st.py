@@ -13,7 +13,7 @@ from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.sources import decode_text, read_file, read_text
 from trcvtui.udt.type_set import TypeSet, join
-from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, Struct, Subrange, Text, Type, type_text
+from trcvtui.udt.types import ELEMENTARY, Array, Enumeration, StringType, Struct, Subrange, Type, type_text
 
 DATA = Path(__file__).parent / "data"
 SAMPLES = sorted(path for path in DATA.glob("*.st") if path.name != "twincat.st")  # that one has FB instances
@@ -77,11 +77,11 @@ def test_a_whole_file_as_an_engineer_writes_it() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("a : STRING;", Text(None)),
-        ("a : STRING[20];", Text(20)),
-        ("a : STRING(20);", Text(20)),
-        ("a : string [ 16#14 ] ;", Text(20)),
-        ("a : WSTRING[3];", Text(3, wide=True)),
+        ("a : STRING;", StringType(None)),
+        ("a : STRING[20];", StringType(20)),
+        ("a : STRING(20);", StringType(20)),
+        ("a : string [ 16#14 ] ;", StringType(20)),
+        ("a : WSTRING[3];", StringType(3, wide=True)),
         ("a : ARRAY[0..9] OF BYTE;", Array(((0, 9),), ELEMENTARY["BYTE"])),
         ("a:ARRAY[-1..UINT#1]OF\nBYTE;", Array(((-1, 1),), ELEMENTARY["BYTE"])),
         ("a : ARRAY[1..2, 0..1] OF INT;", Array(((1, 2), (0, 1)), ELEMENTARY["INT"])),

@@ -12,9 +12,9 @@ from trcvtui.udt.type_set import join
 from trcvtui.udt.types import (
     ELEMENTARY,
     Enumeration,
+    StringType,
     Struct,
     Subrange,
-    Text,
 )
 
 # -- what stands around the types ------------------------------------------------------------------------
@@ -179,7 +179,7 @@ def test_a_text_inside_another_file_tells_the_lines_of_that_file() -> None:
 
 
 def test_one_type_of_tia_is_read_as_a_specification() -> None:
-    assert read_spec("String[10]", "m") == Text(10)
+    assert read_spec("String[10]", "m") == StringType(10)
     assert type(read_spec('Array[0.."N"] of "My type"', "m")).__name__ == "ArraySpec"
 
 

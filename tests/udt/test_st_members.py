@@ -11,8 +11,8 @@ from trcvtui.udt.type_set import join
 from trcvtui.udt.types import (
     Array,
     Pointer,
+    StringType,
     Struct,
-    Text,
     Unplaced,
     type_text,
 )
@@ -176,10 +176,10 @@ def test_what_nobody_can_lay_out_keeps_its_name_and_the_members_around_it(text: 
     assert unplaced.name == name
 
 
-def test_a_declared_type_wins_over_a_well_known_one() -> None:
+def test_a_declared_type_wins_over_a_builtin_one() -> None:
     types = good(
         "TYPE TON : STRUCT a : INT; END_STRUCT; T : TON; DTL : INT; U : DTL; V : T_MaxString; END_TYPE"
     )
     assert types.named("T") is types.named("TON")
     assert types.named("U") is INT
-    assert types.named("V") == Text(255)
+    assert types.named("V") == StringType(255)

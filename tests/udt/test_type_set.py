@@ -10,7 +10,7 @@ from trcvtui.udt.ast import MOST_NESTED
 from trcvtui.udt.sources import parse_type
 from trcvtui.udt.sources.st import read_st
 from trcvtui.udt.type_set import join
-from trcvtui.udt.types import ELEMENTARY, Array, Text
+from trcvtui.udt.types import ELEMENTARY, Array, StringType
 
 
 def lines_of(call: object) -> list[str]:
@@ -101,7 +101,7 @@ def test_an_alias_chain_has_no_depth() -> None:
 def test_a_type_in_one_line_as_in_a_project_file() -> None:
     types = types_of("TYPE Telegram : STRUCT a : INT; END_STRUCT; Bad : Nope; END_TYPE")
     assert parse_type("INT") is ELEMENTARY["INT"]
-    assert parse_type(" string[20] ") == Text(20)
+    assert parse_type(" string[20] ") == StringType(20)
     assert parse_type("ARRAY[0..99] OF BYTE") == Array(((0, 99),), ELEMENTARY["BYTE"])
     assert parse_type("TELEGRAM", types) is types.named("Telegram")
     assert parse_type("ARRAY[1..2] OF Telegram", types) == Array(((1, 2),), types.named("Telegram"))

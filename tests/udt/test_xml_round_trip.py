@@ -23,9 +23,9 @@ from trcvtui.udt.ast import (
 )
 from trcvtui.udt.sources import read_xml_file
 from trcvtui.udt.sources.st import read_st
-from trcvtui.udt.types import ROWS, Kind, Text
+from trcvtui.udt.types import ROWS, StringType, ValueKind
 
-WHOLE = [row.name for row in ROWS if row.kind in (Kind.INTEGER, Kind.BITS) and row.name != "BIT"]
+WHOLE = [row.name for row in ROWS if row.kind in (ValueKind.INTEGER, ValueKind.BITS) and row.name != "BIT"]
 
 numbers = hyp.one_of(
     hyp.integers(-3, 9), hyp.sampled_from(["MAX", "GVL.MAX+1", "2*LEN"]).map(lambda text: Formula(text, ""))
@@ -34,7 +34,7 @@ names = hyp.sampled_from(["Motor", "Axis_1", "Größe"]).map(lambda name: Refere
 elementary = hyp.sampled_from([row.name for row in ROWS]).map(lambda name: Reference(name, ""))
 whole = hyp.sampled_from(WHOLE).map(lambda name: Reference(name, ""))
 texts: hyp.SearchStrategy[Spec] = hyp.one_of(
-    hyp.builds(Text, hyp.one_of(hyp.none(), hyp.integers(1, 254)), hyp.booleans()),
+    hyp.builds(StringType, hyp.one_of(hyp.none(), hyp.integers(1, 254)), hyp.booleans()),
     hyp.builds(TextSpec, hyp.just(Formula("LEN", "")), hyp.booleans()),
 )
 ranges = hyp.builds(RangeSpec, whole, hyp.integers(-9, 0), hyp.integers(1, 9))
@@ -89,7 +89,7 @@ SAMPLES = {
     "plcopen": in_plcopen(
         [
             Declaration("E", EnumSpec(Reference("INT", ""), (("A", None), ("B", 5))), ""),
-            Declaration("S", StructSpec((MemberSpec("a", ArraySpec(((0, 3),), Text(9)), ""),)), ""),
+            Declaration("S", StructSpec((MemberSpec("a", ArraySpec(((0, 3),), StringType(9)), ""),)), ""),
         ]
     ),
     "openness": in_openness(

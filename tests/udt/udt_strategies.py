@@ -22,14 +22,14 @@ from trcvtui.udt.types import (
     Array,
     Elementary,
     Enumeration,
-    Kind,
     Member,
     Pointer,
+    StringType,
     Struct,
     Subrange,
-    Text,
     Type,
     Union,
+    ValueKind,
 )
 
 
@@ -52,8 +52,8 @@ def layout_of(text: str, layout: str = "baosky", byte_order: str | None = None) 
 
 
 rows = st.sampled_from(ROWS)
-integers = st.sampled_from([row for row in ROWS if row.kind is Kind.INTEGER])
-texts = st.builds(Text, st.one_of(st.none(), st.integers(1, 254)), st.booleans())
+integers = st.sampled_from([row for row in ROWS if row.kind is ValueKind.INTEGER])
+texts = st.builds(StringType, st.one_of(st.none(), st.integers(1, 254)), st.booleans())
 enumerations = st.builds(
     lambda base, is_named: Enumeration("Mode", base, (("Off", 0), ("On", 1)), is_named),
     integers,
@@ -95,7 +95,7 @@ def unions(members: st.SearchStrategy[Type]) -> st.SearchStrategy[Union]:
 
 
 bools = st.sampled_from(
-    [row for row in ROWS if row.kind is Kind.BOOL]
+    [row for row in ROWS if row.kind is ValueKind.BOOL]
 )  # often: they are bits in some layouts
 leaf_types: st.SearchStrategy[Type] = st.one_of(rows, bools, texts, enumerations, subranges, pointers)
 types: st.SearchStrategy[Type] = st.recursive(
@@ -140,12 +140,12 @@ def bits_of(leaf: Leaf) -> set[tuple[int, int]]:
 
 def values_of(leaf: Leaf, rules: LayoutRules) -> st.SearchStrategy[Value]:
     """Return values that the leaf can hold."""
-    if isinstance(leaf.type, Text):
+    if isinstance(leaf.type, StringType):
         return _texts(leaf.type, rules)
     return _elementary(rules.stored(leaf.type))
 
 
-def _texts(type_: Text, rules: LayoutRules) -> st.SearchStrategy[Value]:
+def _texts(type_: StringType, rules: LayoutRules) -> st.SearchStrategy[Value]:
     most, least = rules.text.length(type_), 0 if rules.text.header else 1
     if type_.wide:
         plane = st.characters(min_codepoint=least, max_codepoint=0xFFFF, exclude_categories=["Cs"])
@@ -157,17 +157,17 @@ def _elementary(row: Elementary) -> st.SearchStrategy[Value]:
     if (row.name, row.code) in OWN_VALUES:
         return OWN_VALUES[row.name, row.code]
     match row.kind:
-        case Kind.BOOL:
+        case ValueKind.BOOL:
             return st.booleans()
-        case Kind.REAL:
+        case ValueKind.REAL:
             return st.floats(width=32 if row.size == 4 else 64, allow_nan=False)
-        case Kind.CHARACTER:
+        case ValueKind.CHARACTER:
             return st.integers(0, row.limits[1]).map(chr)
-        case Kind.INTEGER | Kind.BITS:
+        case ValueKind.INTEGER | ValueKind.BITS:
             return st.integers(*row.limits)
-        case Kind.ADDRESS:
+        case ValueKind.ADDRESS:
             return st.integers(*row.limits).map(lambda address: f"16#{address:0{2 * row.size}X}")
-        case Kind.DATE:
+        case ValueKind.DATE:
             to_value = coding_of(row, rules_for()).to_value
             assert to_value is not None
             return st.integers(*row.limits).map(to_value)

@@ -19,7 +19,7 @@ from trcvtui.udt.ast import (
     StructSpec,
     TextSpec,
 )
-from trcvtui.udt.types import Text
+from trcvtui.udt.types import StringType
 
 
 def bare(read: Declarations) -> tuple[tuple[str, object], ...]:
@@ -55,7 +55,7 @@ def st_spec(spec: Spec) -> str:
     match spec:
         case Reference(name=name):
             return name
-        case Text(length=length, wide=wide):
+        case StringType(length=length, wide=wide):
             return ("WSTRING" if wide else "STRING") + ("" if length is None else f"[{length}]")
         case TextSpec(length=formula, wide=wide):
             return ("WSTRING" if wide else "STRING") + f"[{formula.text}]"
@@ -97,7 +97,7 @@ def _plcopen(spec: Spec) -> str:
     match spec:
         case Reference(name=name):
             return f"<{name}/>" if name.isupper() else f'<derived name="{name}"/>'
-        case Text(length=length, wide=wide):
+        case StringType(length=length, wide=wide):
             return f"<{'w' * wide}string" + ("/>" if length is None else f' length="{length}"/>')
         case TextSpec(length=formula, wide=wide):
             return f'<{"w" * wide}string length="{formula.text}"/>'
@@ -157,7 +157,7 @@ def _datatype(spec: Spec) -> str:
             return f"Array[{_ranges(bounds)}] of {_datatype(element)}"
         case Reference(name=name):
             return name.capitalize() if name.isupper() else f'"{name}"'
-        case Text(length=length, wide=wide):
+        case StringType(length=length, wide=wide):
             return ("WString" if wide else "String") + ("" if length is None else f"[{length}]")
         case TextSpec(length=formula, wide=wide):
             return ("WString" if wide else "String") + f"[{formula.text}]"

@@ -60,7 +60,7 @@ from trcvtui.plc.snapshot import (
     port_snapshot,
 )
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
-from trcvtui.udt.types import Array, Elementary, Kind, Text, Type
+from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
 
 LEAST: Final = 2  # siemens.md 4.1: LEN of a TRCV into a STRING, and into a WSTRING
 LEAST_WIDE: Final = 5
@@ -72,14 +72,14 @@ def elements_of(type_: Type) -> Elements:
         type_ = type_.element
     if not isinstance(type_, Elementary):
         return Elements.OTHER
-    if type_.kind is Kind.BOOL:
+    if type_.kind is ValueKind.BOOL:
         return Elements.BITS
     return Elements.BYTES if type_.size == 1 else Elements.OTHER
 
 
 def text_lens_of(type_: Type, size: int) -> TextLens:
     """Return the smallest LEN of a variable that is one text: all of its `size` bytes, or the header's."""
-    if not isinstance(type_, Text):
+    if not isinstance(type_, StringType):
         return NO_TEXT
     return TextLens(sent=size, received=LEAST_WIDE if type_.wide else LEAST)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from trcvtui.errors import Problem
-from trcvtui.udt.types import Text
+from trcvtui.udt.types import StringType
 
 # Baosky allows 6 or 8 levels (baosky.md section 8); beyond this no tool in the field follows.
 MOST_NESTED = 32
@@ -34,7 +34,7 @@ class Reference(NamedTuple):
 
 
 class TextSpec(NamedTuple):
-    """STRING or WSTRING whose length is a formula; one with a plain length is a `Text` at once."""
+    """STRING or WSTRING whose length is a formula; one with a plain length is a `StringType` at once."""
 
     length: Formula
     wide: bool
@@ -98,7 +98,15 @@ class EnumSpec(NamedTuple):
 
 
 Spec = (
-    Reference | Text | TextSpec | RangeSpec | PointerSpec | UnplacedSpec | ArraySpec | StructSpec | EnumSpec
+    Reference
+    | StringType
+    | TextSpec
+    | RangeSpec
+    | PointerSpec
+    | UnplacedSpec
+    | ArraySpec
+    | StructSpec
+    | EnumSpec
 )
 
 

@@ -9,7 +9,7 @@ import re
 from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, WHOLE, Elementary, Kind
+from trcvtui.udt.types import DAY, ELEMENTARY, MS, SECOND, WHOLE, Elementary, ValueKind
 
 # `\w` knows no combining marks (Hindi vowels, Thai tones, decomposed accents); bidirectional and zero-width
 # characters and spaces, which stand between them, are left out.
@@ -29,10 +29,10 @@ UNIT_NS = {"d": DAY, "h": 3600 * SECOND, "m": 60 * SECOND, "s": SECOND, "ms": MS
 PREFIXES = {name: f"{name}#" for name in ("LTIME", "LDATE", "TOD", "LTOD", "DT", "LDT")}
 PREFIXES |= {"TIME": "T#", "DATE": "D#"}
 EXPECTED = {
-    Kind.DURATION: "a duration such as T#1s500ms",
-    Kind.DATE: "a date such as D#2024-01-31",
-    Kind.TIME_OF_DAY: "a time of day such as TOD#12:30:15.250",
-    Kind.DATE_AND_TIME: "a date and time such as DT#2024-01-31-12:30:15",
+    ValueKind.DURATION: "a duration such as T#1s500ms",
+    ValueKind.DATE: "a date such as D#2024-01-31",
+    ValueKind.TIME_OF_DAY: "a time of day such as TOD#12:30:15.250",
+    ValueKind.DATE_AND_TIME: "a date and time such as DT#2024-01-31-12:30:15",
 }
 
 _LONGEST = 64  # no literal of these types is longer; what is longer is refused unread
@@ -53,7 +53,7 @@ def parse_time(text: str, where: str = "duration") -> int:
     """Return the nanoseconds of an IEC duration such as `T#1s500ms`; raise UserError when it is none."""
     ns = _duration(text)
     if ns is None:
-        raise mistake(where, _quoted(text), EXPECTED[Kind.DURATION])
+        raise mistake(where, _quoted(text), EXPECTED[ValueKind.DURATION])
     return ns
 
 
@@ -73,11 +73,11 @@ def format_literal(row: Elementary, count: int) -> str:
     prefix = PREFIXES[row.name]
     ns = count * row.unit_ns + row.epoch_ns
     match row.kind:
-        case Kind.DURATION:
+        case ValueKind.DURATION:
             return format_time(ns, prefix)
-        case Kind.DATE:
+        case ValueKind.DATE:
             return prefix + _date_text(ns // DAY)
-        case Kind.TIME_OF_DAY:
+        case ValueKind.TIME_OF_DAY:
             return prefix + _clock_text(ns)
         case _:
             return date_and_time_text(prefix, ns)
@@ -170,10 +170,10 @@ def parse_date_and_time(text: str) -> int | None:
 
 
 _READ = {
-    Kind.DURATION: _duration,
-    Kind.DATE: _date,
-    Kind.TIME_OF_DAY: _clock,
-    Kind.DATE_AND_TIME: parse_date_and_time,
+    ValueKind.DURATION: _duration,
+    ValueKind.DATE: _date,
+    ValueKind.TIME_OF_DAY: _clock,
+    ValueKind.DATE_AND_TIME: parse_date_and_time,
 }
 
 

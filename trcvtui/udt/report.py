@@ -15,7 +15,7 @@ from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.layout_tree import PlacedLeaf
 from trcvtui.udt.layout.value_text import NO_DATA, special_text, value_text
 from trcvtui.udt.layout.values import encode, pages, stream, values_of
-from trcvtui.udt.types import Enumeration, Pointer, Text, type_text
+from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
 
 Row = tuple[str, ...]
 
@@ -124,8 +124,8 @@ def json_value(value: Value | None) -> Value | None:
 
 def leaf_type_text(layout: Layout, leaf: Leaf | PlacedLeaf) -> str:
     """Return the type that decides the bytes: a STRING with its length, an enumeration as its base type."""
-    if isinstance(leaf.type, Text):
-        return type_text(Text(layout.rules.text.length(leaf.type), leaf.type.wide))
+    if isinstance(leaf.type, StringType):
+        return type_text(StringType(layout.rules.text.length(leaf.type), leaf.type.wide))
     if isinstance(leaf.type, Pointer):
         return leaf.type.text
     return layout.rules.stored(leaf.type).name

@@ -20,9 +20,9 @@ from trcvtui.udt.types import (
     Enumeration,
     Member,
     Pointer,
+    StringType,
     Struct,
     Subrange,
-    Text,
     Type,
     Union,
     Unplaced,
@@ -131,7 +131,7 @@ class Resolver:
     def build(self, spec: ast.Spec, name: str, user: str) -> tuple[Type | None, int]:
         """Return the type of a specification and how deep it nests; None when something in it is bad."""
         match spec:
-            case Text():
+            case StringType():
                 return spec, 0
             case ast.Reference():
                 return self.look_up(spec, user)
@@ -163,7 +163,7 @@ class Resolver:
         if length is not None and length < 1:
             self.refuse(user, _wrong(spec.length, length, "a length of 1 or more"))
             return None
-        return None if length is None else Text(length, spec.wide, spec.utf8)
+        return None if length is None else StringType(length, spec.wide, spec.utf8)
 
     def build_range(self, spec: ast.RangeSpec, user: str) -> Type | None:
         base = self.look_up(spec.base, user)[0]

@@ -20,9 +20,9 @@ from trcvtui.udt.types import (
     Enumeration,
     Member,
     Pointer,
+    StringType,
     Struct,
     Subrange,
-    Text,
     Type,
     Union,
     all_members,
@@ -205,7 +205,7 @@ def _mark(type_: Type, indent: str) -> str:
     """Return the attribute before a member that is a STRING in UTF-8, or an ARRAY of such."""
     if isinstance(type_, Array):
         return _mark(type_.element, indent)
-    is_utf8 = isinstance(type_, Text) and type_.utf8
+    is_utf8 = isinstance(type_, StringType) and type_.utf8
     return f"{{attribute 'TcEncoding' := 'UTF-8'}}\n{indent}" if is_utf8 else ""
 
 
@@ -269,9 +269,9 @@ def _scl_spec(type_: Type, indent: str) -> str:
             return base.name
         case Subrange(base=base):
             return base.name
-        case Text(length=None, wide=wide):
+        case StringType(length=None, wide=wide):
             return "WString" if wide else "String"
-        case Text(length=length, wide=wide):
+        case StringType(length=length, wide=wide):
             return f"{'WString' if wide else 'String'}[{length}]"
         case Pointer():
             return "LWORD"

@@ -14,7 +14,7 @@ SECOND = 1_000 * MS
 DAY = 86_400 * SECOND
 
 
-class Kind(Enum):
+class ValueKind(Enum):
     """How the bytes of an elementary type become a value."""
 
     BOOL = "BOOL"
@@ -29,7 +29,7 @@ class Kind(Enum):
     ADDRESS = "address"
 
 
-WHOLE = (Kind.INTEGER, Kind.BITS)
+WHOLE = (ValueKind.INTEGER, ValueKind.BITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class Elementary:
     size: int
     align: int
     code: str
-    kind: Kind
+    kind: ValueKind
     unit_ns: int = 0
     epoch_ns: int = 0
 
@@ -57,38 +57,38 @@ class Elementary:
 # Sizes: udt.md 2.1 and baosky.md 8. Signed TIME and LTIME and DATE in days are Baosky's. What no page of
 # Baosky states (the epoch of DATE; TOD, DT and the L-forms) follows CODESYS and is shown as unverified.
 ROWS = (
-    Elementary("BOOL", 1, 1, "?", Kind.BOOL),
-    Elementary("BIT", 1, 1, "?", Kind.BOOL),
-    Elementary("BYTE", 1, 1, "B", Kind.BITS),
-    Elementary("WORD", 2, 2, "H", Kind.BITS),
-    Elementary("DWORD", 4, 4, "I", Kind.BITS),
-    Elementary("LWORD", 8, 8, "Q", Kind.BITS),
-    Elementary("SINT", 1, 1, "b", Kind.INTEGER),
-    Elementary("INT", 2, 2, "h", Kind.INTEGER),
-    Elementary("DINT", 4, 4, "i", Kind.INTEGER),
-    Elementary("LINT", 8, 8, "q", Kind.INTEGER),
-    Elementary("USINT", 1, 1, "B", Kind.INTEGER),
-    Elementary("UINT", 2, 2, "H", Kind.INTEGER),
-    Elementary("UDINT", 4, 4, "I", Kind.INTEGER),
-    Elementary("ULINT", 8, 8, "Q", Kind.INTEGER),
-    Elementary("REAL", 4, 4, "f", Kind.REAL),
-    Elementary("LREAL", 8, 8, "d", Kind.REAL),
-    Elementary("CHAR", 1, 1, "B", Kind.CHARACTER),
-    Elementary("WCHAR", 2, 2, "H", Kind.CHARACTER),
-    Elementary("TIME", 4, 4, "i", Kind.DURATION, MS),
-    Elementary("LTIME", 8, 8, "q", Kind.DURATION, 1),
-    Elementary("DATE", 4, 4, "I", Kind.DATE, DAY),
-    Elementary("LDATE", 8, 8, "q", Kind.DATE, 1),
-    Elementary("TOD", 4, 4, "I", Kind.TIME_OF_DAY, MS),
-    Elementary("LTOD", 8, 8, "Q", Kind.TIME_OF_DAY, 1),
-    Elementary("DT", 4, 4, "I", Kind.DATE_AND_TIME, SECOND),
-    Elementary("LDT", 8, 8, "q", Kind.DATE_AND_TIME, 1),
-    Elementary("S5TIME", 2, 2, "H", Kind.DURATION),
-    Elementary("DTL", 12, 4, "12s", Kind.DATE_AND_TIME),
-    Elementary("PVOID", 8, 8, "Q", Kind.ADDRESS),
-    Elementary("XWORD", 8, 8, "Q", Kind.ADDRESS),
-    Elementary("XINT", 8, 8, "Q", Kind.ADDRESS),
-    Elementary("UXINT", 8, 8, "Q", Kind.ADDRESS),
+    Elementary("BOOL", 1, 1, "?", ValueKind.BOOL),
+    Elementary("BIT", 1, 1, "?", ValueKind.BOOL),
+    Elementary("BYTE", 1, 1, "B", ValueKind.BITS),
+    Elementary("WORD", 2, 2, "H", ValueKind.BITS),
+    Elementary("DWORD", 4, 4, "I", ValueKind.BITS),
+    Elementary("LWORD", 8, 8, "Q", ValueKind.BITS),
+    Elementary("SINT", 1, 1, "b", ValueKind.INTEGER),
+    Elementary("INT", 2, 2, "h", ValueKind.INTEGER),
+    Elementary("DINT", 4, 4, "i", ValueKind.INTEGER),
+    Elementary("LINT", 8, 8, "q", ValueKind.INTEGER),
+    Elementary("USINT", 1, 1, "B", ValueKind.INTEGER),
+    Elementary("UINT", 2, 2, "H", ValueKind.INTEGER),
+    Elementary("UDINT", 4, 4, "I", ValueKind.INTEGER),
+    Elementary("ULINT", 8, 8, "Q", ValueKind.INTEGER),
+    Elementary("REAL", 4, 4, "f", ValueKind.REAL),
+    Elementary("LREAL", 8, 8, "d", ValueKind.REAL),
+    Elementary("CHAR", 1, 1, "B", ValueKind.CHARACTER),
+    Elementary("WCHAR", 2, 2, "H", ValueKind.CHARACTER),
+    Elementary("TIME", 4, 4, "i", ValueKind.DURATION, MS),
+    Elementary("LTIME", 8, 8, "q", ValueKind.DURATION, 1),
+    Elementary("DATE", 4, 4, "I", ValueKind.DATE, DAY),
+    Elementary("LDATE", 8, 8, "q", ValueKind.DATE, 1),
+    Elementary("TOD", 4, 4, "I", ValueKind.TIME_OF_DAY, MS),
+    Elementary("LTOD", 8, 8, "Q", ValueKind.TIME_OF_DAY, 1),
+    Elementary("DT", 4, 4, "I", ValueKind.DATE_AND_TIME, SECOND),
+    Elementary("LDT", 8, 8, "q", ValueKind.DATE_AND_TIME, 1),
+    Elementary("S5TIME", 2, 2, "H", ValueKind.DURATION),
+    Elementary("DTL", 12, 4, "12s", ValueKind.DATE_AND_TIME),
+    Elementary("PVOID", 8, 8, "Q", ValueKind.ADDRESS),
+    Elementary("XWORD", 8, 8, "Q", ValueKind.ADDRESS),
+    Elementary("XINT", 8, 8, "Q", ValueKind.ADDRESS),
+    Elementary("UXINT", 8, 8, "Q", ValueKind.ADDRESS),
 )
 # Names of one vendor: where a file declares a type of such a name, the declaration is what it means.
 VENDOR_NAMES = frozenset({"BIT", "S5TIME", "DTL", "PVOID", "XWORD", "XINT", "UXINT"})
@@ -109,7 +109,7 @@ ADDRESS = ELEMENTARY["PVOID"]  # how a pointer is stored
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class StringType:
     """STRING or WSTRING of `length` characters; None is the default length of the layout.
 
     A STRING that is `utf8` (TwinCAT's attribute TcEncoding) has as many bytes, of UTF-8 and not of Latin-1.
@@ -206,8 +206,8 @@ class Enumeration:
     is_named: bool = True
 
 
-Type = Elementary | Text | Subrange | Pointer | Unplaced | Array | Struct | Union | Enumeration
-LeafType = Elementary | Text | Subrange | Pointer | Enumeration
+Type = Elementary | StringType | Subrange | Pointer | Unplaced | Array | Struct | Union | Enumeration
+LeafType = Elementary | StringType | Subrange | Pointer | Enumeration
 
 
 def all_members(type_: Struct | Union | None) -> list[Member]:
@@ -231,7 +231,7 @@ def type_text(type_: Type) -> str:
     match type_:
         case Elementary() | Unplaced():
             return type_.name
-        case Text(length=length, wide=wide):
+        case StringType(length=length, wide=wide):
             return ("WSTRING" if wide else "STRING") + ("" if length is None else f"[{length}]")
         case Subrange(base=base, low=low, high=high):
             return f"{base.name}({low}..{high})"
@@ -266,5 +266,5 @@ _ANY = (
 BUILTIN_TYPES: Final[dict[str, Type]] = {
     **{name.casefold(): Unplaced(name, FB_INSTANCE) for name in _FUNCTION_BLOCKS},
     **{name.casefold(): Unplaced(name, ANY) for name in _ANY},
-    "t_maxstring": Text(255),  # TwinCAT, library Tc2_System
+    "t_maxstring": StringType(255),  # TwinCAT, library Tc2_System
 }

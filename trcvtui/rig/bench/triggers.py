@@ -27,7 +27,7 @@ from trcvtui.rig.commands.read_conditions import read_instance
 from trcvtui.rig.commands.tokens import Words, pin_value
 from trcvtui.rig.snapshots import Fired
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
-from trcvtui.udt.types import Text
+from trcvtui.udt.types import StringType
 
 COMPARE: Final[dict[str, Callable[[Any, Any], bool]]] = {
     "=": eq, "!=": ne, "<": lt, ">": gt, "<=": le, ">=": ge,
@@ -81,7 +81,7 @@ class MemberCompares:
         return COMPARE[self.operator](self._value(content), self._value(self.payload))
 
     def _value(self, content: bytes) -> Any:
-        if isinstance(self.leaf.type, Text) or self.leaf.bit is not None:
+        if isinstance(self.leaf.type, StringType) or self.leaf.bit is not None:
             return leaf_value(self.layout, self.leaf, content)
         order = BYTE_ORDERS[self.layout.rules.byte_order]
         return struct.unpack(order + self.leaf.coding.code, content)[0]
@@ -209,7 +209,7 @@ def _member(words: Words, operator: str, value: str, project: Project, is_edge: 
     if is_edge and leaf.coding.code != "?":
         name = leaf.path or target.decl.name
         raise words.wrong(f"'{name}', which is no BOOL", "a BOOL, which can rise and fall")
-    if operator not in ("=", "!=") and isinstance(leaf.type, Text):
+    if operator not in ("=", "!=") and isinstance(leaf.type, StringType):
         raise words.wrong(f"'{operator}' of a text", "= or !=")
     return MemberCompares(
         target.decl.name, layout, leaf, operator, leaf_bytes(layout, leaf, value, words.where)

@@ -14,7 +14,7 @@ from trcvtui.project.project import DataDecl
 from trcvtui.rig.wording import count
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf, profiles_for, same_layouts
 from trcvtui.udt.layout.rules import NO_CHOICE, LayoutChoice, rules_for
-from trcvtui.udt.types import Elementary, Enumeration, Kind
+from trcvtui.udt.types import Elementary, Enumeration, ValueKind
 
 # Rule: a suspicion needs two members, one of them of four bytes or more, and none that speaks against it (one
 # where there is no other). Small numbers look sensible in either order and say nothing.
@@ -27,7 +27,7 @@ SENSELESS_REAL: Final = (1e-15, 1e18)
 
 def swap_verdict(row: Elementary, read: float, swapped: float) -> int:
     """Return 1: makes sense swapped only; -1: makes sense as read only; 0: says nothing."""
-    if row.kind is Kind.REAL:
+    if row.kind is ValueKind.REAL:
         good, bad = is_sensible_real, is_senseless_real
         return (bad(read) and good(swapped)) - (good(read) and bad(swapped))
     large = 1 << 8 * (row.size - 1)  # the highest byte is needed
@@ -51,7 +51,7 @@ def is_senseless_real(value: float) -> bool:
 MOST_LEAVES: Final = 256  # that are looked at
 NAMED: Final = 2  # that the sentence names
 OTHER: Final = {"little": "big", "big": "little"}
-NUMBERS: Final = frozenset({Kind.INTEGER, Kind.REAL})
+NUMBERS: Final = frozenset({ValueKind.INTEGER, ValueKind.REAL})
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.layout_tree import Leaf
-from trcvtui.udt.types import Text, type_text
+from trcvtui.udt.types import StringType, type_text
 
 EMPTY_LIBRARY = "no [[message]] with name and text, no [[sequence]] with name and steps in this project"
 PICK_LINE = "↑↓ choose · enter send or play · esc close"
@@ -142,7 +142,7 @@ class MemberField(TypedField):
     """One member; what it holds is written into the payload, nothing where it is empty."""
 
     def __init__(self, leaf: Leaf, value: str) -> None:
-        super().__init__(value, placeholder="''" if isinstance(leaf.type, Text) else "0")
+        super().__init__(value, placeholder="''" if isinstance(leaf.type, StringType) else "0")
         self.leaf = leaf
 
     async def action_submit(self) -> None:
@@ -157,7 +157,7 @@ class MemberField(TypedField):
         text = self.value.strip()
         if not text:
             return ""
-        is_bare = isinstance(self.leaf.type, Text) and text[0] not in "'\""
+        is_bare = isinstance(self.leaf.type, StringType) and text[0] not in "'\""
         return f"{self.leaf.path}={quoted(text) if is_bare else text}"
 
 

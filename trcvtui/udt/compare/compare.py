@@ -18,7 +18,7 @@ from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, Placed
 from trcvtui.udt.layout.value_text import NO_DATA, form_text, stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf, decode_leaves
 from trcvtui.udt.report import in_columns, json_head, json_many, json_text, json_value, leaf_type_text
-from trcvtui.udt.types import Text
+from trcvtui.udt.types import StringType
 
 
 class Run(NamedTuple):
@@ -206,7 +206,7 @@ class _DifferenceWalk:
         return False
 
     def same_form(self, a: PlacedLeaf, b: PlacedLeaf) -> bool:
-        if isinstance(a.type, Text) and not self.with_texts:
+        if isinstance(a.type, StringType) and not self.with_texts:
             return True
         return stored_form(a.type, self.a) == stored_form(b.type, self.b)
 

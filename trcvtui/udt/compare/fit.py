@@ -42,7 +42,7 @@ from trcvtui.udt.layout.layout import (
 )
 from trcvtui.udt.layout.value_text import stored_form, value_text
 from trcvtui.udt.layout.values import decode_leaf
-from trcvtui.udt.types import Elementary, Kind, Text, Type
+from trcvtui.udt.types import Elementary, StringType, Type, ValueKind
 
 MOST_LEAVES: Final = 256  # that are looked at
 MOST_MESSAGES: Final = 8  # the last ones
@@ -289,7 +289,7 @@ class _Reading:
         look, changes, has_changed = self.look, self.cause.of_member, not self.cause.of_member
         for member in look.members:
             parts = [unit[member.start : member.stop] for unit in self.cutting.units]
-            if self.cause.back < 0 and isinstance(member.leaf.type, Text):  # it may have ended before
+            if self.cause.back < 0 and isinstance(member.leaf.type, StringType):  # it may have ended before
                 parts = [part.ljust(member.leaf.size, b"\0") for part in parts]
             parts = [part for part in parts if len(part) == member.leaf.size]
             if self.cause.front < 0 and member.start < -self.cause.front:
@@ -426,7 +426,7 @@ class _Reading:
         """Yield what makes the value of a member, as it would be in big-endian."""
         rules = self.look.layout.rules
         is_little = rules.byte_order == "little"
-        if isinstance(member.leaf.type, Text) and member.leaf.type.wide:
+        if isinstance(member.leaf.type, StringType) and member.leaf.type.wide:
             yield is_little
         for part in parts:
             said = spoken(member.leaf, part, rules)
@@ -434,7 +434,7 @@ class _Reading:
 
     def is_negative(self, one: _Says) -> bool:
         type_ = one.member.leaf.type
-        if not isinstance(type_, Elementary) or type_.kind is not Kind.DURATION:
+        if not isinstance(type_, Elementary) or type_.kind is not ValueKind.DURATION:
             return False
         start, stop = one.member.start, one.member.stop
         last = 0 if self.look.layout.rules.byte_order == "big" else -1
@@ -471,7 +471,7 @@ class _Reading:
 
 def _is_number(member: _Member) -> bool:
     """Return whether a swap of members changes it: no text, no date digit by digit."""
-    return not isinstance(member.leaf.type, Text) and not member.leaf.coding.code.endswith("s")
+    return not isinstance(member.leaf.type, StringType) and not member.leaf.coding.code.endswith("s")
 
 
 # -- all of them ---------------------------------------------------------------------------------------------

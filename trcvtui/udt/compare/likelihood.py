@@ -16,7 +16,17 @@ from typing import Final, Literal, NamedTuple
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Leaf
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import real_text
-from trcvtui.udt.types import DAY, MS, SECOND, Elementary, Enumeration, Kind, Pointer, Subrange, Text
+from trcvtui.udt.types import (
+    DAY,
+    MS,
+    SECOND,
+    Elementary,
+    Enumeration,
+    Pointer,
+    StringType,
+    Subrange,
+    ValueKind,
+)
 
 _Order = Literal["little", "big"]
 _Chance = tuple[float, str]  # the logarithm of how likely the bytes are as a value, and what they are
@@ -71,7 +81,7 @@ def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
     """Return what the bytes of a leaf say, of a bit nothing; None is nothing."""
     if leaf.bit is not None or isinstance(leaf.type, Pointer):
         return None
-    if isinstance(leaf.type, Text):
+    if isinstance(leaf.type, StringType):
         return _plain((_headed if rules.text.header else _ended)(leaf.type, raw, rules), raw)
     row = rules.stored(leaf.type)
     if row.code.endswith("s") or row.name == "S5TIME":
@@ -86,7 +96,7 @@ def evidence(leaf: Leaf, raw: bytes, rules: LayoutRules) -> LeafEvidence | None:
 
 def spoken(leaf: Leaf, raw: bytes, rules: LayoutRules) -> bytes:
     """Return the bytes of a leaf that make its value: of a text without what stands after its end."""
-    if not isinstance(leaf.type, Text):
+    if not isinstance(leaf.type, StringType):
         return raw
     unit = 2 if leaf.type.wide else 1
     if rules.text.header:
@@ -111,12 +121,16 @@ def gap_points(raw: bytes) -> float:
 
 def steady(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple[float, str]:
     """Return what the change of a REAL, or of a number that is round in no order, says; 0 is nothing."""
-    if isinstance(leaf.type, Text | Pointer | Enumeration) or leaf.bit is not None:
+    if isinstance(leaf.type, StringType | Pointer | Enumeration) or leaf.bit is not None:
         return 0.0, ""
     row = rules.stored(leaf.type)
-    if row.kind not in (Kind.REAL, Kind.INTEGER, Kind.DURATION) or row.size == 1 or row.code.endswith("s"):
+    if (
+        row.kind not in (ValueKind.REAL, ValueKind.INTEGER, ValueKind.DURATION)
+        or row.size == 1
+        or row.code.endswith("s")
+    ):
         return 0.0, ""
-    if row.kind is not Kind.REAL and (_is_round(before) or _is_round(after)):
+    if row.kind is not ValueKind.REAL and (_is_round(before) or _is_round(after)):
         return 0.0, ""
     code = BYTE_ORDERS[rules.byte_order] + row.code
     (a,), (b,) = struct.unpack(code, before), struct.unpack(code, after)
@@ -124,7 +138,7 @@ def steady(leaf: Leaf, before: bytes, after: bytes, rules: LayoutRules) -> tuple
         return 0.0, ""
     if 0.1 < a / b < 10:
         return 0.5, f"goes from {_short(a)} to {_short(b)}: steady"
-    is_jump = not 1e-6 < abs(a / b) < 1e6 or (row.size > 2 and row.kind is not Kind.REAL and a * b < 0)
+    is_jump = not 1e-6 < abs(a / b) < 1e6 or (row.size > 2 and row.kind is not ValueKind.REAL and a * b < 0)
     return (-1.0, f"jumps from {_short(a)} to {_short(b)}") if is_jump else (0.0, "")
 
 
@@ -151,7 +165,7 @@ def _count(leaf: Leaf, row: Elementary, raw: bytes, order: _Order, judge: _Judge
     fair = max(_points(judge(leaf, row, way, order)[0], way) for way in ways)
     if isinstance(leaf.type, Enumeration | Subrange):
         fair = max(fair, 0.0)
-    if _is_round(raw) or row.kind is Kind.BITS:
+    if _is_round(raw) or row.kind is ValueKind.BITS:
         return LeafEvidence(points, why, fair)
     is_signed = row.code.islower()
     here = abs(int.from_bytes(raw, order, signed=is_signed))
@@ -280,7 +294,7 @@ def _date(leaf: Leaf, row: Elementary, raw: bytes, order: _Order) -> _Chance:
         return NEVER, "no date of our time"
     near = NEAR_DAYS[0] <= day < NEAR_DAYS[1]
     days = (NEAR_DAYS[1] - NEAR_DAYS[0]) if near else (LAST_DAY - FIRST_DAY)
-    steps = ((DAY, 0.9 if row.kind is Kind.DATE else 0.1), (SECOND, 0.3), (MS, 0.2), (unit, 0.1))
+    steps = ((DAY, 0.9 if row.kind is ValueKind.DATE else 0.1), (SECOND, 0.3), (MS, 0.2), (unit, 0.1))
     likely = sum(share / max(DAY // max(step, unit), 1) for step, share in steps if at % max(step, unit) == 0)
     return math.log(likely * (0.85 if near else 0.1) / days), "a date of our time"
 
@@ -314,7 +328,7 @@ def _digits(leaf: Leaf, row: Elementary, raw: bytes) -> _Chance:
     return math.log(0.9 / span), "valid"
 
 
-def _headed(type_: Text, raw: bytes, rules: LayoutRules) -> _Chance:
+def _headed(type_: StringType, raw: bytes, rules: LayoutRules) -> _Chance:
     unit = 2 if type_.wide else 1
     longest, actual = (int.from_bytes(raw[at : at + unit], _order(rules)) for at in range(0, 2 * unit, unit))
     declared = rules.text.length(type_)
@@ -330,7 +344,7 @@ def _headed(type_: Text, raw: bytes, rules: LayoutRules) -> _Chance:
     return likely + _behind(raw, (2 + actual) * unit), said
 
 
-def _ended(type_: Text, raw: bytes, rules: LayoutRules) -> _Chance:
+def _ended(type_: StringType, raw: bytes, rules: LayoutRules) -> _Chance:
     unit = 2 if type_.wide else 1
     if not any(raw):
         return math.log(0.1) + _behind(raw, 0), "empty"
@@ -380,18 +394,18 @@ def _letter(code: int) -> float:
 LETTERS: Final = tuple(map(math.log, (0.92 / len(USUAL), 0.05 / 30, 0.02 / 200, 0.002 / 60, 0.008 / 60_000)))
 
 _Judge = Callable[[Leaf, Elementary, bytes, _Order], _Chance]
-JUDGES: Final[dict[Kind, _Judge]] = {
-    Kind.BOOL: _bool,
-    Kind.REAL: _real,
-    Kind.INTEGER: _whole,
-    Kind.BITS: _bits,
-    Kind.DURATION: _duration,
-    Kind.DATE: _date,
-    Kind.DATE_AND_TIME: _date,
-    Kind.TIME_OF_DAY: _time_of_day,
-    Kind.CHARACTER: _character,
+JUDGES: Final[dict[ValueKind, _Judge]] = {
+    ValueKind.BOOL: _bool,
+    ValueKind.REAL: _real,
+    ValueKind.INTEGER: _whole,
+    ValueKind.BITS: _bits,
+    ValueKind.DURATION: _duration,
+    ValueKind.DATE: _date,
+    ValueKind.DATE_AND_TIME: _date,
+    ValueKind.TIME_OF_DAY: _time_of_day,
+    ValueKind.CHARACTER: _character,
 }
-COUNTS: Final = (Kind.INTEGER, Kind.BITS, Kind.DURATION, Kind.TIME_OF_DAY)
+COUNTS: Final = (ValueKind.INTEGER, ValueKind.BITS, ValueKind.DURATION, ValueKind.TIME_OF_DAY)
 
 
 def _order(rules: LayoutRules) -> _Order:

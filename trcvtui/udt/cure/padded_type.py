@@ -21,8 +21,8 @@ from trcvtui.udt.types import (
     Array,
     Enumeration,
     LeafType,
+    StringType,
     Struct,
-    Text,
     Type,
     Union,
     all_members,
@@ -45,7 +45,7 @@ def substitute(
     """Return the type under our rules for a leaf under theirs, and a note; None and why there is none."""
     if node.is_bit:
         return _bit(theirs, ours)
-    if isinstance(node.type, Text):
+    if isinstance(node.type, StringType):
         return _text(node.type, node.size, theirs, ours)
     stored, own = theirs.stored(node.type), ours.stored(node.type)
     if own.name in ours.bits:
@@ -71,16 +71,18 @@ def _bit(theirs: LayoutRules, ours: LayoutRules) -> tuple[LeafType | None, str]:
     return None, f"one bit in {theirs.name}, and {ours.name} has no member of one bit"
 
 
-def _text(type_: Text, size: int, theirs: LayoutRules, ours: LayoutRules) -> tuple[LeafType | None, str]:
+def _text(
+    type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules
+) -> tuple[LeafType | None, str]:
     if theirs.text.header != ours.text.header:
         forms = ("a NUL behind", "two lengths before")
         there, here = forms[theirs.text.header], forms[ours.text.header]
         return None, f"a STRING with {there} its characters in {theirs.name}, with {here} them in {ours.name}"
     declared = theirs.text.length(type_)
     length = size // (2 if type_.wide else 1) - ours.text.extra
-    found = Text(length, type_.wide, type_.utf8)
+    found = StringType(length, type_.wide, type_.utf8)
     if length < declared or length > ours.text.most(found):
-        name = type_text(Text(declared, type_.wide))
+        name = type_text(StringType(declared, type_.wide))
         return None, f"{name} of {size} bytes: {ours.name} has none of that size and length"
     return (type_ if ours.text.length(type_) == length else found), ""
 

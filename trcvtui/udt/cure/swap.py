@@ -17,13 +17,13 @@ from trcvtui.udt.types import (
     Array,
     Elementary,
     Enumeration,
-    Kind,
     Member,
+    StringType,
     Struct,
     Subrange,
-    Text,
     Type,
     Union,
+    ValueKind,
     all_members,
     parts_of,
     type_text,
@@ -159,7 +159,7 @@ class _Swapping:
                 return self._made[id(type_)]
             case _:
                 row = self.number(type_)
-                return type_ if row is None or row.kind is Kind.BITS else ELEMENTARY[BITS[row.size]]
+                return type_ if row is None or row.kind is ValueKind.BITS else ELEMENTARY[BITS[row.size]]
 
     def turned_struct(self, type_: Struct) -> Struct:
         members = tuple(Member(member.name, self.turned(member.type)) for member in type_.members)
@@ -176,7 +176,7 @@ class _Swapping:
     def number(self, type_: Type) -> Elementary | None:
         """Return the stored type of what is turned round as one number."""
         row = self.stored(type_)
-        if row is None or row.size not in BITS or row.code.endswith("s") or row.kind is Kind.ADDRESS:
+        if row is None or row.size not in BITS or row.code.endswith("s") or row.kind is ValueKind.ADDRESS:
             return None
         return row
 
@@ -185,7 +185,7 @@ class _Swapping:
         match type_:
             case Array() | Struct() | Union():
                 return all(map(self.is_bytes, parts_of(type_)))
-            case Text(wide=wide):
+            case StringType(wide=wide):
                 return not wide
             case _:
                 row = self.stored(type_)
@@ -237,13 +237,13 @@ class _Swapping:
             via = SCL_VIA.get(row.name)
             if via:
                 value = f"{row.name}_TO_{via}({value})"
-            same = row.kind is Kind.BITS
+            same = row.kind is ValueKind.BITS
             return f"SWAP({value})" if same else f"SWAP({via or row.name}_TO_{bits}({value}))"
         self.helpers.add(f"SWAP{row.size}")
-        if row.kind is Kind.REAL:
+        if row.kind is ValueKind.REAL:
             self.helpers.add(f"{row.name}_BITS")
             value = f"{row.name}_BITS({value})"
-        elif row.kind is not Kind.BITS:
+        elif row.kind is not ValueKind.BITS:
             value = f"{row.name}_TO_{bits}({value})"
         return f"SWAP{row.size}({value})"
 

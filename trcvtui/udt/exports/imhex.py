@@ -19,7 +19,17 @@ from trcvtui.udt.exports.outline import (
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
 from trcvtui.udt.st_write import NameScope, escaper
-from trcvtui.udt.types import Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union, type_text
+from trcvtui.udt.types import (
+    Array,
+    Elementary,
+    Enumeration,
+    StringType,
+    Struct,
+    Type,
+    Union,
+    ValueKind,
+    type_text,
+)
 
 WORDS: Final = """
 addressof as auto be bitfield bool break catch char char16 const continue double else enum false float fn for
@@ -144,19 +154,19 @@ class _ImhexWriter:
         if isinstance(type_, Struct | Union):
             return self.names[type_], "", ""
         assert isinstance(node, PlacedLeaf)
-        if isinstance(node.type, Text):
+        if isinstance(node.type, StringType):
             return (*self.string(node.type), type_text(node.type))
         row = self.rules.stored(node.type)
         if isinstance(node.type, Enumeration):
             return self.enumeration(node.type, row), "", ""
         if row.code.endswith("s"):
             return "u8", f"[{row.size}]", row.name
-        if row.kind is Kind.CHARACTER:
+        if row.kind is ValueKind.CHARACTER:
             return ("char" if row.size == 1 else "char16"), "", ""
-        plain = row.kind in (Kind.BOOL, Kind.REAL, Kind.INTEGER)
+        plain = row.kind in (ValueKind.BOOL, ValueKind.REAL, ValueKind.INTEGER)
         return NUMBERS[row.code], "", "" if plain else row.name
 
-    def string(self, text: Text) -> tuple[str, str]:
+    def string(self, text: StringType) -> tuple[str, str]:
         character, number = ("char16", "u16") if text.wide else ("char", "u8")
         form, longest = self.rules.text, self.rules.text.length(text)
         if not form.header:

@@ -22,7 +22,17 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct, PlacedUnion
 from trcvtui.udt.layout.value_text import UNITS
 from trcvtui.udt.st_write import NameScope, ascii_word
-from trcvtui.udt.types import Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union, type_text
+from trcvtui.udt.types import (
+    Array,
+    Elementary,
+    Enumeration,
+    StringType,
+    Struct,
+    Type,
+    Union,
+    ValueKind,
+    type_text,
+)
 
 Lines = list[str]
 
@@ -157,14 +167,14 @@ class _KsyWriter:
         assert isinstance(node, PlacedLeaf)
         if node.is_bit:
             return ["type: b1"], ""
-        if isinstance(node.type, Text):
+        if isinstance(node.type, StringType):
             return self.text(node.type, node.size), ""
         row = self.rules.stored(node.type)
         if isinstance(node.type, Enumeration):
             return [f"type: {_number(row)}", *self.enumerated(node.type, row)], ""
         return _elementary(row)
 
-    def text(self, text: Text, size: int) -> Lines:
+    def text(self, text: StringType, size: int) -> Lines:
         encoding = "UTF-8" if text.utf8 else "ISO-8859-1"
         if text.wide:
             encoding = "UTF-16BE" if self.rules.byte_order == "big" else "UTF-16LE"
@@ -221,21 +231,25 @@ def _number(row: Elementary) -> str:
 
 def _elementary(row: Elementary) -> tuple[Lines, str]:
     match row.kind:
-        case Kind.REAL:
+        case ValueKind.REAL:
             return [f"type: f{row.size}"], ""
-        case Kind.BOOL:
+        case ValueKind.BOOL:
             return ["type: u1"], "BOOL, 0 is FALSE"
-        case Kind.CHARACTER if row.size == 1:
+        case ValueKind.CHARACTER if row.size == 1:
             return ["type: str", "size: 1", "encoding: ISO-8859-1"], ""
     if row.code.endswith("s"):
         return [f"size: {row.size}"], row.name
-    return [f"type: {_number(row)}"], "" if row.kind is Kind.INTEGER else _unit(row)
+    return [f"type: {_number(row)}"], "" if row.kind is ValueKind.INTEGER else _unit(row)
 
 
 def _unit(row: Elementary) -> str:
     if not row.unit_ns:
         return row.name
-    since = {Kind.DATE: " since 1970", Kind.DATE_AND_TIME: " since 1970", Kind.TIME_OF_DAY: " since midnight"}
+    since = {
+        ValueKind.DATE: " since 1970",
+        ValueKind.DATE_AND_TIME: " since 1970",
+        ValueKind.TIME_OF_DAY: " since midnight",
+    }
     epoch = " since 1990" if row.epoch_ns else since.get(row.kind, "")
     return f"{row.name} in {UNITS[row.unit_ns]}{epoch}"
 

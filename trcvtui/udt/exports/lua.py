@@ -14,15 +14,15 @@ from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.layout_tree import Node, PlacedArray, PlacedLeaf, PlacedStruct
 from trcvtui.udt.literals import PREFIXES
 from trcvtui.udt.st_write import NameScope, ascii_word
-from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, Kind, Struct, Text, Type, Union
+from trcvtui.udt.types import DAY, Array, Elementary, Enumeration, StringType, Struct, Type, Union, ValueKind
 
 PREFIX = "plc_"  # of the protocol's filter name, so that it is none that Wireshark has
 LARGEST_EXACT = 1 << 53  # a number of Lua 5.2 is a double
 CLOCKS = {
-    Kind.DURATION: "duration",
-    Kind.DATE: "date",
-    Kind.TIME_OF_DAY: "clock",
-    Kind.DATE_AND_TIME: "date_clock",
+    ValueKind.DURATION: "duration",
+    ValueKind.DATE: "date",
+    ValueKind.TIME_OF_DAY: "clock",
+    ValueKind.DATE_AND_TIME: "date_clock",
 }
 OWN_FORMS = {"8s": "bcd", "12s": "dtl"}
 
@@ -151,26 +151,26 @@ class _LuaWriter:
 
     def form(self, node: PlacedLeaf) -> tuple[str, str, str]:
         """Return the kind of ProtoField, its further arguments, and what reads a text value."""
-        if isinstance(node.type, Text):
+        if isinstance(node.type, StringType):
             return "string", "", self.reads_text(node.type)
         row = self.rules.stored(node.type)
         if isinstance(node.type, Enumeration):
             return _integer(row), f"base.DEC, {self.enumeration(node.type, row)}", ""
         match row.kind:
-            case Kind.BOOL:
+            case ValueKind.BOOL:
                 return "bool", "", ""
-            case Kind.INTEGER:
+            case ValueKind.INTEGER:
                 return _integer(row), "base.DEC", ""
-            case Kind.BITS | Kind.ADDRESS:
+            case ValueKind.BITS | ValueKind.ADDRESS:
                 return _integer(row), "base.HEX", ""
-            case Kind.REAL:
+            case ValueKind.REAL:
                 return "float" if row.size == 4 else "double", "", ""
-            case Kind.CHARACTER:
+            case ValueKind.CHARACTER:
                 return "string", "", self.uses("latin1" if row.size == 1 else "wide")
             case _:
                 return "string", "", self.reads_time(row)
 
-    def reads_text(self, text: Text) -> str:
+    def reads_text(self, text: StringType) -> str:
         name = ("headed" if self.rules.text.header else "ended") + ("_wide" if text.wide else "")
         reader = f", {self.uses('as_utf8')}" if text.utf8 else ""
         return f"{self.uses(name)}({self.rules.text.length(text)}{reader})"
@@ -178,7 +178,7 @@ class _LuaWriter:
     def reads_time(self, row: Elementary) -> str:
         if row.code in OWN_FORMS or row.name == "S5TIME":
             return self.uses(OWN_FORMS.get(row.code, "s5time"))
-        epoch = f", {row.epoch_ns // DAY}" if row.kind in (Kind.DATE, Kind.DATE_AND_TIME) else ""
+        epoch = f", {row.epoch_ns // DAY}" if row.kind in (ValueKind.DATE, ValueKind.DATE_AND_TIME) else ""
         signed = str(row.code.islower()).lower()
         return f"{self.uses(CLOCKS[row.kind])}({quoted(PREFIXES[row.name])}, {signed}, {row.unit_ns}{epoch})"
 

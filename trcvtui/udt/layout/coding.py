@@ -26,7 +26,7 @@ from trcvtui.udt.literals import (
     parse_s5time,
     parse_time,
 )
-from trcvtui.udt.types import DAY, MS, SECOND, Elementary, Enumeration, Kind, LeafType, Text
+from trcvtui.udt.types import DAY, MS, SECOND, Elementary, Enumeration, LeafType, StringType, ValueKind
 
 Value = bool | int | float | str
 
@@ -74,7 +74,7 @@ ODD_CODES = {
 }
 
 
-def text_coding(type_: Text, rules: LayoutRules) -> Coding:
+def text_coding(type_: StringType, rules: LayoutRules) -> Coding:
     """Return how a text is stored under these rules."""
     charset = "utf-8" if type_.utf8 else "latin-1"
     if type_.wide:
@@ -82,7 +82,7 @@ def text_coding(type_: Text, rules: LayoutRules) -> Coding:
     return (_headed if rules.text.header else _ended)(type_, rules, charset)
 
 
-def _headed(type_: Text, rules: LayoutRules, charset: str) -> Coding:
+def _headed(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     longest = rules.text.length(type_)
     lengths = struct.Struct(BYTE_ORDERS[rules.byte_order] + ("HH" if type_.wide else "BB"))
     unit = lengths.size // 2
@@ -106,7 +106,7 @@ def _headed(type_: Text, rules: LayoutRules, charset: str) -> Coding:
     return Coding(f"{rules.text.size(type_)}s", to_value, to_raw, odd)
 
 
-def _ended(type_: Text, rules: LayoutRules, charset: str) -> Coding:
+def _ended(type_: StringType, rules: LayoutRules, charset: str) -> Coding:
     unit = 2 if type_.wide else 1
     longest = rules.text.length(type_)
 
@@ -133,7 +133,7 @@ def _end(raw: bytes, unit: int) -> int:
     return len(raw) if end < 0 else end
 
 
-def _checked(type_: Text, longest: int, charset: str, has_nul: bool) -> Callable[[object], bytes]:
+def _checked(type_: StringType, longest: int, charset: str, has_nul: bool) -> Callable[[object], bytes]:
     unit = 2 if type_.wide else 1
     codes = "" if type_.wide else ", codes 0 to 255" if has_nul else ", codes 1 to 255"
     expected = f"text of at most {longest} characters{codes}"
@@ -332,7 +332,7 @@ BOOL_TEXTS = {"TRUE": True, "FALSE": False, "1": True, "0": False}
 
 def coding_of(type_: LeafType, rules: LayoutRules) -> Coding:
     """Return how a leaf of this type is stored under these rules."""
-    if isinstance(type_, Text):
+    if isinstance(type_, StringType):
         return text_coding(type_, rules)
     row = rules.stored(type_)
     if isinstance(type_, Enumeration):
@@ -464,17 +464,17 @@ def _enumeration(type_: Enumeration, row: Elementary) -> Coding:
     return Coding(whole.code, None, to_raw)
 
 
-CODINGS: dict[Kind, Callable[[Elementary, LayoutRules], Coding]] = {
-    Kind.BOOL: _bool,
-    Kind.INTEGER: _whole,
-    Kind.BITS: _whole,
-    Kind.REAL: _real,
-    Kind.CHARACTER: _character,
-    Kind.DURATION: _literal,
-    Kind.DATE: _date,
-    Kind.TIME_OF_DAY: _literal,
-    Kind.DATE_AND_TIME: _literal,
-    Kind.ADDRESS: _address,
+CODINGS: dict[ValueKind, Callable[[Elementary, LayoutRules], Coding]] = {
+    ValueKind.BOOL: _bool,
+    ValueKind.INTEGER: _whole,
+    ValueKind.BITS: _whole,
+    ValueKind.REAL: _real,
+    ValueKind.CHARACTER: _character,
+    ValueKind.DURATION: _literal,
+    ValueKind.DATE: _date,
+    ValueKind.TIME_OF_DAY: _literal,
+    ValueKind.DATE_AND_TIME: _literal,
+    ValueKind.ADDRESS: _address,
 }
 # By name and `struct` code: the same name may be a plain count elsewhere.
 OWN_FORMS: dict[tuple[str, str], Callable[[LayoutRules], Coding]] = {

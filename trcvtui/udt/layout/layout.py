@@ -35,7 +35,7 @@ from trcvtui.udt.layout.rules import (
     rules_for,
 )
 from trcvtui.udt.layout.value_text import stored_form
-from trcvtui.udt.types import Enumeration, Kind, Struct, Text, Type, Union, parts_of, type_text
+from trcvtui.udt.types import Enumeration, StringType, Struct, Type, Union, ValueKind, parts_of, type_text
 
 __all__ = [
     "BYTE_ORDERS",
@@ -248,15 +248,15 @@ class _Shapes:
 
     def _leaf(self, node: PlacedLeaf) -> object:
         type_, rules = node.type, self.rules
-        if isinstance(type_, Text):
+        if isinstance(type_, StringType):
             is_bytes = not type_.wide
         else:
             row = rules.stored(type_)
             is_bytes = node.size == 1 or (row.name, row.code) == ("DT", "8s")
         form, size = stored_form(type_, rules), node.size
-        if self.by_bytes and isinstance(type_, Text):
+        if self.by_bytes and isinstance(type_, StringType):
             size = 0
-        elif self.by_bytes and row.kind is Kind.DURATION:
+        elif self.by_bytes and row.kind is ValueKind.DURATION:
             form = (row.name, row.size, row.unit_ns)
         return size, node.is_bit, form, "" if is_bytes else rules.byte_order
 
@@ -265,7 +265,7 @@ def has_text(type_: Type) -> bool:
     """Return whether a STRING or WSTRING is in the type."""
     waiting, seen = [type_], {id(type_)}
     for one in waiting:
-        if isinstance(one, Text):
+        if isinstance(one, StringType):
             return True
         waiting += [part for part in parts_of(one) if id(part) not in seen]
         seen.update(map(id, parts_of(one)))

@@ -24,8 +24,8 @@ from trcvtui.udt.types import (
     Array,
     LeafType,
     Member,
+    StringType,
     Struct,
-    Text,
     Type,
     Union,
     Unplaced,
@@ -69,7 +69,7 @@ class Placing:
                 return self.place_leaf(type_, where)
 
     def place_leaf(self, type_: LeafType, where: str) -> PlacedLeaf:
-        if isinstance(type_, Text):
+        if isinstance(type_, StringType):
             form = self.rules.text
             if form.length(type_) > form.most(type_):
                 raise mistake(where, type_text(type_), f"at most {form.most(type_)} characters")
@@ -143,7 +143,7 @@ class Placing:
         """Return the multiple at which a member of this type ends."""
         if isinstance(type_, Array):
             return self.rules.array_floor
-        return 2 if isinstance(type_, Text) and self.rules.string_even else 1
+        return 2 if isinstance(type_, StringType) and self.rules.string_even else 1
 
 
 def _up(offset: int, align: int) -> int:

@@ -15,10 +15,10 @@ from trcvtui.udt.types import (
     WHOLE,
     Elementary,
     Enumeration,
-    Kind,
     Pointer,
+    StringType,
     Subrange,
-    Text,
+    ValueKind,
 )
 
 DEFAULT_LAYOUT = "baosky"
@@ -44,15 +44,15 @@ class TextForm:
     longest: int
     longest_wide: int
 
-    def length(self, text: Text) -> int:
+    def length(self, text: StringType) -> int:
         """Return the number of characters that the text may have."""
         return self.default if text.length is None else text.length
 
-    def most(self, text: Text) -> int:
+    def most(self, text: StringType) -> int:
         """Return the largest length that may be declared."""
         return self.longest_wide if text.wide else self.longest
 
-    def size(self, text: Text) -> int:
+    def size(self, text: StringType) -> int:
         """Return the size in bytes, header or NUL included."""
         return (self.extra + self.length(text)) * (2 if text.wide else 1)
 
@@ -104,7 +104,7 @@ class LayoutRules:
         for row in self.rows:
             if row.name == type_.name:
                 return row
-        if type_.kind is Kind.ADDRESS and self.pointer_size != type_.size:
+        if type_.kind is ValueKind.ADDRESS and self.pointer_size != type_.size:
             return replace(type_, size=self.pointer_size, align=self.pointer_size, code="I")
         return type_
 
@@ -134,9 +134,9 @@ CODESYS = LayoutRules(
     takes_pack=True,
     text=TEXT_FORMS["nul"],
     rows=(
-        Elementary("TIME", 4, 4, "I", Kind.DURATION, MS),
-        Elementary("LTIME", 8, 8, "Q", Kind.DURATION, 1),
-        Elementary("DATE", 4, 4, "I", Kind.DATE, SECOND),
+        Elementary("TIME", 4, 4, "I", ValueKind.DURATION, MS),
+        Elementary("LTIME", 8, 8, "Q", ValueKind.DURATION, 1),
+        Elementary("DATE", 4, 4, "I", ValueKind.DATE, SECOND),
     ),
 )
 
@@ -152,8 +152,8 @@ S7 = LayoutRules(
     text=replace(TEXT_FORMS["s7"], default=254, longest_wide=16382),
     bits=frozenset({"BIT", "BOOL"}),
     rows=(
-        Elementary("DATE", 2, 2, "H", Kind.DATE, DAY, epoch_ns=7305 * DAY),  # days since 1990-01-01
-        Elementary("DT", 8, 2, "8s", Kind.DATE_AND_TIME),
+        Elementary("DATE", 2, 2, "H", ValueKind.DATE, DAY, epoch_ns=7305 * DAY),  # days since 1990-01-01
+        Elementary("DT", 8, 2, "8s", ValueKind.DATE_AND_TIME),
     ),
     text_forms=("s7",),
 )

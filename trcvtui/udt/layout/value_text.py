@@ -19,11 +19,11 @@ from trcvtui.udt.types import (
     SECOND,
     Elementary,
     Enumeration,
-    Kind,
     LeafType,
     Pointer,
+    StringType,
     Subrange,
-    Text,
+    ValueKind,
 )
 
 UNITS: Final = {DAY: "days", SECOND: "s", MS: "ms", 1: "ns"}
@@ -32,7 +32,7 @@ EPOCHS: Final = {0: "1970", 7305 * DAY: "1990"}
 
 def stored_form(type_: LeafType, rules: LayoutRules) -> tuple[object, ...]:
     """Return a value that is equal for leaves that are stored alike."""
-    if isinstance(type_, Text):
+    if isinstance(type_, StringType):
         return type_.wide, type_.utf8, rules.text.header, rules.text.length(type_)
     row = rules.stored(type_)
     return row.name, row.code, row.unit_ns, row.epoch_ns
@@ -40,7 +40,7 @@ def stored_form(type_: LeafType, rules: LayoutRules) -> tuple[object, ...]:
 
 def form_text(type_: LeafType, rules: LayoutRules) -> str:
     """Return the same in words, such as `TIME in ms, with a sign`."""
-    if isinstance(type_, Text):
+    if isinstance(type_, StringType):
         word = "WSTRING" if type_.wide else "STRING"
         where = "two lengths before it" if rules.text.header else "a NUL behind it"
         return f"{word}[{rules.text.length(type_)}] with {where}"
@@ -54,9 +54,9 @@ def _count_text(row: Elementary) -> str:
     if row.unit_ns not in UNITS:
         return f" of {row.size} bytes"
     unit = UNITS[row.unit_ns]
-    if row.kind is Kind.DURATION:
+    if row.kind is ValueKind.DURATION:
         return f" in {unit}, {'with' if row.code.islower() else 'without'} a sign"
-    if row.kind in (Kind.DATE, Kind.DATE_AND_TIME):
+    if row.kind in (ValueKind.DATE, ValueKind.DATE_AND_TIME):
         return f" in {unit} since {EPOCHS[row.epoch_ns]}"
     return f" in {unit}"
 
@@ -74,7 +74,7 @@ def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
 
 def _plain_text(leaf: Leaf, value: Value) -> str:
     match leaf.type:
-        case Text():
+        case StringType():
             return _quoted(value)
         case Enumeration() as type_:
             return f"{value} ({_name(type_, value)})"
@@ -89,13 +89,13 @@ def _plain_text(leaf: Leaf, value: Value) -> str:
 
 def _elementary_text(row: Elementary, size: int, value: Value) -> str:
     match row.kind:
-        case Kind.BOOL:
+        case ValueKind.BOOL:
             return str(value).upper()
-        case Kind.BITS:
+        case ValueKind.BITS:
             return f"{value} (16#{value:0{2 * size}X})"
-        case Kind.REAL:
+        case ValueKind.REAL:
             return real_text(float(value), size)
-        case Kind.CHARACTER:
+        case ValueKind.CHARACTER:
             return _quoted(value)
         case _:
             return str(value)

@@ -27,7 +27,7 @@ from trcvtui.udt.layout.layout_tree import (
     PlacedUnion,
     walk,
 )
-from trcvtui.udt.types import Text
+from trcvtui.udt.types import StringType
 
 FEW: Final = 256  # leaves that are made one by one
 PAGE: Final = 1024  # elements that are decoded, rows that are aligned at once
@@ -214,7 +214,7 @@ class Overlay:
                 firm = bytes(self._taken)
             place = slice(leaf.offset, leaf.offset + leaf.size)
             own = bytes([1 << leaf.bit]) if leaf.bit is not None else b"\xff" * leaf.size
-            needed = self._needed(leaf, part) if isinstance(leaf.type, Text) else own
+            needed = self._needed(leaf, part) if isinstance(leaf.type, StringType) else own
             now, taken = self._data[place], self._taken[place]
             free = bytes(ours & ~theirs for ours, theirs in zip(own, taken, strict=True))
             forced = bytes(ours | theirs for ours, theirs in zip(free, needed, strict=True))
@@ -230,7 +230,7 @@ class Overlay:
 
     def _beyond(self, leaf: Leaf, part: bytes) -> bytes:
         """Return other bytes that say the same: a full text has a length beyond its field, TRUE all bits."""
-        if not isinstance(leaf.type, Text):
+        if not isinstance(leaf.type, StringType):
             return b"\xff" * len(part) if any(part) and leaf.coding.code == "?" else part
         if not self._layout.rules.text.header:
             return part
@@ -239,7 +239,7 @@ class Overlay:
 
     def _needed(self, leaf: Leaf, part: bytes) -> bytes:
         """Return which bytes of a text say what it is: not the longest length, nor what is behind the end."""
-        assert isinstance(leaf.type, Text)
+        assert isinstance(leaf.type, StringType)
         unit = 2 if leaf.type.wide else 1
         text = str(decode_leaf(self._layout, leaf, part))
         length = len(text.encode("utf-16-le", "surrogatepass")) // 2
@@ -252,14 +252,14 @@ class Overlay:
 
 def _is_loose(leaf: Leaf, value: Value) -> bool:
     """Return whether other bytes may say the same value."""
-    if isinstance(leaf.type, Text) or leaf.coding.code.endswith("s"):
+    if isinstance(leaf.type, StringType) or leaf.coding.code.endswith("s"):
         return True
     return (value is True and leaf.bit is None) or value != value
 
 
 def _order(leaf: Leaf) -> int:
     """Return a number: STRING before WSTRING, which has more ways to say a full text; BOOL last."""
-    return (2 if leaf.type.wide else 1) if isinstance(leaf.type, Text) else 3
+    return (2 if leaf.type.wide else 1) if isinstance(leaf.type, StringType) else 3
 
 
 def _masked(below: bytes | bytearray, part: bytes, mask: bytes) -> bytes:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from trcvtui.errors import UserError
 from trcvtui.udt import ast
 from trcvtui.udt.sources.st_cursor import CLOSERS, IEC, MEMBER_ENDS, Cursor, Shape, Source, SourceDialect
-from trcvtui.udt.types import ELEMENTARY, WHOLE, Kind, Text
+from trcvtui.udt.types import ELEMENTARY, WHOLE, StringType, ValueKind
 
 QUALIFIERS = ("OVERLAP", "PERSISTENT", "RETAIN")
 OVERLAP = "OVERLAP: the relative addresses are not read; laid out one member after the other"
@@ -125,13 +125,13 @@ class SpecParser(Cursor):
         wide = self.advance().upper == "WSTRING"
         closer = {"[": "]", "(": ")"}.get(self.token.upper)
         if closer is None:
-            return Text(None, wide)
+            return StringType(None, wide)
         self.advance()
         token, length = self.token, self.number()
         if isinstance(length, int) and length < 1:
             raise self.refusal("a length of 1 or more", token)
         self.expect(closer)
-        return Text(length, wide) if isinstance(length, int) else ast.TextSpec(length, wide)
+        return StringType(length, wide) if isinstance(length, int) else ast.TextSpec(length, wide)
 
     def pointer(self) -> ast.Spec:
         """Return POINTER TO, REFERENCE TO or REF_TO; where it points to need not be known."""
@@ -190,7 +190,7 @@ class SpecParser(Cursor):
     def subrange(self, base: ast.Reference) -> ast.Spec:
         """Return `INT(0..10)`; of a REAL the base, for its limits are no whole numbers."""
         row = ELEMENTARY.get(base.name.upper())
-        if row is not None and row.kind is Kind.REAL:
+        if row is not None and row.kind is ValueKind.REAL:
             self.brackets()
             return base
         self.expect("(")
@@ -251,8 +251,8 @@ def encoded(spec: ast.Spec, pragmas: list[str]) -> ast.Spec:
     match spec:
         case ast.ArraySpec(bounds, element):
             return ast.ArraySpec(bounds, encoded(element, pragmas))
-        case Text(length=length, wide=False):
-            return Text(length, utf8=True)
+        case StringType(length=length, wide=False):
+            return StringType(length, utf8=True)
         case ast.TextSpec(wide=False):
             return spec._replace(utf8=True)
     return spec

@@ -12,7 +12,7 @@ from xml.parsers import expat
 from trcvtui.errors import UserError, mistake
 from trcvtui.udt.ast import MOST_NESTED, Number, TextSpec
 from trcvtui.udt.constants import read_number
-from trcvtui.udt.types import Text
+from trcvtui.udt.types import StringType
 
 MOST_DEPTH = 200
 MOST_ELEMENTS = 400_000
@@ -174,13 +174,13 @@ def bounds(low: str, high: str, where: str) -> tuple[Number, Number]:
     return lowest, highest
 
 
-def text_type(length: str, wide: bool, where: str) -> Text | TextSpec:
+def text_type(length: str, wide: bool, where: str) -> StringType | TextSpec:
     """Return STRING or WSTRING; an empty length is the default one."""
     if not length.strip():
-        return Text(None, wide)
+        return StringType(None, wide)
     longest = read_number(length, where)
     if not isinstance(longest, int):
         return TextSpec(longest, wide)
     if longest < 1:
         raise mistake(where, f"'{longest}'", "a length of 1 or more")
-    return Text(longest, wide)
+    return StringType(longest, wide)

@@ -118,3 +118,64 @@ def test_a_second_class_of_a_name_is_told_with_both_places_and_what_to_do(tmp_pa
         "class Loss stands at house/net/facts.py:1 and at house/rig/facts.py:3: "
         "give the narrower one a name that tells it apart"
     ]
+
+
+PARSERS = {"startswith", "endswith", "removeprefix", "removesuffix", "partition", "rpartition", "split"}
+TOLD = {"detail", "reason", "why", "said", "told", "last_loss"}  # fields that hold a text of ours
+BY_NAME = {"c_header.py", "c_parse.py"}  # classes of pycparser, which is read when the first header is
+SAID_ONCE = {"advice.py"}  # a pin that the name of a cause says already is not said twice
+PARSED = "parses a text that we have made: give the event a field for it, make the text in the view"
+NAMED = "knows a class by its name: ask with isinstance, or let a table have the classes themselves as keys"
+
+
+def is_our_text(node: ast.AST) -> bool:
+    """Return whether this is a field that holds a text that we have made: it is for people."""
+    if not isinstance(node, ast.Attribute):
+        return False
+    is_cause = ast.unparse(node.value).split(".")[-1] == "cause"
+    return node.attr in TOLD or (node.attr == "name" and is_cause)
+
+
+def is_parsed(node: ast.AST, path: Path) -> bool:
+    """Return whether this looks into a text of ours."""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+        is_regex = isinstance(node.func.value, ast.Name) and node.func.value.id == "re"
+        by_itself = node.func.attr in PARSERS and is_our_text(node.func.value)
+        return by_itself or (is_regex and any(map(is_our_text, node.args)))
+    is_looked_for = isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn)
+    return is_looked_for and is_our_text(node.comparators[0]) and path.name not in SAID_ONCE
+
+
+def parsed_texts(package: Path) -> list[str]:
+    """Return where a text of ours is parsed, or a class is known by its name as a string."""
+    found = []
+    for path in sorted(package.rglob("*.py")):
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        texts = [node for node in nodes if isinstance(node, ast.JoinedStr)]  # there a name is but told
+        told = {id(part) for text in texts for part in ast.walk(text)}
+        for node in nodes:
+            is_name = isinstance(node, ast.Attribute) and node.attr == "__name__" and id(node) not in told
+            is_known = is_name and path.name not in BY_NAME
+            if isinstance(node, ast.expr) and (is_known or is_parsed(node, path)):
+                found.append(
+                    (f"{path.relative_to(package.parent)}", node.lineno, NAMED if is_known else PARSED)
+                )
+    return [f"{path}:{line} {what}" for path, line, what in sorted(found)]
+
+
+def test_nobody_parses_a_text_of_ours_or_knows_a_class_by_its_name() -> None:
+    assert parsed_texts(PACKAGE) == []
+
+
+def test_a_parsed_text_is_told_with_its_place_and_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / "house").mkdir()
+    (tmp_path / "house" / "facts.py").write_text(
+        "peer = event.detail.partition(': ')[0]\n"
+        "is_gone = 'gone' in e.cause.name\n"
+        "take = takers[type(event).__name__]\n"
+        "told = f'{type(event).__name__} lets scans pass'\n"
+    )
+    found = parsed_texts(tmp_path / "house")
+    assert [line.partition(" ")[0] for line in found] == [f"house/facts.py:{n}" for n in (1, 2, 3)]
+    assert all(PARSED in line for line in found[:2])
+    assert NAMED in found[2]

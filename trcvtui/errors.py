@@ -18,7 +18,12 @@ class Problem:
 
     def __str__(self) -> str:
         """Return the one line that the user reads."""
-        return one_line(f"{self.where}: found {self.found}, expected {self.expected}")
+        return one_line(f"{self.where}: {self.message}")
+
+    @property
+    def message(self) -> str:
+        """Return what is wrong, without where."""
+        return one_line(f"found {self.found}, expected {self.expected}")
 
 
 class UserError(Exception):

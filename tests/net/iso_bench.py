@@ -11,7 +11,7 @@ from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.kernel import Handle, SocketOptions
 from trcvtui.net.layers.iso_on_tcp import IsoSettings, TpktReader
 from trcvtui.net.layers.layer_kernel import SessionKernel
-from trcvtui.net.layers.layered_stream import DROPPED
+from trcvtui.net.layers.layered_stream import DROPPED, LayerNote
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
 
@@ -50,12 +50,12 @@ class Net:
         self.faulty = FaultyKernel(below.kernel, FaultPlan())
         self.kernel = SessionKernel(self.faulty, lambda: self.now, self._hear)
 
-    def _hear(self, owner: str, what: str, partner: str, why: str) -> None:
-        assert partner.startswith(LOOPBACK)
-        if what == DROPPED:
-            self.told.append((owner, why))
+    def _hear(self, note: LayerNote) -> None:
+        assert note.client.startswith(LOOPBACK)
+        if note.what == DROPPED:
+            self.told.append((note.connect, note.why))
         else:
-            self.heard.append((owner, what, why))
+            self.heard.append((note.connect, note.what, note.why))
 
     def breathe(self) -> None:
         self.below.breathe()

@@ -37,8 +37,8 @@ def test_the_ledger_names_a_dropped_client_and_why(tmp_path: Path, kernel: str) 
     desk.until(lambda: desk.notes("client dropped"))
     (note,) = desk.notes("client dropped")
     assert note.subject == "C1"
-    assert note.detail.startswith("127.0.0.1:")
-    assert note.detail.endswith(": TPKT version 104")
+    assert note.end.startswith("127.0.0.1:")
+    assert note.detail == "TPKT version 104"
     assert desk.status("R") == "7002"
     desk.close()
 

@@ -37,8 +37,8 @@ def connect_by_hand(desk: Desk) -> None:
 def told(desk: Desk, what: str) -> list[str]:
     """Return why, of each such line about C1; each names the partner's end."""
     notes = [note for note in desk.notes(what) if note.subject == "C1"]
-    assert all(note.detail.startswith("127.0.0.1:") for note in notes)
-    return [note.detail.partition(": ")[2] for note in notes]
+    assert all(note.end.startswith("127.0.0.1:") for note in notes)
+    return [note.detail for note in notes]
 
 
 def test_forty_silent_clients_do_not_delay_a_good_one(desk: Desk) -> None:

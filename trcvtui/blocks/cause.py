@@ -71,6 +71,9 @@ class Cause:
     have: int | None = None
     need: int | None = None
     detail: str = ""
+    holder: str = ""  # the instance that is in the way
+    is_orphan: bool = False  # it was deleted or downloaded
+    local: str = ""  # where a partner is waited for
 
     @property
     def asked(self) -> str:

@@ -82,11 +82,16 @@ class PeerSent(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BenchNote:
-    """Something the bench did: a peer's connection, a fault injected, the PLC stopped, DATA written."""
+    """Something the bench did: a peer's connection, a fault injected, the PLC stopped, DATA written.
+
+    `end` is the address of the partner that it is about; `for_all`: about all CONNECTs that listen there.
+    """
 
     subject: str
     what: str
     detail: str = ""
+    end: str = ""
+    for_all: bool = False
 
 
 Event = (

@@ -91,7 +91,7 @@ class ConnectionPart:
         self._reset_wanted = False
         self._queued = False
         self._kept_off = KeptOff(env, connection, claim)
-        self._wait: tuple[tuple[str, str, str, bool], Outcome] | None = None
+        self._wait: tuple[tuple[str, str, str, str, bool], Outcome] | None = None
 
     def stands(self) -> bool:
         """Return whether the connection stands, and inputs that have not changed leave all to the job."""
@@ -242,19 +242,19 @@ class ConnectionPart:
         if not self._connection.config.active:
             # From the second 7002 on only the poll, or another block, can end this.
             lasts = self.waits > 1 and set_up.listener is not None
-            return self._wait_for(
-                "no partner yet", detail=f"listening on {self._connection.local}", lasts=lasts
-            )
+            return self._wait_for("no partner yet", local=str(self._connection.local), lasts=lasts)
         remote = str(set_up.remote or "")
         return self._wait_for(
             "before the next attempt" if set_up.attempt is None else "no answer yet", remote
         )
 
-    def _wait_for(self, what: str, peer: str = "", detail: str = "", lasts: bool = False) -> Outcome:
+    def _wait_for(
+        self, what: str, peer: str = "", detail: str = "", local: str = "", lasts: bool = False
+    ) -> Outcome:
         """Return the same outcome as long as the wait is the same."""
-        now = (what, peer, detail, lasts)
+        now = (what, peer, detail, local, lasts)
         if self._wait is None or self._wait[0] != now:
-            cause = Cause(Why.WAITING, what, peer=peer, detail=detail)
+            cause = Cause(Why.WAITING, what, peer=peer, detail=detail, local=local)
             self._wait = now, Outcome(Condition.ESTABLISHING, cause, lasts=lasts)
         return self._wait[1]
 

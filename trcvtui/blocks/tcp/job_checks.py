@@ -129,10 +129,11 @@ def in_use(other: Claim, asking: Claim) -> Cause:
     """Return who is in the way."""
     if other.is_orphan:
         name = "an instance that is gone still holds this CONNECT"
-        return Cause(Why.OWNER, name, detail=f"{other.instance}: disconnect or reset frees it")
+        cure = "disconnect or reset frees it"
+        return Cause(Why.OWNER, name, detail=cure, holder=other.instance, is_orphan=True)
     if other.priority != asking.priority:
-        return Cause(Why.OWNER, "a block of another priority works on this CONNECT", detail=other.instance)
-    return Cause(Why.OWNER, "another instance works on this CONNECT", detail=other.instance)
+        return Cause(Why.OWNER, "a block of another priority works on this CONNECT", holder=other.instance)
+    return Cause(Why.OWNER, "another instance works on this CONNECT", holder=other.instance)
 
 
 _EMPTY = Outcome(Condition.DATA_EMPTY, Cause(Why.PARAMETER, "DATA has no byte", pin="DATA", value=0))

@@ -31,6 +31,7 @@ from trcvtui.net.layers.layered_stream import (
     IGNORED,
     Choosing,
     LayeredStream,
+    LayerNote,
     PortMember,
     SharedListener,
     Told,
@@ -132,10 +133,10 @@ class SessionKernel:
         """Tell what was passed over, and why the session has ended."""
         owner, partner = self._owners.get(handle, ""), str(stream.peer)
         for remark in stream.session.take_remarks():
-            self._told(owner, IGNORED, partner, remark)
+            self._told(LayerNote(owner, IGNORED, partner, remark))
         end = stream.take_end()
         if end:
-            self._told(owner, ENDED, partner, end)
+            self._told(LayerNote(owner, ENDED, partner, end))
 
     def readable(self, handle: Handle) -> bool:
         """Return whether there is something to read, an end, or a client that has finished its handshake."""

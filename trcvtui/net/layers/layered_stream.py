@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Final, Protocol, runtime_checkable
+from typing import Final, NamedTuple, Protocol, runtime_checkable
 
 from trcvtui.net.connection.resources import ACCEPT, BEGIN_TLS, READ, Party
 from trcvtui.net.events import What
@@ -228,7 +228,19 @@ _NOTHING = memoryview(b"")
 CLIENTS_WAITING: Final = 16
 CLIENTS_QUEUED: Final = 64  # in the stack, between two polls
 HANDSHAKE_LIMIT: Final = 5_000_000_000  # ns
-Told = Callable[[str, str, str, str], None]  # CONNECT, what happened, the client, why
+
+
+class LayerNote(NamedTuple):
+    """What happened to a client of a CONNECT, and why; `for_all`: of all CONNECTs that listen there."""
+
+    connect: str
+    what: str
+    client: str
+    why: str
+    for_all: bool = False
+
+
+Told = Callable[[LayerNote], None]
 DROPPED: Final = "client dropped"
 IGNORED: Final = "TPDU ignored"
 ENDED: Final = "session ended"
@@ -329,7 +341,7 @@ class SharedListener:
         else:
             client.pump()
         for remark in session.take_remarks():
-            self._told(self._any_member().owner, IGNORED, str(client.peer), remark)
+            self._told(LayerNote(self._any_member().owner, IGNORED, str(client.peer), remark))
         if isinstance(session, Choosing) and session.has_asked:
             self._give(client, session)
         elif session.is_up:
@@ -351,7 +363,7 @@ class SharedListener:
         why = FULL if meant else session.is_for(asked.settings)
         session.refuse(is_known=bool(named))
         client.flush()
-        self._drop(client, why, asked)
+        self._drop(client, why, asked, for_all=not named)
 
     def _hand_over(self, client: LayeredStream, member: PortMember) -> None:
         """Let a client whose handshake is over wait for its CONNECT; without room it stays where it is."""
@@ -371,10 +383,13 @@ class SharedListener:
             member.ready.append(Fault("session", session.ended.error, peer=str(client.peer)))
         self._drop(client, why)
 
-    def _drop(self, client: LayeredStream, why: str, asked: PortMember | None = None) -> None:
-        """Let a client go; `asked`: whom it wanted, where it has said so."""
+    def _drop(
+        self, client: LayeredStream, why: str, asked: PortMember | None = None, for_all: bool = False
+    ) -> None:
+        """Let a client go; `asked`: whom it wanted, where it has said so; `for_all`: nobody is that one."""
         self.clients.remove(client)
-        self._told((asked or self._any_member()).owner, DROPPED, str(client.peer), why)
+        owner = (asked or self._any_member()).owner
+        self._told(LayerNote(owner, DROPPED, str(client.peer), why, for_all))
         self._kernel.close(client.handle)
 
     def _any_member(self) -> PortMember:

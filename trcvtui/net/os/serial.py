@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import select
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -92,7 +93,7 @@ def _chain(problem: BaseException | None) -> Iterator[BaseException]:
 
 def _name_of(problem: BaseException) -> str:
     number = problem.args[0] if problem.args else None  # of an OSError with words alone it is a text
-    if type(problem).__name__ == "gaierror":  # its numbers are no errno
+    if isinstance(problem, socket.gaierror):  # its numbers are no errno
         return "EAI_AGAIN" if number in NO_RESOLVER else "EAI_NONAME"
     if isinstance(number, int) and number in errno.errorcode:  # termios.error is no OSError
         return error_name(OSError(number, ""))

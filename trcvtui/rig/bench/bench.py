@@ -12,6 +12,7 @@ from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQu
 from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.layers.layered_stream import LayerNote
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.os.serial import OsSerialPort
 from trcvtui.net.results import Endpoint, Fault
@@ -152,8 +153,9 @@ class Bench:
         port = OsSerialPort(settings) if self._sim is None else SimSerialPort()
         return FaultyPort(port, self.plan, owner)
 
-    def _of_a_session(self, owner: str, what: str, partner: str, why: str) -> None:
-        self.note(owner, what, f"{partner}: {why}")
+    def _of_a_session(self, note: LayerNote) -> None:
+        event = BenchNote(note.connect, note.what, note.why, note.client, note.for_all)
+        self.runtime.ledger.write(event)
 
     def _must_listen(self, peer: Peer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""

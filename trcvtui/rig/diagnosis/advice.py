@@ -156,7 +156,10 @@ def because(cause: Cause, block: str) -> str:
     text += _numbers(cause, block)
     if cause.peer and cause.peer not in text:
         text += f", partner {cause.peer}"
-    return text + (f", {cause.detail}" if cause.detail else "")
+    listening = f"listening on {cause.local}" if cause.local else ""
+    return ", ".join(
+        part for part in (text, listening, ": ".join(filter(None, (cause.holder, cause.detail)))) if part
+    )
 
 
 def _numbers(cause: Cause, block: str) -> str:

@@ -71,12 +71,12 @@ def who_holds(e: Evidence) -> str:
     sends = block_row(e.block).sends
     owners = (e.link.senders if sends else e.link.receivers) if e.link is not None else ()
     holder = next((o for o in owners if o.removesuffix(GONE) != e.instance or o.endswith(GONE)), "")
-    holder = holder or e.cause.detail.partition(":")[0]
+    holder = holder or e.cause.holder
     if not holder:
         return ""
     side = "send" if sends else "receive"
     connect = e.link.name if e.link is not None else e.config.name if e.config is not None else "this CONNECT"
-    if holder.endswith(GONE) or "is gone" in e.cause.name:
+    if holder.endswith(GONE) or e.cause.is_orphan:
         return (
             f"{holder.removesuffix(GONE)} was deleted or downloaded in mid frame and still holds the {side} "
             f"side of {connect}: CONT 0 then 1, or COM_RST, frees it"

@@ -37,8 +37,8 @@ FAILED: Final = {
 HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
 # What fails before the partner is called, or behind it: in words, and no errno beside them.
 NO_CALL: Final = {
-    "session ECONNREFUSED": "taken and refused by the partner",
-    "session ECONNRESET": "taken and given up by the partner",
+    ("session", "ECONNREFUSED"): "taken and refused by the partner",
+    ("session", "ECONNRESET"): "taken and given up by the partner",
 }
 OTHER: Final = {"session": "the handshake failed", "resolve": "the name was not found"}
 
@@ -68,7 +68,7 @@ def _caller(e: Evidence) -> str:
     named = remote_tsap(e.config)
     if named:
         who = f"a call {'' if anyone else f'from {e.config.remote_address} '}with the TSAP {named}"
-    local = e.link.local if e.link is not None else e.cause.detail.removeprefix("listening on ")
+    local = e.link.local if e.link is not None else e.cause.local
     if e.link is not None and e.link.retry_in_ns is not None:
         return f"cannot listen{_since(e)}{_again(e)}"
     where = f", listening on {local}" if local else ", not listening yet"
@@ -118,8 +118,8 @@ def _called(e: Evidence) -> str:
 
 
 def _times_failed(failed: Failures) -> str:
-    call, _, errno = failed.error.partition(" ")
-    word = NO_CALL.get(failed.error)
+    call, errno = failed.call, failed.error
+    word = NO_CALL.get((call, errno))
     if word and not failed.injected:
         return f"{word} {times(failed.count)} (last in scan {failed.last.scan})"
     word = OTHER.get(call) or HOW.get(errno, f"{call} failed")
@@ -139,11 +139,12 @@ def injected(e: Evidence) -> str:
 def what_failed(e: Evidence) -> str:
     """The newest failure of an attempt, in words."""
     failed = max(e.facts.failures, key=lambda f: f.last.scan, default=None)
-    error = f"{e.cause.call} {e.cause.error}" if e.cause.call else failed.error if failed else ""
+    newest = (failed.call, failed.error) if failed is not None else ("", "")
+    error = (e.cause.call, e.cause.error) if e.cause.call else newest
     peer = e.cause.peer or (failed.peer if failed else "") or "the partner"
     local = e.config.local if e.config is not None else "the local port"
-    told = FAILED.get(error, "").format(peer=peer, local=local)
-    if failed is None or failed.error != error or failed.count < 2 or not told:
+    told = FAILED.get(" ".join(error), "").format(peer=peer, local=local)
+    if failed is None or newest != error or failed.count < 2 or not told:
         return told
     return f"{told} ({times(failed.count)}, last in scan {failed.last.scan})"
 

@@ -15,7 +15,6 @@ from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
-from trcvtui.net.layers.iso_on_tcp import NO_SUCH_TSAP
 from trcvtui.net.layers.layered_stream import DROPPED
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
@@ -49,7 +48,7 @@ class _LinkFacts:
         self.incarnation = 0
         self.up_since: Moment | None = None
         self.down_since: Moment | None = None
-        self.failures: dict[str, Failures] = {}
+        self.failures: dict[tuple[str, str], Failures] = {}
         self.listening = ""  # where it listens, shared or not
         self.attempt: FailedAttempt | None = None
         self.dropped: Dropped | None = None
@@ -68,8 +67,8 @@ class _LinkFacts:
 
     def is_built(self) -> None:
         """Forget what kept it from having a socket."""
-        for error in [error for error in self.failures if error.partition(" ")[0] in NOT_BUILT]:
-            del self.failures[error]
+        for key in [key for key in self.failures if key[0] in NOT_BUILT]:
+            del self.failures[key]
         if self.attempt is not None and self.attempt.cause.call in NOT_BUILT:
             self.attempt = None
 
@@ -168,13 +167,13 @@ class LinkStatistics:
     def _failed(self, link: _LinkFacts, at: Moment, event: ConnectionChanged) -> None:
         link.down_since = link.down_since or at
         fault = event.fault
-        error = f"{fault.call} {fault.error}" if fault else str(event.what)
-        before = link.failures.pop(error, None)
+        key = (fault.call, fault.error) if fault else ("", str(event.what))
+        before = link.failures.pop(key, None)
         if len(link.failures) >= KEPT_ERRORS:
             del link.failures[next(iter(link.failures))]
         count = before.count + 1 if before else 1
         injected = fault.injected if fault else False
-        link.failures[error] = Failures(error, count, at, injected, event.peer)
+        link.failures[key] = Failures(*key, count, at, injected, event.peer)
         said, link.said = link.said, None
         if fault is None or fault.call != "session":
             said = None
@@ -188,12 +187,11 @@ class LinkStatistics:
         link = self._links.get(event.subject)
         if link is None or event.what not in (DROPPED, SESSION_ENDED):
             return
-        peer, _, why = event.detail.partition(": ")
-        said = Dropped(Moment(scan, t_ns), peer, why)
+        said = Dropped(Moment(scan, t_ns), event.end, event.detail)
         if event.what == SESSION_ENDED:
             link.said = said
             return
-        for one in self._links.values() if why.startswith(NO_SUCH_TSAP) else (link,):
+        for one in self._links.values() if event.for_all else (link,):
             if one is link or (one.listening and one.listening == link.listening):
                 one.said = one.dropped = said
 

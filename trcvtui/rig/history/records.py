@@ -213,8 +213,9 @@ class Drop:
 
 @dataclass(frozen=True, slots=True)
 class Failures:
-    """Attempts that failed in one way since the connection was last up. `error` is `connect ECONNREFUSED`."""
+    """Attempts that failed in one way since the connection was last up: a call and its errno."""
 
+    call: str
     error: str
     count: int
     last: Moment

@@ -388,6 +388,6 @@ class PeerQueues:
         if unsent:
             self.note("not sent", f"{unsent} bytes")
 
-    def note(self, what: str, detail: str = "") -> None:
-        """Tell the journal what happened."""
-        self._journal(BenchNote(self._name, what, detail))
+    def note(self, what: str, detail: str = "", end: str = "") -> None:
+        """Tell the journal what happened; `end` is the address of this peer, where it matters."""
+        self._journal(BenchNote(self._name, what, detail, end))

@@ -262,7 +262,7 @@ class StreamTransport(_Transport):
         self._half_closed = False
         self._offset = 0
         self._queues.begin()
-        self._queues.note("connected", f"{self.local} to {remote}")
+        self._queues.note("connected", f"to {remote}", str(self.local))
 
     def _watch(self, handle: Handle) -> None:
         """Notice the end of a connection that nobody reads, as far as a stack tells it."""

@@ -188,7 +188,7 @@ class Session:
         ours, calls = set(), []
         for _, _, event in ledger.stamped_since(0):
             if isinstance(event, BenchNote) and event.what == "connected":
-                ours.add(event.detail.partition(" to ")[0])
+                ours.add(event.end)
             elif isinstance(event, ConnectionChanged) and event.what is What.CONNECTED:
                 calls.append(event)
         strange = [call for call in calls if call.peer not in ours]

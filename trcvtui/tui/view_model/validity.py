@@ -17,7 +17,7 @@ def fault_of(line: str, project: Project) -> str:
     try:
         parse_line(line, project, "prompt")
     except UserError as error:
-        return error.lines()[0].removeprefix("prompt: ")
+        return error.problems[0].message
     return ""
 
 

@@ -142,8 +142,9 @@ def is_parsed(node: ast.AST, path: Path) -> bool:
         is_regex = isinstance(node.func.value, ast.Name) and node.func.value.id == "re"
         by_itself = node.func.attr in PARSERS and is_our_text(node.func.value)
         return by_itself or (is_regex and any(map(is_our_text, node.args)))
-    is_looked_for = isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn)
-    return is_looked_for and is_our_text(node.comparators[0]) and path.name not in SAID_ONCE
+    if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.In | ast.NotIn):
+        return is_our_text(node.comparators[0]) and path.name not in SAID_ONCE
+    return False
 
 
 def parsed_texts(package: Path) -> list[str]:

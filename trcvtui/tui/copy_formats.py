@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.binding import Binding
-from textual.screen import ModalScreen
-from textual.widget import Widget
 
 from trcvtui.errors import UserError
 from trcvtui.plc.ledger import Line, StatusEdge
@@ -18,8 +16,8 @@ from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.project.project import DataDecl, Project
 from trcvtui.tui.formatting import clip, moment, plain, status_word
 from trcvtui.tui.view_model.explain import why
+from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import LineView, Row, row
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 from trcvtui.udt.byte_text import base64_text, c_array, hex_lines, iec_list, python_bytes, st_array
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.report import csv_lines, json_value, markdown, member_rows
@@ -226,7 +224,7 @@ class YankList(LineView):
             self.screen.run_worker(self.screen.run_action(f"take('{LETTERS[place[1]]}')"))
 
 
-class YankScreen(ModalScreen[tuple[Format, str] | None]):
+class YankScreen(ListDialog[tuple[Format, str] | None]):
     """Answers with the chosen format and its text; letters choose at once, `y` again takes the first."""
 
     BINDINGS: ClassVar = [
@@ -234,25 +232,14 @@ class YankScreen(ModalScreen[tuple[Format, str] | None]):
         Binding("y,enter", "take_chosen", show=False),
         Binding("down", "move(1)", show=False),
         Binding("up", "move(-1)", show=False),
-        Binding("escape,q", "leave", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
-    DEFAULT_CSS = """
-    YankScreen { align: center middle; background: $background 60%; }
-    YankScreen YankList {
-        width: 96; max-width: 100%; height: auto; border: round $border; padding: 0 1;
-    }
-    """
+    DEFAULT_CSS = "YankScreen YankList { width: 96; height: auto; }"
 
     def __init__(self, subject: Subject, first: str) -> None:
-        super().__init__()
         self._list = YankList(subject, first)
-        self._title = f"{len(subject.content)} bytes of {plain(subject.name)}" if subject.content else ""
-
-    def compose(self) -> Iterator[Widget]:
-        """Compose the list."""
-        self._list.set_title(None, "Yank", self._title)
-        yield self._list
+        bytes_of = f"{len(subject.content)} bytes of {plain(subject.name)}" if subject.content else ""
+        self._list.set_title(None, "Yank", bytes_of)
+        super().__init__(self._list, None)
 
     def action_move(self, rows: int) -> None:
         """Choose another format."""
@@ -268,7 +255,3 @@ class YankScreen(ModalScreen[tuple[Format, str] | None]):
         text = self._list.texts[letter]
         if text:
             self.dismiss((form, text))
-
-    def action_leave(self) -> None:
-        """Yank nothing."""
-        self.dismiss(None)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, Final
 
 from textual.binding import Binding
-from textual.screen import ModalScreen
-from textual.widget import Widget
 
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import block_row
@@ -18,9 +16,9 @@ from trcvtui.rig.framing_advice.command import lines_for
 from trcvtui.rig.framing_advice.proposal import FramingAdvice, Proposal, ShownFrame
 from trcvtui.tui.formatting import clip, pad, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.hex_view import CLASS_OF, HEX_OF, marked
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row, ruled
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.line_view import Part, Row, TextView, row, ruled
 
 GOOD: Final = ("suffix", "size reached")
 LABEL: Final = 9
@@ -42,7 +40,7 @@ def framed_by(buffer: str, scene: ViewModel) -> str:
     return scene.selected if scene.selected in readers else next(iter(readers), "")
 
 
-class FramingList(LineView):
+class FramingList(TextView):
     """The proposals; below them evidence, preview and lines of the one under the cursor."""
 
     def __init__(self, instance: str, project: Callable[[], Project]) -> None:
@@ -52,7 +50,6 @@ class FramingList(LineView):
         self.problem = ""
         self._instance = instance
         self._project = project
-        self._rows: list[Row] = []
 
     @property
     def chosen(self) -> Proposal | None:
@@ -65,25 +62,8 @@ class FramingList(LineView):
         chosen = self.chosen
         return lines_for(chosen, self._project(), self._instance) if chosen is not None else ()
 
-    def draw(self) -> None:
-        """Make the rows anew."""
-        self._rows = self._all_rows()
-        self.resize_rows()  # also while it has no height yet
-        self.refresh()
-
-    def on_resize(self) -> None:
-        """Break the lines anew."""
-        self.draw()
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return self._rows[y] if y < len(self._rows) else EMPTY
-
-    def _all_rows(self) -> list[Row]:
+    def make_rows(self) -> list[Row]:
+        """Return the proposals, then evidence, preview and lines of the chosen one."""
         if self.advice is None:
             return [row(("the recording is on its way …", "dim"))]
         rows = [row((clip(plain(self.advice.said), self._width), "dim"))]
@@ -166,35 +146,28 @@ class FramingList(LineView):
         self.draw()
 
 
-class FramingScreen(ModalScreen[tuple[str, ...]]):
+class FramingScreen(ListDialog[tuple[str, ...]]):
     """Answers with the bench lines to give, none when it is left."""
 
     BINDINGS: ClassVar = [
         Binding("enter", "apply", show=False),
         Binding("r", "again", show=False),
-        Binding("escape,q,B", "leave", show=False),
+        Binding("B", "leave", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     DEFAULT_CSS = """
-    FramingScreen { align: center middle; background: $background 60%; }
     FramingScreen FramingList {
-        width: 110; max-width: 100%; height: auto; max-height: 100%; border: round $border; padding: 0 1;
-        border-subtitle-color: $foreground;
+        width: 110; height: auto; max-height: 100%; border-subtitle-color: $foreground;
     }
     """
 
     def __init__(self, scene: ViewModel) -> None:
-        super().__init__()
         self._scene = scene
         self.buffer = buffer_for(scene)
         self.instance = framed_by(self.buffer, scene)
         self.list = FramingList(self.instance, lambda: scene.project)
-
-    def compose(self) -> Iterator[Widget]:
-        """Compose the list."""
+        super().__init__(self.list, ())
         self.list.set_title(None, "Framing advice", f"{self.buffer} → {self.instance or 'no block'}")
         self.list.border_subtitle = "↑↓ choose · enter sets it · r: read again · page up, down · esc"
-        yield self.list
 
     def on_mount(self) -> None:
         """Ask for the recording."""
@@ -230,4 +203,4 @@ class FramingScreen(ModalScreen[tuple[str, ...]]):
     def action_leave(self) -> None:
         """Set nothing."""
         self._scene.recordings_wanted = ()
-        self.dismiss(())
+        super().action_leave()

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual import events
 from textual.binding import Binding
 from textual.containers import Container
-from textual.screen import Screen
 from textual.widget import Widget
 
 from trcvtui.errors import UserError, mistake
@@ -30,8 +29,8 @@ from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.help import TAKEN
 from trcvtui.tui.widgets.hex_view import HexView
 from trcvtui.tui.widgets.line_view import LineView
-from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, TabLine
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.lines import KeyLine, TabLine
+from trcvtui.tui.widgets.screens import FullScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
 
 if TYPE_CHECKING:
@@ -80,7 +79,7 @@ BESIDE: Final = {2, 3}  # Block and STATUS stand side by side
 LETTERS: Final = "".join(sorted(set("abcdefghijklmnopqrstuvwxyz") - TAKEN))
 
 
-class MainScreen(Screen[None]):
+class MainScreen(FullScreen[None]):
     """Hands what changed to the panes, and what the panes ask for to the app."""
 
     BINDINGS: ClassVar = [
@@ -107,18 +106,15 @@ class MainScreen(Screen[None]):
         Binding("escape", "calm", show=False),
         Binding("q", "app.quit", show=False, id="quit"),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "main.tcss"
 
     def __init__(self, scene: ViewModel, submit: Callable[[str], None]) -> None:
-        super().__init__()
-        self._scene = scene
+        super().__init__(scene, KeyLine())
         self._submit = submit
         self._pane = 3
         self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
         self._past = 4  # history or timing, where one place is for both
         actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.complain(text))
-        self.header = HeaderLine(scene)
         self.instances = InstanceList(scene)
         self.filter = FilterLine(
             self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
@@ -137,7 +133,6 @@ class MainScreen(Screen[None]):
         self._sizes: dict[str, bool] = {}
         self._instances = 0  # of the project, when the panes were arranged
         self.prompt = Prompt(scene, self.peer.lines.heard(submit), self._only_looks)
-        self.key_line = KeyLine()
 
     def compose(self) -> Iterator[Widget]:
         """Compose header, instances, panes, prompt, keys."""
@@ -342,14 +337,6 @@ class MainScreen(Screen[None]):
         self.received.data.show_link(data)
         self.received.job.show_link(job)
 
-    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
-        """Open a pane by mouse."""
-        self.action_pane(message.digit)
-
-    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
-        """Do what the key does."""
-        await self.run_action(message.action)
-
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         """Open the pane that got the focus, and name its keys."""
         for digit, pane in self._panes().items():
@@ -471,7 +458,7 @@ class MainScreen(Screen[None]):
     def action_change(self) -> None:
         """Choose a part of the project: to change it in a form, or to remove it."""
         from trcvtui.tui.forms.fields import all_parts, parts_at_hand  # read when first asked for
-        from trcvtui.tui.widgets.screens import ChoiceScreen
+        from trcvtui.tui.widgets.dialogs import ChoiceScreen
 
         near = parts_at_hand(self._scene, self.peer in (self.focused.ancestors if self.focused else ()))
         parts = [near, [part for part in all_parts(self._scene.project) if part not in near]]
@@ -583,12 +570,6 @@ class MainScreen(Screen[None]):
     def action_scenarios(self) -> None:
         """Open the scenarios."""
         self._submit(SCENARIOS)
-
-    def action_help(self) -> None:
-        """Open the help."""
-        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
-
-        self.app.push_screen(HelpScreen(self._scene, self.focused))
 
 
 def _written(rows: Iterable[int]) -> str:

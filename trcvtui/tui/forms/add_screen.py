@@ -7,7 +7,6 @@ from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.screen import ModalScreen
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
@@ -27,6 +26,7 @@ from trcvtui.tui.forms.fields import (
     values_of,
 )
 from trcvtui.tui.view_model.validity import fault_of, said_before
+from trcvtui.tui.widgets.dialogs import FormDialog
 from trcvtui.tui.widgets.typed_lines import TypedField
 
 HINT: Final = 30
@@ -63,31 +63,20 @@ class ChoiceField(TypedField):
         self.cursor_position = len(self.value)
 
 
-class AddScreen(ModalScreen[str]):
+class AddScreen(FormDialog[str]):
     """Ends with the command, "" when it is left."""
 
     TAKES: ClassVar = "add"
-    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
     DEFAULT_CSS = """
-    AddScreen { align: center middle; background: $background 60%; }
-    AddScreen #form {
-        width: 76; max-width: 100%; height: auto; max-height: 100%; border: round $border; padding: 0 1;
-        background: $surface; border-subtitle-color: $text-muted;
-    }
-    AddScreen VerticalScroll { height: auto; max-height: 100%; }
-    AddScreen Horizontal { height: 1; }
+    AddScreen #form { width: 76; max-height: 100%; }
     AddScreen .name { width: 23; }
     AddScreen .hint { width: 30; color: $text-muted; padding: 0 0 0 1; }
-    AddScreen ChoiceField { width: 1fr; background: $panel; padding: 0 1; }
-    AddScreen ChoiceField:focus { background: $panel; background-tint: $primary 18%; }
-    AddScreen ChoiceField.-bad { color: $error; text-style: underline; }
     AddScreen #form-line { height: auto; min-height: 3; color: $text-muted; margin: 1 0 0 0; }
-    AddScreen #form-line.-bad { color: $error; }
     AddScreen:ansi ChoiceField { text-style: underline; }
     """
 
     def __init__(self, project: Callable[[], Project], kind: str, given: Mapping[str, str]) -> None:
-        super().__init__()
+        super().__init__("")
         self._project = project
         self._given = given
         self.kind = kind
@@ -192,10 +181,6 @@ class AddScreen(ModalScreen[str]):
         """Give the command, where it would be taken."""
         if not self.line or not fault_of(self.line, self._project()):
             self.dismiss(self.line)
-
-    def action_leave(self) -> None:
-        """Leave everything as it is."""
-        self.dismiss("")
 
 
 def _row(name: str, field: ChoiceField, hint: str) -> Horizontal:

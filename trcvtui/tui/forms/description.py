@@ -7,8 +7,6 @@ from itertools import zip_longest
 from typing import ClassVar, Final
 
 from textual.binding import Binding
-from textual.screen import ModalScreen
-from textual.widget import Widget
 
 from trcvtui.project.connect_view import (
     ConnectConfig,
@@ -18,8 +16,8 @@ from trcvtui.project.connect_view import (
     description_view,
 )
 from trcvtui.tui.formatting import pad, plain, wrapped
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.line_view import EMPTY, Row, TextView, row
 from trcvtui.udt.byte_text import hex_lines
 
 OFFSET, FIELD, BYTES = 7, 24, 8  # columns, columns, bytes a line
@@ -77,41 +75,27 @@ def _bytes(data: bytes) -> Iterator[tuple[int, str]]:
         at += BYTES
 
 
-class DescriptionText(LineView):
+class DescriptionText(TextView):
     """The fields of one description, as many lines as they need."""
 
     def __init__(self) -> None:
         super().__init__(id="description")
         self.config: ConnectConfig | None = None
         self._listens = ""
-        self._rows: list[Row] = []
 
-    def draw(self, config: ConnectConfig, listens: str) -> None:
+    def take(self, config: ConnectConfig, listens: str) -> None:
         """Show another one from its beginning; `listens`: the end where it listens now."""
         self.config, self._listens = config, listens
         self.scroll_to(y=0, animate=False)
-        self._break()
+        self.draw()
 
-    def on_resize(self) -> None:
-        """Break the lines anew."""
-        self._break()
-
-    def _break(self) -> None:
+    def make_rows(self) -> list[Row]:
+        """Return the description byte for byte."""
         view = description_view(self.config, self._listens) if self.config is not None else None
-        self._rows = description_rows(view, max(40, self.line_width - 1)) if view is not None else []
-        self.resize_rows()  # also while it has no height yet
-        self.refresh()
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return self._rows[y] if y < len(self._rows) else EMPTY
+        return description_rows(view, max(40, self.line_width - 1)) if view is not None else []
 
 
-class DescriptionScreen(ModalScreen[None]):
+class DescriptionScreen(ListDialog[None]):
     """Closed by escape; ← → walk the other descriptions of the project."""
 
     BINDINGS: ClassVar = [
@@ -119,27 +103,20 @@ class DescriptionScreen(ModalScreen[None]):
         Binding("left", "other(-1)", show=False),
         Binding("y", "yank", show=False),
         Binding("s", "source", show=False),
-        Binding("escape,q,C", "leave", show=False),
+        Binding("C", "leave", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     DEFAULT_CSS = """
-    DescriptionScreen { align: center middle; background: $background 60%; }
     DescriptionScreen DescriptionText {
-        width: 100; max-width: 100%; height: auto; max-height: 100%; border: round $border; padding: 0 1;
-        border-subtitle-color: $foreground;
+        width: 100; height: auto; max-height: 100%; border-subtitle-color: $foreground;
     }
     """
 
     def __init__(self, configs: Sequence[ConnectConfig], name: str, listens: Mapping[str, str]) -> None:
-        super().__init__()
+        self._text = DescriptionText()
+        super().__init__(self._text, None)
         self._configs = configs
         self._listens = listens  # by name: where they listen now
         self._place = next((n for n, each in enumerate(configs) if each.name == name), 0)
-        self._text = DescriptionText()
-
-    def compose(self) -> Iterator[Widget]:
-        """Compose the text."""
-        yield self._text
 
     def on_mount(self) -> None:
         """Show the first one."""
@@ -154,7 +131,7 @@ class DescriptionScreen(ModalScreen[None]):
         size = len(config.description.data) if config.description is not None else 0
         which = f" {self._place + 1}/{len(self._configs)}" if many else ""
         self._text.set_title(None, plain(config.name), f"{size} bytes{which}")
-        self._text.draw(config, self._listens.get(config.name, ""))
+        self._text.take(config, self._listens.get(config.name, ""))
         self._tell("y hex  s SCL  " + ("← → other CONNECT  " if many else "") + "esc")
 
     def _tell(self, words: str) -> None:
@@ -182,7 +159,3 @@ class DescriptionScreen(ModalScreen[None]):
 
         form = Format("h", name, lambda of: text, suffix)
         self.run_worker(take(self.app, form, text, self._tell, self._tell))
-
-    def action_leave(self) -> None:
-        """Go back."""
-        self.dismiss(None)

@@ -8,7 +8,6 @@ from typing import ClassVar, Final, NamedTuple, cast
 from textual import events
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.screen import ModalScreen
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
@@ -18,8 +17,8 @@ from trcvtui.tui.formatting import clip, pad, plain
 from trcvtui.tui.peer_commands import UDT
 from trcvtui.tui.view_model.validity import fault_of
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.dialogs import FormDialog, ListDialog
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.layout_tree import Leaf
@@ -102,35 +101,21 @@ class MessageList(LineView):
             self._choose(self._entries[self.cursor].line)
 
 
-class MessagesScreen(ModalScreen[str]):
+class MessagesScreen(ListDialog[str]):
     """Ends with the command of the entry that was picked, "" where none was."""
 
-    BINDINGS: ClassVar = [Binding("escape,q", "close", show=False)]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
-    DEFAULT_CSS = """
-    MessagesScreen { align: center middle; background: $background 60%; }
-    MessagesScreen MessageList {
-        width: 110; max-width: 100%; height: 60%; border: round $border; padding: 0 1;
-        border-subtitle-color: $text-muted;
-    }
-    """
+    DEFAULT_CSS = (
+        "MessagesScreen MessageList { width: 110; height: 60%; border-subtitle-color: $text-muted; }"
+    )
 
     def __init__(self, peer: str, project: Project) -> None:
-        super().__init__()
-        self._list = MessageList(entries_for(peer, project), self._chosen)
-        self._list.set_title(None, f"Messages of {plain(peer)}", "")
-        self._list.border_subtitle = PICK_LINE
-
-    def compose(self) -> Iterator[Widget]:
-        """Compose the list."""
-        yield self._list
+        shown = MessageList(entries_for(peer, project), self._chosen)
+        shown.set_title(None, f"Messages of {plain(peer)}", "")
+        shown.border_subtitle = PICK_LINE
+        super().__init__(shown, "")
 
     def _chosen(self, line: str) -> None:
         self.dismiss(line)
-
-    def action_close(self) -> None:
-        """Pick none."""
-        self.dismiss("")
 
 
 MOST_FIELDS: Final = 64  # more are written by hand
@@ -161,31 +146,19 @@ class MemberField(TypedField):
         return f"{self.leaf.path}={quoted(text) if is_bare else text}"
 
 
-class UdtForm(ModalScreen[str]):
+class UdtForm(FormDialog[str]):
     """Ends with the payload of `send udt`, "" when it is left."""
 
-    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
     DEFAULT_CSS = """
-    UdtForm { align: center middle; background: $background 60%; }
-    UdtForm #form {
-        width: 84; max-width: 100%; height: auto; max-height: 90%; border: round $border; padding: 0 1;
-        background: $surface; border-subtitle-color: $text-muted;
-    }
-    UdtForm VerticalScroll { height: auto; max-height: 100%; }
-    UdtForm Horizontal { height: 1; }
+    UdtForm #form { width: 84; }
     UdtForm .name { width: 24; }
     UdtForm .type { width: 14; color: $text-muted; }
-    UdtForm MemberField { width: 1fr; background: $panel; padding: 0 1; }
-    UdtForm MemberField:focus { background: $panel; background-tint: $primary 18%; }
-    UdtForm MemberField.-bad { color: $error; text-style: underline; }
-    UdtForm #form-line { height: 2; color: $text-muted; }
-    UdtForm #form-line.-bad { color: $error; }
     """
 
     def __init__(
         self, project: Project, peer: str, name: str, layout: Layout, values: dict[str, str]
     ) -> None:
-        super().__init__()
+        super().__init__("")
         self._project = project
         self._peer = peer
         self._name = name
@@ -245,10 +218,6 @@ class UdtForm(ModalScreen[str]):
         """Take the payload, where every member may stand so."""
         if not self._fault(self.payload):
             self.dismiss(self.payload)
-
-    def action_leave(self) -> None:
-        """Leave the payload as it was."""
-        self.dismiss("")
 
 
 def form_of(text: str, mode: str, scene: ViewModel) -> UdtForm | None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import ClassVar, Final
 
 from textual.binding import Binding
-from textual.screen import ModalScreen
-from textual.widget import Widget
 
 from trcvtui.rig.snapshots import Answer, SplitRow, TrialSnapshot
 from trcvtui.tui.formatting import bar, clip, count, plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.dialogs import ListDialog
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
 HEAD: Final = 4  # lines above the rows
 SHOWN_BYTES: Final = 16
@@ -81,7 +79,7 @@ class TrialTable(LineView):
         return row((f"  {'cut':<9}{'result':<12}{'DONE':>4}  {'RCVD_LEN':<14}{'DATA':<9}STATUS", "faint"))
 
     def _split(self, split: SplitRow, is_chosen: bool) -> Row:
-        style = "cursor" if is_chosen and self.has_focus else "cursor-blurred" if is_chosen else ""
+        style = self.cursor_style(is_chosen)
         if not split.first:
             verdict: Part = (f"{'':<12}", "")
         else:
@@ -120,36 +118,24 @@ def _judged(trial: TrialSnapshot) -> Part:
     return ("≠ ", "warn") if trial.differing else ("✓ ", "done")
 
 
-class TrialScreen(ModalScreen[int]):
-    """Ends with the place of the cut that was chosen, 0 where none was."""
+class TrialScreen(ListDialog[int]):
+    """Ends with the place of the cut that was chosen, 0 where none was; a trial under way goes on."""
 
     BINDINGS: ClassVar = [
-        Binding("escape,q", "close", show=False),
         Binding("x", "stop", show=False),
         Binding("space", "go_on", show=False),
         Binding("y", "yank", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
-    DEFAULT_CSS = """
-    TrialScreen { align: center middle; background: $background 60%; }
-    TrialScreen TrialTable {
-        width: 120; max-width: 100%; height: 80%; border: round $border; padding: 0 1;
-        border-subtitle-color: $text-muted;
-    }
-    """
+    DEFAULT_CSS = "TrialScreen TrialTable { width: 120; height: 80%; border-subtitle-color: $text-muted; }"
 
     def __init__(self, scene: ViewModel, submit: Callable[[str], None], line: str = "") -> None:
-        super().__init__()
+        self.table = TrialTable(scene, self._cut_there)
+        super().__init__(self.table, 0)
         self._submit = submit
         self._scene = scene
         self._line = line
-        self.table = TrialTable(scene, self._cut_there)
-
-    def compose(self) -> Iterator[Widget]:
-        """Compose the table."""
         self.table.set_title(None, "Every split", "")
         self.table.border_subtitle = KEYS_LINE
-        yield self.table
 
     def show(self) -> None:
         """Show what the newest picture says."""
@@ -163,10 +149,6 @@ class TrialScreen(ModalScreen[int]):
 
     def _cut_there(self, split: SplitRow) -> None:
         self.dismiss(split.first)
-
-    def action_close(self) -> None:
-        """Close the table; a trial under way goes on."""
-        self.dismiss(0)
 
     def action_stop(self) -> None:
         """Try no more."""

@@ -7,65 +7,43 @@ from typing import ClassVar, Final, cast
 
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
-from textual.screen import ModalScreen
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
 from trcvtui.tui.formatting import clip, plain, wrapped
-from trcvtui.tui.widgets.line_view import LineView, Row, row
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.dialogs import FormDialog, ListDialog
+from trcvtui.tui.widgets.line_view import Row, TextView, row
 from trcvtui.tui.widgets.typed_lines import TypedField
 from trcvtui.udt.literals import parse_integer
 
 
-class ProblemList(LineView):
+class ProblemList(TextView):
     """Every problem in as many lines as it needs."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(id="problems")
         self._problems = problems
-        self._rows: list[Row] = []
 
-    def on_resize(self) -> None:
-        """Break the lines anew."""
+    def make_rows(self) -> list[Row]:
+        """Return the problems line by line."""
         width = max(20, self.line_width - 2)
-        self._rows = [
+        return [
             row(("✗ " if number == 0 else "  ", "error"), (line, ""))
             for problem in self._problems
             for number, line in enumerate(wrapped(problem, width))
         ]
-        self.show()
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return max(len(self._problems), len(self._rows))
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return self._rows[y] if y < len(self._rows) else Row()
 
 
-class ProblemsScreen(ModalScreen[None]):
+class ProblemsScreen(ListDialog[None]):
     """Closed by escape."""
 
-    BINDINGS: ClassVar = [Binding("escape,q,w", "app.pop_screen", show=False)]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
-    DEFAULT_CSS = """
-    ProblemsScreen { align: center middle; background: $background 60%; }
-    ProblemsScreen ProblemList {
-        width: 110; max-width: 100%; height: 80%; border: round $border; padding: 0 1;
-    }
-    """
+    BINDINGS: ClassVar = [Binding("w", "leave", show=False)]
+    DEFAULT_CSS = "ProblemsScreen ProblemList { width: 110; height: 80%; }"
 
     def __init__(self, problems: Sequence[str]) -> None:
-        super().__init__()
-        self._problems = problems
-
-    def compose(self) -> Iterator[Widget]:
-        """Compose the list."""
-        shown = ProblemList(self._problems)
-        shown.set_title(None, "Problems", f"{len(self._problems)} in the type files; esc closes")
-        yield shown
+        shown = ProblemList(problems)
+        shown.set_title(None, "Problems", f"{len(problems)} in the type files; esc closes")
+        super().__init__(shown, None)
 
 
 MOST_FIELDS: Final = 32
@@ -90,27 +68,16 @@ class NumberField(TypedField):
         return parse_integer(text) if text else None
 
 
-class ConstantsForm(ModalScreen[dict[str, int]]):
+class ConstantsForm(FormDialog[dict[str, int]]):
     """Ends with the values that were given; none when it is left."""
 
-    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
     DEFAULT_CSS = """
-    ConstantsForm { align: center middle; background: $background 60%; }
-    ConstantsForm #form {
-        width: 72; max-width: 100%; height: auto; max-height: 90%; border: round $border; padding: 0 1;
-        background: $surface; border-subtitle-color: $text-muted;
-    }
-    ConstantsForm VerticalScroll { height: auto; max-height: 100%; }
-    ConstantsForm Horizontal { height: 1; }
+    ConstantsForm #form { width: 72; }
     ConstantsForm .name { width: 34; }
-    ConstantsForm NumberField { width: 1fr; background: $panel; padding: 0 1; }
-    ConstantsForm NumberField:focus { background: $panel; background-tint: $primary 18%; }
-    ConstantsForm NumberField.-bad { color: $error; text-style: underline; }
-    ConstantsForm #form-line { height: 2; color: $text-muted; }
     """
 
     def __init__(self, names: Sequence[str], where: str) -> None:
-        super().__init__()
+        super().__init__({})
         self._fields = [NumberField(name) for name in names[:MOST_FIELDS]]
         self._where = where
         self._line = Static("", markup=False, id="form-line")
@@ -156,7 +123,3 @@ class ConstantsForm(ModalScreen[dict[str, int]]):
         numbers = {name: number for name, number in given.items() if number is not None}
         if len(numbers) == len(given):
             self.dismiss(numbers)
-
-    def action_leave(self) -> None:
-        """Give nothing."""
-        self.dismiss({})

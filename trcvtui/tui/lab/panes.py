@@ -13,7 +13,7 @@ from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.lab.lab_fix import KINDS, LANGUAGES, RECEIVER, TITLES, Cure, cure
 from trcvtui.tui.messages import FitWanted
 from trcvtui.tui.widgets.hex_view import HexView, merged
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, TextView, row
 from trcvtui.udt.compare.fit import named, same_words
 from trcvtui.udt.layout.layout import Layout
 
@@ -128,7 +128,7 @@ class FitList(LineView):
         self._rows = [(row((line, "strong" if fits else "dim")), None) for line in wrapped(said, width)]
         for number, found in enumerate(fits):
             chosen = number == self.cursor
-            style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
+            style = self.cursor_style(chosen)
             text = clip(named(found), width - 12)
             parts = [("▸" if chosen else " ", "key"), (f"{found.rank:>2} ", "dim")]
             self._rows.append(
@@ -192,7 +192,7 @@ def _broken(line: str, width: int) -> list[str]:
     return [line[: len(line) - len(line.lstrip())] + first, *(inner + part for part in rest)]
 
 
-class CureText(LineView):
+class CureText(TextView):
     """The padded type or the swap code, as it can be pasted."""
 
     KEYS: ClassVar = (("c", "type | swap"), ("d", "ST | SCL"), ("y", "yank"))
@@ -204,7 +204,6 @@ class CureText(LineView):
         self.language = LANGUAGES[0]
         self.asked = False
         self.found = Cure((), "")
-        self._lines: list[tuple[str, str]] = []
         self._known: tuple[object, ...] = ()
 
     def show(self) -> None:
@@ -227,22 +226,14 @@ class CureText(LineView):
         self.set_title(4, "Cure", title)
         ours = self._lab.layout(OURS)
         if not self.asked and ours is not None and ours.leaf_count > MOST_CURED:
-            self._lines = [("c writes it: the type is large", "dim")]
+            self._rows = [row(("c writes it: the type is large", "dim"))]
             return
         self.found = self.write()
         width = max(20, self.line_width)
         comments = [f"// {line}" for line in self.found.comments]
-        self._lines = [(line, "dim") for text in comments for line in wrapped(text, width)]
+        self._rows = [row((line, "dim")) for text in comments for line in wrapped(text, width)]
         source = [plain(line) for line in self.found.text.rstrip("\n").split("\n")]
-        self._lines += [(part, "") for line in source for part in _broken(line, width)]
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return len(self._lines)
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return row(self._lines[y]) if y < len(self._lines) else EMPTY
+        self._rows += [row((part, "")) for line in source for part in _broken(line, width)]
 
     def next_kind(self) -> None:
         """Write the next kind of cure."""

@@ -10,10 +10,8 @@ from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
 
 from textual import events
-from textual.app import SystemCommand
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
-from textual.screen import Screen
 from textual.widget import Widget
 
 from trcvtui.errors import UserError
@@ -27,12 +25,12 @@ from trcvtui.tui.lab.panes import CureText, FitList, LabHex
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, pane_title
-from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine, TabLine
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.lines import TabLine
+from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import AskLine
 from trcvtui.udt.byte_text import hex_lines
 from trcvtui.udt.compare.fit import reason_lines
-from trcvtui.udt.exports import EXPORTS, Export
+from trcvtui.udt.exports import EXPORTS
 from trcvtui.udt.layout.rules import LAYOUTS
 from trcvtui.udt.sources import formats_text
 
@@ -149,8 +147,6 @@ def bytes_of(lab: Lab) -> Choice:
     return Choice("Bytes", rows, lab.bytes.source, f"{UDT} bytes {{}}", is_bytes=True)
 
 
-LEAST_WIDTH, LEAST_HEIGHT = 120, 30
-TABS: Final = "-tabs"
 LOOK_S: Final = 1.0  # between two looks at the files
 TREE, BYTES, FIT, CURE = 1, 2, 3, 4
 NAMES: Final = ((TREE, "Members"), (BYTES, "Bytes"), (FIT, "Fit"), (CURE, "Cure"))
@@ -158,7 +154,7 @@ PANES: Final = {"tree": TREE, "hex": BYTES, "fit": FIT, "cure": CURE}
 PANES_BY_DIGIT: Final = {digit: name for name, digit in PANES.items()}
 
 
-class LabScreen(Screen[None]):
+class LabScreen(SideScreen[None]):
     """Hands what changed to the panes, and what they ask for to the lab."""
 
     BINDINGS: ClassVar = [
@@ -172,19 +168,16 @@ class LabScreen(Screen[None]):
         Binding("left_square_bracket", "message(-1)", show=False),
         Binding("right_square_bracket", "message(1)", show=False),
         Binding("colon", "ask('udt ')", show=False),
-        Binding("question_mark,f1", "help", show=False),
         Binding("escape,q,L", "leave", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "lab.tcss"
+    LEAST_SIZE = 120, 30
 
     def __init__(self, scene: ViewModel, lab: Lab, say: Callable[[str], int | None]) -> None:
-        super().__init__()
-        self._scene, self.lab, self._say = scene, lab, say
-        self._asked: set[int] = set()
+        super().__init__(scene, say, KEYS, ACTIONS)
+        self.lab = lab
         self._trouble = self._told = ""
         self._open = TREE
-        self.header = HeaderLine(scene)
         self.tabs = TabLine(NAMES, TREE)
         self.head = LabHead(lab)
         self.columns = ColumnHead(lab)
@@ -192,9 +185,7 @@ class LabScreen(Screen[None]):
         self.hex = LabHex(lab)
         self.fit = FitList(lab)
         self.cure = CureText(lab)
-        self.outcome = OutcomeLine()
         self.ask = AskLine(self.obey)
-        self.key_line = KeyLine(KEYS, ACTIONS)
         self._members = Vertical(id="lab-members")
         self._side = Vertical(id="lab-side")
 
@@ -222,13 +213,6 @@ class LabScreen(Screen[None]):
         self.set_interval(LOOK_S, self.look)
         self._ask_constants()
 
-    def on_resize(self, event: events.Resize) -> None:
-        """Put everything side by side where there is room for it."""
-        small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
-        self.set_class(small, TABS)
-        self._arrange()
-        self.call_after_refresh(self.show)
-
     # -- what is shown ------------------------------------------------------------------------------
 
     def show(self) -> None:
@@ -245,18 +229,15 @@ class LabScreen(Screen[None]):
         self.cure.show()
         self._titles()
         self._say_what_is()
-        focused = self.focused
-        self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
+        self.show_keys()
 
     def _titles(self) -> None:
         self._members.border_title = pane_title(TREE, "Members", "≠ differs · ░ padding")
         self.hex.set_title(BYTES, "Bytes", f"{self.hex.linked}░ padding, ▒ theirs")
 
     def _hear_answers(self) -> None:
-        for number, answer in self._scene.answers.items():
-            if number in self._asked:
-                self._asked.discard(number)
-                self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
+        for answer in self.answers():
+            self._trouble, self._told = answer.error, answer.told or f"{answer.line} ✓"
 
     def _say_what_is(self) -> None:
         self.outcome.say(*said_below(self.lab, self._trouble, self._told))
@@ -274,7 +255,7 @@ class LabScreen(Screen[None]):
         """Carry out a line of the lab; any other goes to the bench."""
         self._trouble = self._told = ""
         if not is_for_lab(line):
-            self._send(line)
+            self.send(line)
             return
         try:
             pane = obey_line(line, self.lab)
@@ -284,14 +265,9 @@ class LabScreen(Screen[None]):
             if pane:
                 self.action_pane(PANES[pane])
             if for_engine(line):
-                self._send(line)
+                self.send(line)
             self._ask_constants()
         self.show()
-
-    def _send(self, line: str) -> None:
-        number = self._say(line)
-        if number is not None:
-            self._asked.add(number)
 
     # -- what the panes say -------------------------------------------------------------------------
 
@@ -320,26 +296,19 @@ class LabScreen(Screen[None]):
         self._told = f"theirs is {profile} now{beside}; 4 or c: the cure"
         self.show()
 
-    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
-        """Open a tab by mouse."""
-        self.action_pane(message.digit)
-
-    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
-        """Do what the key does."""
-        await self.run_action(message.action)
-
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         """Open the tab that has the focus."""
         for digit, pane in self._panes().items():
             if event.widget is pane:
                 self._open = digit
-        self._arrange()
+        self.arrange_panes()
         self.show()
 
     def _panes(self) -> dict[int, LineView]:
         return {TREE: self.tree_view, BYTES: self.hex, FIT: self.fit, CURE: self.cure}
 
-    def _arrange(self) -> None:
+    def arrange_panes(self) -> None:
+        """Show everything, or the open tab alone."""
         alone = self.has_class(TABS)
         self._members.display = not alone or self._open == TREE
         self._side.display = not alone or self._open != TREE
@@ -352,7 +321,7 @@ class LabScreen(Screen[None]):
     def action_pane(self, digit: int) -> None:
         """Go to a pane."""
         self._open = digit
-        self._arrange()
+        self.arrange_panes()
         self.set_focus(self._panes()[digit])
 
     def action_type(self) -> None:
@@ -368,7 +337,7 @@ class LabScreen(Screen[None]):
         self._choose(bytes_of(self.lab))
 
     def _choose(self, choice: Choice) -> None:
-        from trcvtui.tui.widgets.screens import ChoiceScreen  # read when first asked for
+        from trcvtui.tui.widgets.dialogs import ChoiceScreen  # read when first asked for
 
         def take(name: str | None) -> None:
             if choice.is_bytes and name == HEX:
@@ -473,8 +442,8 @@ class LabScreen(Screen[None]):
         if self.lab.opened is not None or declared is None:
             self._trouble = "R is for DATA and the project's own files"
         else:
-            self._send(f"{UDT} {RELOAD}")
-            self._send(f"resize {declared.name} {declared.type_name}")
+            self.send(f"{UDT} {RELOAD}")
+            self.send(f"resize {declared.name} {declared.type_name}")
         self.show()
 
     def action_data_as_theirs(self) -> None:
@@ -485,7 +454,7 @@ class LabScreen(Screen[None]):
         if self.lab.opened is not None or declared is None:
             self._trouble = "V is for DATA and the project's own types"
         elif line := view_line(declared, chosen(theirs.layout, theirs.byte_order, theirs.text)):
-            self._send(line)
+            self.send(line)
             self._told = f"{declared.name} lies as theirs: {line}"
         else:
             self._told = f"{declared.name} lies as theirs already"
@@ -502,10 +471,11 @@ class LabScreen(Screen[None]):
             return
         self.run_worker(take(self.app, *found, self._tell, partial(self._tell, is_wrong=True)))
 
-    def _export(self, row: Export) -> None:
+    def action_export(self, name: str) -> None:
         """Take our layout in the language of another tool."""
         from trcvtui.tui.clipboard_and_files import take
 
+        row = EXPORTS[name]
         layout, text = self.lab.layout(OURS), ""
         self._trouble, self._told = "nothing is there to export", ""
         try:
@@ -522,23 +492,13 @@ class LabScreen(Screen[None]):
         self._told, self._trouble = ("", plain(text)) if is_wrong else (plain(text), "")
         self.show()
 
-    def action_help(self) -> None:
-        """Open the help."""
-        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
-
-        self.app.push_screen(HelpScreen(self._scene, self.focused))
-
     def action_leave(self) -> None:
         """Go back to the bench; the lab keeps what was chosen."""
         self.dismiss()
 
-    def commands(self) -> Iterator[SystemCommand]:
+    def palette_rows(self) -> Iterator[Command]:
         """Yield what can be done here, for the palette: the keys, and each language of an export."""
         for title, key, action in COMMANDS:
-            about = f"key {key}" + (f"; {formats_text()}" if action == OPEN else "")
-            yield SystemCommand(title, about, partial(self._act, action))
-        for row in EXPORTS.values():
-            yield SystemCommand(f"Export ours: {row.title}", row.extension, partial(self._export, row))
-
-    def _act(self, action: str) -> None:
-        self.run_worker(self.run_action(action))
+            yield title, f"key {key}" + (f"; {formats_text()}" if action == OPEN else ""), action
+        for name, export in EXPORTS.items():
+            yield f"Export ours: {export.title}", export.extension, f"export('{name}')"

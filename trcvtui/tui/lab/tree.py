@@ -14,7 +14,7 @@ from trcvtui.tui.formatting import cells, clip, pad, plain
 from trcvtui.tui.lab.collapsible_tree import Key, Place, TreeRow
 from trcvtui.tui.lab.lab import OURS, THEIRS, Lab
 from trcvtui.tui.messages import KeyClicked, RowSelected
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
 from trcvtui.udt.layout.layout import Layout
 from trcvtui.udt.layout.value_text import value_text
 from trcvtui.udt.layout.values import decode_leaves
@@ -120,23 +120,15 @@ def columns(width: int, lab: Lab) -> TreeColumns:
     return TreeColumns(name, type_, offset, size, max(6, (left - name) // 2))
 
 
-class ColumnHead(LineView, can_focus=False):
+class ColumnHead(OneLine):
     """What stands in the columns."""
-
-    DEFAULT_CSS = "ColumnHead { height: 1; }"
 
     def __init__(self, lab: Lab) -> None:
         super().__init__(id="lab-columns")
         self._lab = lab
 
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
-    def row_at(self, y: int) -> Row:
+    def line(self) -> Row:
         """Return the heads."""
-        if y:
-            return EMPTY
         width = columns(self.line_width, self._lab)
         text = " " * MARK + pad("member", width.name) + pad("type", width.type)
         offset = "offset " if width.offset > len("offset") else "at "
@@ -220,7 +212,7 @@ class LabTree(LineView):
         if found is None:
             return EMPTY
         chosen = y == self.cursor
-        style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
+        style = self.cursor_style(chosen)
         return row(*self._parts(found, chosen), style=style)
 
     def _parts(self, found: TreeRow, chosen: bool) -> list[Part]:

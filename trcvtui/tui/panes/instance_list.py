@@ -151,7 +151,7 @@ class InstanceList(LineView):
 
     def _row(self, instance: InstanceSnapshot, columns: ListColumns) -> Row:
         selected = instance.name == self._scene.selected
-        style = "" if not selected else "cursor" if self.has_focus else "cursor-blurred"
+        style = self.cursor_style(selected)
         connection = self._scene.connection_of(instance)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),

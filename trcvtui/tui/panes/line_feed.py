@@ -81,7 +81,7 @@ class LineFeed(LineView):
         buffer = snapshot.combuffer(name) if snapshot is not None else None
         if buffer is not None:
             parts += _filled(buffer)
-        style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
+        style = self.cursor_style(chosen)
         return row(*parts, style=style)
 
     def _message(self) -> Row:

@@ -55,7 +55,7 @@ class PeerList(LineView):
 
     def _row(self, peer: PeerSnapshot) -> Row:
         selected = peer.name == self._scene.peer
-        style = "" if not selected else "cursor" if self.has_focus else "cursor-blurred"
+        style = self.cursor_style(selected)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
             (pad(clip(plain(peer.name), 12), self._name_width()) + " ", "strong"),

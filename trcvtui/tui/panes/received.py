@@ -22,7 +22,7 @@ from trcvtui.tui.panes.framer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import CLOSES, OPENS, HexView, marks_of_data, marks_of_part
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row, ruled
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, pane_title, row, ruled
 from trcvtui.tui.widgets.typed_lines import FindLine
 from trcvtui.udt.byte_text import Wanted
 
@@ -31,23 +31,17 @@ GAP_BESIDE: Final = 74  # columns in which the gap timer stands beside the unfin
 ROOMY: Final = 100
 
 
-class JobLine(LineView, can_focus=False):
+class JobLine(OneLine):
     """One line between both views: how far the job is."""
-
-    DEFAULT_CSS = "JobLine { height: 1; }"
 
     def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="job-line")
         self._scene = scene
 
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
-    def row_at(self, y: int) -> Row:
+    def line(self) -> Row:
         """Return the line."""
         instance = self._scene.instance
-        if y or instance is None:
+        if instance is None:
             return EMPTY
         if instance.sends:
             return ruled(self.line_width, *self._sent(instance))

@@ -305,7 +305,7 @@ class Timing(LineView):
             return ruler_row(self._window, self._until, self.view, self._label)
         if y > len(self._rows):
             return EMPTY
-        style = ("cursor" if self.has_focus else "cursor-blurred") if y - 1 == self._chosen else None
+        style = self.cursor_style(True) if y - 1 == self._chosen else None
         return wave_row(self._rows[y - 1], self._window, self.view.cursor, self._until, style, self._label)
 
     def _lane(self) -> PinWaveform | None:

@@ -113,7 +113,7 @@ class UdtTable(LineView):
         index = y - self._page[0]
         if not 0 <= index < len(self._leaves):
             return EMPTY
-        style = "" if y != self.cursor else "cursor" if self.has_focus else "cursor-blurred"
+        style = self.cursor_style(y == self.cursor)
         return row(*self._member(index, y == self.cursor), style=style)
 
     def _member(self, index: int, chosen: bool) -> list[Part]:

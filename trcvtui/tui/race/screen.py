@@ -11,10 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, Final
 
-from textual.app import SystemCommand
 from textual.binding import Binding
 from textual.containers import Vertical
-from textual.screen import Screen
 from textual.widget import Widget
 
 from trcvtui.rig.scenario.race import InstanceRace
@@ -32,8 +30,7 @@ from trcvtui.tui.race.table import (
 )
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import pane_title
-from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.screens import Command, SideScreen
 
 LOOK_S: Final = 1 / 30
 KEYS: Final = (
@@ -46,7 +43,7 @@ ACTIONS: Final = {
 }  # fmt: skip
 
 
-class RaceScreen(Screen[None]):
+class RaceScreen(SideScreen[None]):
     """Head with the dialects, table of scans, the chosen scan in full."""
 
     BINDINGS: ClassVar = [
@@ -58,31 +55,23 @@ class RaceScreen(Screen[None]):
         Binding("o", "only", show=False),
         Binding("r", "again", show=False),
         Binding("y", "yank", show=False),
-        Binding("question_mark,f1", "help", show=False),
         Binding("escape,q,D", "leave", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "race.tcss"
 
     def __init__(self, scene: ViewModel, say: Callable[[str], int | None], path: Path | None) -> None:
-        super().__init__()
-        self._scene = scene
-        self._say = say
+        super().__init__(scene, say, KEYS, ACTIONS)
         self._path = path
         self._folder: RaceFolder | None = None  # of a session's file
-        self._asked: int | None = None
         self.run: RaceRun | None = None
         self._chosen: tuple[str, ...] = ()  # the dialects, as far as they are known
         self._taken: RaceRun | None = None  # what the table shows
         self._instance = ""
         self._said = ("", "")
-        self.header = HeaderLine(scene)
         self.head = RaceHead()
         self.columns = RaceColumns()
         self.table = RaceTable()
         self.scan = RaceScan()
-        self.outcome = OutcomeLine()
-        self.key_line = KeyLine(KEYS, ACTIONS)
         self._frame = Vertical(id="race-frame")
 
     def compose(self) -> Iterator[Widget]:
@@ -117,8 +106,8 @@ class RaceScreen(Screen[None]):
             self._folder.close()
 
     def _write_session(self) -> None:
-        self._asked = self._say(f"save scenario {self._path}")
-        if self._asked is None:
+        self._asked.clear()
+        if not self.send(f"save scenario {self._path}"):
             self._tell("this screen may not write down the session", "error")
 
     def _begin(self) -> None:
@@ -142,17 +131,14 @@ class RaceScreen(Screen[None]):
         self.header.show()
         what = self._what()
         self.head.draw(what, self._chosen)
-        self.key_line.show_keys((), holding=False)
+        self.show_keys()
 
     def _hear_answer(self) -> None:
-        answer = self._scene.answers.get(self._asked) if self._asked is not None else None
-        if answer is None:
-            return
-        self._asked = None
-        if answer.error:
-            self._tell(answer.error, "error")
-        else:
-            self._begin()
+        for answer in self.answers():
+            if answer.error:
+                self._tell(answer.error, "error")
+            else:
+                self._begin()
 
     def _what(self) -> list[tuple[str, str]]:
         race = self._taken.race if self._taken is not None else None
@@ -193,7 +179,7 @@ class RaceScreen(Screen[None]):
 
     def _draw_scan(self) -> None:
         race = self._taken.race if self._taken is not None else None
-        self.scan.draw(self.table.chosen, self.table.raced, race.interval_ns if race is not None else 0)
+        self.scan.take(self.table.chosen, self.table.raced, race.interval_ns if race is not None else 0)
 
     def _tell(self, words: str, style: str = "dim") -> None:
         self.outcome.display = bool(words)
@@ -208,16 +194,12 @@ class RaceScreen(Screen[None]):
         """Toggle a dialect by mouse."""
         self.action_dialect(message.digit)
 
-    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
-        """Do what the key does."""
-        await self.run_action(message.action)
-
     # -- actions ------------------------------------------------------------------------------------
 
     def action_dialect(self, digit: int) -> None:
         """Let a dialect take part, or no longer; the race runs anew."""
         name = NAMES[digit - 1]
-        if not self._chosen or self._asked is not None:
+        if not self._chosen or self._asked:
             return
         chosen = tuple(each for each in NAMES if (each in self._chosen) != (each == name))
         if len(chosen) < 2:
@@ -267,26 +249,20 @@ class RaceScreen(Screen[None]):
             form = Format("r", "the race", lambda of: text)
             self.run_worker(take(self.app, form, text, self._tell, partial(self._tell, style="error")))
 
-    def action_help(self) -> None:
-        """Open the help."""
-        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
-
-        self.app.push_screen(HelpScreen(self._scene, self.focused))
-
     def action_leave(self) -> None:
         """Go back to where the race was asked for."""
         self.dismiss(None)
 
-    def commands(self) -> Iterator[SystemCommand]:
+    def palette_rows(self) -> Iterator[Command]:
         """Yield what can be done here, for the palette."""
-        yield SystemCommand("Next difference", "key n", lambda: self.action_difference(1))
-        yield SystemCommand("Difference before", "key N", lambda: self.action_difference(-1))
+        yield "Next difference", "key n", "difference(1)"
+        yield "Difference before", "key N", "difference(-1)"
         for digit, name in enumerate(NAMES, 1):
             way = "out of the race" if name in self._chosen else "into the race"
-            yield SystemCommand(f"{name} {way}", f"key {digit}", lambda d=digit: self.action_dialect(d))
-        yield SystemCommand("Next instance", "key →", lambda: self.action_instance(1))
-        yield SystemCommand("Only the scans that differ, or all", "key o", self.action_only)
-        yield SystemCommand("Race again", "the file or session as it is now · key r", self.action_again)
-        yield SystemCommand("Yank the race as text", "key y", self.action_yank)
-        yield SystemCommand("Help", "key ?", self.action_help)
-        yield SystemCommand("Leave the race", "key esc", self.action_leave)
+            yield f"{name} {way}", f"key {digit}", f"dialect({digit})"
+        yield "Next instance", "key →", "instance(1)"
+        yield "Only the scans that differ, or all", "key o", "only"
+        yield "Race again", "the file or session as it is now · key r", "again"
+        yield "Yank the race as text", "key y", "yank"
+        yield "Help", "key ?", "help"
+        yield "Leave the race", "key esc", "leave"

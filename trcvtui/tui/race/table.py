@@ -12,7 +12,7 @@ from trcvtui.rig.scenario.race import CALLED, InstanceRace, Note, Race, ScanRow,
 from trcvtui.rig.scenario.race_report import DIALECT_NAMES, summary, title_of
 from trcvtui.tui.formatting import clip, count, lamp, moment, pad, plain, wrapped
 from trcvtui.tui.messages import DialectToggled, RaceRowSelected
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, TextView, row
 from trcvtui.udt.literals import format_time
 
 SCANS, SIGN = 13, 3  # columns of the scan numbers, and of the sign that marks a difference
@@ -175,22 +175,16 @@ class RaceHead(LineView, can_focus=False):
             left = right + 2
 
 
-class RaceColumns(LineView, can_focus=False):
+class RaceColumns(OneLine):
     """The names above the columns, in the frame of the table."""
-
-    DEFAULT_CSS = "RaceColumns { height: 1; }"
 
     def __init__(self) -> None:
         super().__init__(id="race-columns")
         self.raced: InstanceRace | None = None
 
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
-    def row_at(self, y: int) -> Row:
+    def line(self) -> Row:
         """Return the names."""
-        return row(*head_parts(self.raced, self.line_width - 1)) if self.raced and not y else EMPTY
+        return row(*head_parts(self.raced, self.line_width - 1)) if self.raced else EMPTY
 
 
 class RaceTable(LineView, inherit_bindings=False):
@@ -241,7 +235,7 @@ class RaceTable(LineView, inherit_bindings=False):
         if y >= len(self.entries):
             return row(("no scan was called", "dim")) if self.raced and not y else EMPTY
         entry = self.entries[y]
-        style = ("cursor" if self.has_focus else "cursor-blurred") if y == self.cursor else ""
+        style = self.cursor_style(y == self.cursor)
         match entry:
             case str():
                 return row((f"  {entry}", "strong"), style=style)
@@ -278,41 +272,27 @@ class RaceTable(LineView, inherit_bindings=False):
             self.go_to(place[1])
 
 
-class RaceScan(LineView):
+class RaceScan(TextView):
     """The chosen scan in words, or a note in full."""
 
     def __init__(self) -> None:
         super().__init__(id="race-scan")
-        self._rows: list[Row] = []
         self._shown: tuple[Entry | None, InstanceRace | None, int] = (None, None, 0)
 
-    def draw(self, entry: Entry | None, raced: InstanceRace | None, interval_ns: int) -> None:
+    def take(self, entry: Entry | None, raced: InstanceRace | None, interval_ns: int) -> None:
         """Show what is chosen."""
         self._shown = entry, raced, interval_ns
-        self._break()
+        self.draw()
 
-    def on_resize(self) -> None:
-        """Break the lines anew."""
-        self._break()
-
-    def _break(self) -> None:
+    def make_rows(self) -> list[Row]:
+        """Return what is chosen in words."""
         entry, raced, interval_ns = self._shown
         if isinstance(entry, ScanRow) and raced is not None:
-            self._rows = [row(*parts) for parts in detail_lines(entry, raced, interval_ns)]
-        elif isinstance(entry, Note):
+            return [row(*parts) for parts in detail_lines(entry, raced, interval_ns)]
+        if isinstance(entry, Note):
             lines = wrapped(f"{entry.dialect}: {note_text(entry)}", max(20, self.line_width))
-            self._rows = [row((line, "")) for line in lines]
-        else:
-            self._rows = []
-        self.show()
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return self._rows[y] if y < len(self._rows) else EMPTY
+            return [row((line, "")) for line in lines]
+        return []
 
 
 def note_text(note: Note) -> str:

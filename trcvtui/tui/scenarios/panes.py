@@ -12,12 +12,12 @@ from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapsh
 from trcvtui.tui.formatting import clip, lamp, plain, wrapped
 from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, Part, Row, TextView, row
 
 INDENT: Final = 2
 
 
-class TraceList(LineView):
+class TraceList(TextView):
     """The inputs and the newest of the trace of each instance; `tail` lines of it."""
 
     DEFAULT_CSS = "TraceList { height: auto; min-height: 3; }"
@@ -25,10 +25,9 @@ class TraceList(LineView):
     def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="traces")
         self._scene = scene
-        self._rows: list[Row] = []
         self.tail = 4
 
-    def draw(self, player: PlayerSnapshot) -> None:
+    def follow(self, player: PlayerSnapshot) -> None:
         """Show the instances of the scenario that is played."""
         self.set_title(4, "STATUS, scan by scan")
         pins = {instance.name: _inputs(instance) for instance in self._scene.instances}
@@ -49,14 +48,6 @@ class TraceList(LineView):
             )
             for number, line in enumerate(lines[-self.tail :])
         ]
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return self._rows[y] if y < len(self._rows) else EMPTY
 
 
 def _inputs(instance: InstanceSnapshot) -> list[Part]:
@@ -82,7 +73,7 @@ LOOKS: Final = {
 NEXT: Final = ("▸", "key", "strong")
 
 
-class ScenarioText(LineView, inherit_bindings=False):
+class ScenarioText(TextView, inherit_bindings=False):
     """What the scenario is about, then its steps; the current one stays in view."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -98,11 +89,10 @@ class ScenarioText(LineView, inherit_bindings=False):
         super().__init__(id="text")
         self._model = model
         self._drawn: tuple[ScenarioFile | None, tuple[StepSnapshot, ...], int, int] | None = None
-        self._rows: list[Row] = []
         self._row_of: dict[int, int] = {}  # by number of the step
         self._followed: tuple[str, int] | None = None
 
-    def draw(self, player: PlayerSnapshot | None, kernel: str) -> None:
+    def follow(self, player: PlayerSnapshot | None, kernel: str) -> None:
         """Show the chosen scenario, and how far it has been played where it is the one that is."""
         said = self._model.chosen_file
         played = player if player is not None and said is not None and player.path == str(said.path) else None
@@ -126,14 +116,6 @@ class ScenarioText(LineView, inherit_bindings=False):
             last = played.steps[-1].number if played.steps else 0
             words.append("over" if played.finished else f"step {_coming(played)} of {last}")
         self.set_title(2, plain(said.path.name), " · ".join(words))
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return self._rows[y] if y < len(self._rows) else EMPTY
 
     # -- the lines ----------------------------------------------------------------------------------
 

@@ -194,7 +194,7 @@ class ScenarioList(LineView, inherit_bindings=False):
 
     def _file(self, path: Path) -> Row:
         chosen = path == self._model.chosen
-        style = "" if not chosen else "cursor" if self.has_focus else "cursor-blurred"
+        style = self.cursor_style(chosen)
         said = self._model.known(path)
         mark, mark_style = MARKS[self._model.outcomes.get(path)]
         name, name_style = plain(said.name if said else path.stem), "" if said else "dim"

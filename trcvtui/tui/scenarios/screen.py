@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from textual import events
-from textual.app import SystemCommand
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
-from textual.screen import Screen
 from textual.widget import Widget
 
 from trcvtui.rig.snapshots import PlayerSnapshot
@@ -27,13 +25,12 @@ from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.scenarios.panes import ScenarioText, TraceList
 from trcvtui.tui.scenarios.scenario_list import ScenarioList, ScenarioListModel
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import LineView
-from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, OutcomeLine, TabLine
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.lines import TabLine
+from trcvtui.tui.widgets.screens import TABS, Command, SideScreen
 from trcvtui.tui.widgets.typed_lines import FilterLine
 
-LEAST_WIDTH, LEAST_HEIGHT, HIGH = 110, 30, 42
-TABS, PLAYING = "-tabs", "-playing"
+HIGH: Final = 42  # rows from which on all that is past stands
+PLAYING: Final = "-playing"
 READ_S: Final = 1 / 30
 KERNELS: Final = ("sim", "live")
 WORDS_OF: Final = {"sim": "the simulated network", "live": "real sockets"}
@@ -55,7 +52,7 @@ ACTIONS: Final = {
 }  # fmt: skip
 
 
-class ScenariosScreen(Screen[Path | None]):
+class ScenariosScreen(SideScreen[Path | None]):
     """List, text, and the play of one; dismissed with the file that was chosen last."""
 
     BINDINGS: ClassVar = [
@@ -68,11 +65,10 @@ class ScenariosScreen(Screen[Path | None]):
         Binding("y", "sure", show=False),
         Binding("D", "race", show=False),
         Binding("slash", "filter", show=False),
-        Binding("question_mark,f1", "help", show=False),
         Binding("escape,q,S,f2", "leave", show=False),
     ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
     CSS_PATH = "scenarios.tcss"
+    LEAST_SIZE = 110, 30
 
     def __init__(
         self,
@@ -81,17 +77,13 @@ class ScenariosScreen(Screen[Path | None]):
         model: ScenarioListModel,
         loaded: Path | None = None,
     ) -> None:
-        super().__init__()
-        self._scene = scene
-        self._say = say
+        super().__init__(scene, say, KEYS, ACTIONS)
         self._model = model
         self._kernel = KERNELS[0]
         self._loaded = loaded  # also while the engine has not answered yet
         self._question: Callable[[], None] | None = None  # what `y` does: it ends the live bench
-        self._is_high = False
         self.keeps_the_play = False  # left for the panes, with the scenario on them
         self._bench = scene.bench
-        self._asked: set[int] = set()
         self._trouble = ""
         self._open = STEPS if loaded is not None else LIST
         self._past = TRACES
@@ -103,11 +95,8 @@ class ScenariosScreen(Screen[Path | None]):
         self.status = StatusCard(scene, STATUS)
         self.history = StatusHistory(scene, actions, HISTORY)
         self.timing = Timing(scene, actions, TIMING)
-        self.header = HeaderLine(scene)
         self.tabs = TabLine(TABS_OF_PLAY[:2], LIST)
-        self.outcome = OutcomeLine()
         self.filter = FilterLine(self._narrow, self.list.action_move, self.list)
-        self.key_line = KeyLine(KEYS, ACTIONS)
         self._left = Vertical(id="left")
         self._play = Vertical(id="play")
 
@@ -135,15 +124,6 @@ class ScenariosScreen(Screen[Path | None]):
         self.set_interval(READ_S, self._read_some)
         self._read_some()
 
-    def on_resize(self, event: events.Resize) -> None:
-        """Put list and play side by side where there is room for both."""
-        small = event.size.width < LEAST_WIDTH or event.size.height < LEAST_HEIGHT
-        self.set_class(small, TABS)
-        self._is_high = event.size.height >= HIGH
-        self.traces.tail = 2 if small else 4
-        self._arrange()
-        self.call_after_refresh(self.show)
-
     def _read_some(self) -> None:
         if not self._model.is_read:
             self._model.read_some()
@@ -166,14 +146,13 @@ class ScenariosScreen(Screen[Path | None]):
         self._begin_or_end(player is not None)
         self.header.show()
         self.list.show()
-        self.text.draw(player, self._kernel_shown(player))
+        self.text.follow(player, self._kernel_shown(player))
         if player is not None:
-            self.traces.draw(player)
+            self.traces.follow(player)
             for pane in (self.instances, self.status, self.history, self.timing):
                 pane.show()
         self._say_what_is(player)
-        focused = self.focused
-        self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
+        self.show_keys()
 
     def _begin_or_end(self, plays: bool) -> None:
         """Show the panes of a play while there is one; of another bench nothing is pointed at any more."""
@@ -182,20 +161,18 @@ class ScenariosScreen(Screen[Path | None]):
             self.on_instance_selected()
         if plays != self.has_class(PLAYING):
             self.set_class(plays, PLAYING)
-            self._arrange()
+            self.arrange_panes()
 
     def _kernel_shown(self, player: PlayerSnapshot | None) -> str:
         picture = self._scene.picture
         return picture.kernel if player is not None and picture is not None else self._kernel
 
     def _hear_answers(self) -> None:
-        for number, answer in self._scene.answers.items():
-            if number in self._asked:
-                self._asked.discard(number)
-                if answer.error and not self._trouble:
-                    self._trouble = answer.error
-                    if answer.line.startswith("scenario load"):
-                        self._loaded = None
+        for answer in self.answers():
+            if answer.error and not self._trouble:
+                self._trouble = answer.error
+                if answer.line.startswith("scenario load"):
+                    self._loaded = None
 
     def _note_outcome(self, path: Path, held: bool) -> None:
         if self._model.outcomes.get(path) is not held:
@@ -241,14 +218,6 @@ class ScenariosScreen(Screen[Path | None]):
         self.history.point_at(message.seq)
         self.timing.point_at(line.scan if line else None, message.seq)
 
-    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
-        """Open a tab by mouse."""
-        self.action_pane(message.digit)
-
-    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
-        """Do what the key does."""
-        await self.run_action(message.action)
-
     def on_descendant_focus(self, event: events.DescendantFocus) -> None:
         """Open the tab that has the focus, and name the keys of the pane."""
         panes: dict[int, Widget] = {STATUS: self.status, HISTORY: self.history, TIMING: self.timing}
@@ -259,19 +228,20 @@ class ScenariosScreen(Screen[Path | None]):
             self._open = own or STEPS
         if event.widget is self.traces or own in PAST:
             self._past = own or TRACES
-        self._arrange()
+        self.arrange_panes()
         self.show()
 
-    def _arrange(self) -> None:
+    def arrange_panes(self) -> None:
         """Show one tab, or everything; where the screen is not high, one of what is past."""
         alone, plays = self.has_class(TABS), self.has_class(PLAYING)
         steps = self._open == STEPS or not alone
+        self.traces.tail = 2 if alone else 4
         self._left.display = not alone or self._open in (LIST, STATUS)
         self._play.display = not alone or self._open not in (LIST, STATUS)
         self.list.display = not alone or self._open == LIST
         self.status.display = plays and (not alone or self._open == STATUS)
         self.text.display, self.instances.display = steps, plays and steps
-        past = PAST if self._is_high and not alone else {self._past}
+        past = PAST if self.size.height >= HIGH and not alone else {self._past}
         self.traces.display = plays and steps and (alone or TRACES in past)
         self.history.display = plays and (self._open == HISTORY if alone else HISTORY in past)
         self.timing.display = plays and (self._open == TIMING if alone else TIMING in past)
@@ -299,7 +269,7 @@ class ScenariosScreen(Screen[Path | None]):
             return
         self._open = digit if digit in dict(TABS_OF_PLAY) else STEPS
         self._past = digit if digit in PAST else self._past
-        self._arrange()
+        self.arrange_panes()
         self.set_focus(panes[digit])
 
     def action_filter(self) -> None:
@@ -382,15 +352,7 @@ class ScenariosScreen(Screen[Path | None]):
 
     def _send(self, words: str) -> None:
         self._trouble = ""
-        number = self._say(f"scenario {words}")
-        if number is not None:
-            self._asked.add(number)
-
-    def action_help(self) -> None:
-        """Open the help."""
-        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
-
-        self.app.push_screen(HelpScreen(self._scene, self.focused))
+        self.send(f"scenario {words}")
 
     def _refuse(self, line: str) -> None:
         """Say where a pane's line is for: there is no prompt here."""
@@ -414,25 +376,17 @@ class ScenariosScreen(Screen[Path | None]):
             self._say("scenario stop")
         self.dismiss(self._model.chosen)
 
-    def commands(self) -> Iterator[SystemCommand]:
+    def palette_rows(self) -> Iterator[Command]:
         """Yield what can be done here, for the palette."""
-        yield SystemCommand("Load the scenario", "on a fresh bench · key enter", self.action_load)
-        yield SystemCommand("Next step", "key n", self.action_step)
-        yield SystemCommand("Run to the end", "key r", self.action_run)
-        yield SystemCommand(
-            f"Load on {WORDS_OF[self._other()]}", "with the next enter · key k", self.action_kernel
-        )
-        yield SystemCommand(
-            "Dialect race", "the same pins and peers through several dialects · key D", self.action_race
-        )
-        yield SystemCommand(
-            "All panes", "the loaded scenario on the bench's panes; S comes back · key v", self.action_panes
-        )
-        yield SystemCommand("Filter the scenarios", "key /", self.action_filter)
-        yield SystemCommand(
-            "Leave the scenarios", "the opened project begins afresh · key esc", self.action_leave
-        )
-        yield SystemCommand("Help", "key ?", self.action_help)
+        yield "Load the scenario", "on a fresh bench · key enter", "load"
+        yield "Next step", "key n", "step"
+        yield "Run to the end", "key r", "run"
+        yield f"Load on {WORDS_OF[self._other()]}", "with the next enter · key k", "kernel"
+        yield "Dialect race", "the same pins and peers through several dialects · key D", "race"
+        yield "All panes", "the loaded scenario on the bench's panes; S comes back · key v", "panes"
+        yield "Filter the scenarios", "key /", "filter"
+        yield "Leave the scenarios", "the opened project begins afresh · key esc", "leave"
+        yield "Help", "key ?", "help"
 
 
 def _outcome(player: PlayerSnapshot) -> tuple[str, str]:

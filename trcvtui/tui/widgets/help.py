@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from typing import ClassVar, Final
 
 from textual.binding import Binding
-from textual.screen import ModalScreen
 from textual.widget import Widget
 
 from trcvtui.plc.snapshot import buffer_pins
 from trcvtui.tui.formatting import plain, wrapped
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
-from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+from trcvtui.tui.widgets.dialogs import ListDialog
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, TextView, row
 
 # Mnemonic letters of the pins; a pin without one takes the first letter of its name that is free.
 PIN_LETTERS: Final = {"EN_R": "n", "CONT": "t", "ADHOC": "a", "COM_RST": "x", "LEN": "l", "REQ": "r"}
@@ -179,27 +178,17 @@ SIGNS: Final = (
 )
 
 
-class HelpText(LineView):
+class HelpText(TextView):
     """All of it as one scrolling text."""
 
     def __init__(self, scene: ViewModel, focused: Widget | None) -> None:
         super().__init__(id="help")
         self._scene = scene
         self._focused = focused
-        self._rows: list[Row] = []
 
-    def on_resize(self) -> None:
-        """Break the lines anew."""
-        self._rows = [*self._keys(), *self._table()]
-        self.show()
-
-    def row_count(self) -> int:
-        """Return the number of lines."""
-        return len(self._rows)
-
-    def row_at(self, y: int) -> Row:
-        """Return one line."""
-        return self._rows[y] if y < len(self._rows) else EMPTY
+    def make_rows(self) -> list[Row]:
+        """Return keys, signs and the STATUS table."""
+        return [*self._keys(), *self._table()]
 
     def _keys(self) -> list[Row]:
         rows: list[Row] = []
@@ -262,28 +251,13 @@ def sections_for(focused: Widget | None) -> list[tuple[str, KeyTable]]:
     return [first, *(section for section in sections if section[0] != title)]
 
 
-class HelpScreen(ModalScreen[None]):
+class HelpScreen(ListDialog[None]):
     """Closed by the keys that opened it, and by escape."""
 
-    BINDINGS: ClassVar = [
-        Binding("escape,q", "app.pop_screen", show=False),
-        Binding("question_mark,f1", "app.pop_screen", show=False, id="help"),
-    ]
-    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
-    DEFAULT_CSS = """
-    HelpScreen { align: center middle; background: $background 60%; }
-    HelpScreen HelpText {
-        width: 100; max-width: 100%; height: 90%; border: round $border; padding: 0 1;
-    }
-    """
+    BINDINGS: ClassVar = [Binding("question_mark,f1", "leave", show=False, id="help")]
+    DEFAULT_CSS = "HelpScreen HelpText { width: 100; height: 90%; }"
 
     def __init__(self, scene: ViewModel, focused: Widget | None = None) -> None:
-        super().__init__()
-        self._scene = scene
-        self._focused = focused
-
-    def compose(self) -> Iterator[Widget]:
-        """Compose the text."""
-        text = HelpText(self._scene, self._focused)
+        text = HelpText(scene, focused)
         text.set_title(None, "Help", "↑↓ and page keys scroll, esc closes")
-        yield text
+        super().__init__(text, None)

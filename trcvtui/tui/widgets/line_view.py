@@ -93,6 +93,10 @@ class LineView(ScrollView, can_focus=True):
         """Return the keys to name in the last line while this pane has the focus."""
         return self.KEYS
 
+    def cursor_style(self, is_chosen: bool) -> str:
+        """Return the style of the row under the cursor, "" for any other."""
+        return "" if not is_chosen else "cursor" if self.has_focus else "cursor-blurred"
+
     # -- painting -----------------------------------------------------------------------------------
 
     def show(self) -> None:
@@ -231,3 +235,51 @@ class LineView(ScrollView, can_focus=True):
         """Return column and row (of all rows) under the mouse, None outside the rows."""
         offset = event.get_content_offset(self)
         return None if offset is None else (offset.x, offset.y + self.scroll_offset.y)
+
+
+class OneLine(LineView, can_focus=False):
+    """A line that never scrolls: header, tabs, keys, heads of columns."""
+
+    DEFAULT_CSS = "OneLine { height: 1; }"
+
+    def row_count(self) -> int:
+        """Return 1."""
+        return 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the line."""
+        return EMPTY if y else self.line()
+
+    def line(self) -> Row:
+        """Return what stands in it."""
+        raise NotImplementedError
+
+
+class TextView(LineView):
+    """Rows that are made at once: `_rows`, by `make_rows` anew for each width."""
+
+    def __init__(self, id: str) -> None:
+        super().__init__(id=id)
+        self._rows: list[Row] = []
+
+    def make_rows(self) -> list[Row]:
+        """Return all rows, broken for the width that there is."""
+        return self._rows
+
+    def draw(self) -> None:
+        """Make the rows, and repaint what changed."""
+        self._rows = self.make_rows()
+        self.resize_rows()  # also while it has no height yet
+        self.show()
+
+    def on_resize(self) -> None:
+        """Break the lines anew."""
+        self.draw()
+
+    def row_count(self) -> int:
+        """Return the number of lines."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        return self._rows[y] if y < len(self._rows) else EMPTY

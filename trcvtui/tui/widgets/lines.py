@@ -12,7 +12,7 @@ from textual.widgets import Input
 from trcvtui.tui.formatting import clip, count, plain, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, row
 from trcvtui.udt.literals import format_time
 
 
@@ -192,10 +192,10 @@ ACTIONS: Final = {
 }  # fmt: skip
 
 
-class KeyLine(LineView, can_focus=False):
+class KeyLine(OneLine):
     """Keys of the focused pane first, then those that work everywhere, as far as they fit."""
 
-    DEFAULT_CSS = "KeyLine { height: 1; background: $panel; padding: 0 1; }"
+    DEFAULT_CSS = "KeyLine { background: $panel; padding: 0 1; }"
 
     def __init__(self, everywhere: Keys = GLOBAL, actions: Mapping[str, str] = ACTIONS) -> None:
         super().__init__(id="keys")
@@ -219,10 +219,6 @@ class KeyLine(LineView, can_focus=False):
             self._names = getattr(self.app, "key_names", {})
         self.show()
 
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
     def _keys(self) -> list[tuple[str, str]]:
         keys = [("U", "mouse back"), *self._local] if self.mouse_is_away else list(self._local)
         for key, label in ANYWHERE if self._types else self._everywhere:
@@ -233,10 +229,8 @@ class KeyLine(LineView, can_focus=False):
             del keys[-3]
         return keys
 
-    def row_at(self, y: int) -> Row:
+    def line(self) -> Row:
         """Return the keys."""
-        if y:
-            return EMPTY
         parts: list[Part] = []
         for key, label in self._keys():
             parts += [(key, "key"), (f" {label}", "dim"), ("  ", "")]
@@ -259,10 +253,10 @@ TABS = (
 )  # fmt: skip
 
 
-class TabLine(LineView, can_focus=False):
+class TabLine(OneLine):
     """One line; a click opens a tab."""
 
-    DEFAULT_CSS = "TabLine { height: 1; background: $background; padding: 0 1; }"
+    DEFAULT_CSS = "TabLine { background: $background; padding: 0 1; }"
 
     def __init__(self, tabs: tuple[tuple[int, str], ...] = TABS, opened: int = 3) -> None:
         super().__init__(id="tabs")
@@ -278,14 +272,8 @@ class TabLine(LineView, can_focus=False):
         self._open = digit
         self.show()
 
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
-    def row_at(self, y: int) -> Row:
+    def line(self) -> Row:
         """Return the tabs."""
-        if y:
-            return EMPTY
         parts: list[Part] = []
         for digit, name in self._shown():
             style = "cursor strong" if digit == self._open else "dim"
@@ -323,24 +311,18 @@ class HeaderWord(NamedTuple):
     rank: int
 
 
-class HeaderLine(LineView, can_focus=False):
+class HeaderLine(OneLine):
     """One line that never scrolls."""
 
-    DEFAULT_CSS = "HeaderLine { height: 1; background: $panel; padding: 0 1; }"
+    DEFAULT_CSS = "HeaderLine { background: $panel; padding: 0 1; }"
 
     def __init__(self, scene: ViewModel) -> None:
         super().__init__(id="header")
         self._scene = scene
         self.ended = False
 
-    def row_count(self) -> int:
-        """Return 1."""
-        return 1
-
-    def row_at(self, y: int) -> Row:
+    def line(self) -> Row:
         """Return the line, with as many words as fit."""
-        if y:
-            return EMPTY
         pieces = self._pieces()
         while len(pieces) > 1 and _length(pieces) > self.line_width:
             pieces.remove(max(pieces, key=lambda piece: piece.rank))

@@ -1,128 +1,115 @@
-"""A list to choose one of: its name, what is to be known of it; letters narrow it."""
+"""What the screens that fill the terminal have in common: header, keys, help, answers, the palette."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import ClassVar, Final
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import ClassVar, Final, Generic, TypeVar
 
 from textual import events
+from textual.app import SystemCommand
 from textual.binding import Binding
-from textual.screen import ModalScreen
-from textual.widget import Widget
+from textual.screen import Screen
 
-from trcvtui.tui.formatting import clip, pad, plain
-from trcvtui.tui.widgets.line_view import LineView, Row, row
+from trcvtui.rig.snapshots import Answer
+from trcvtui.tui import messages
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.line_view import LineView
+from trcvtui.tui.widgets.lines import HeaderLine, KeyLine, Keys, OutcomeLine
 from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
 
-NAME: Final = 30
+Result = TypeVar("Result")
+TABS: Final = "-tabs"  # of a screen that is too small for all of its panes
+Command = tuple[str, str, str]  # of the palette: title, what is to be known of it, action
 
 
-class ChoiceList(LineView, inherit_bindings=False):
-    """One line a choice; letters are typed, they do not move."""
+class FullScreen(Screen[Result], Generic[Result]):
+    """A screen with a header above and a line of keys below; a click on a key or a tab acts as the key."""
 
-    BINDINGS: ClassVar = [Binding("enter", "screen.take", show=False)]
-
-    def __init__(self, choices: Sequence[tuple[str, str]], now: str) -> None:
-        super().__init__(id="choice")
-        self._all, self.now, self.typed = list(choices), now, ""
-        names = [name for name, _ in choices]
-        self.cursor = names.index(now) if now in names else 0
-
-    @property
-    def listed(self) -> list[tuple[str, str]]:
-        """Return the choices that what was typed lets through."""
-        return [choice for choice in self._all if self.typed.casefold() in choice[0].casefold()]
-
-    @property
-    def chosen(self) -> str | None:
-        """Return the choice under the cursor."""
-        listed = self.listed
-        return listed[self.cursor][0] if self.cursor < len(listed) else None
-
-    def row_count(self) -> int:
-        """Return the number of choices."""
-        return len(self.listed)
-
-    def row_at(self, y: int) -> Row:
-        """Return one choice."""
-        name, about = self.listed[y]
-        chosen = y == self.cursor
-        return row(
-            ("▸ " if chosen else "  ", "key"),
-            ("● " if name == self.now else "  ", "on"),
-            (pad(clip(plain(name), NAME - 1), NAME), "strong" if chosen else ""),
-            (clip(plain(about), max(8, self.line_width - NAME - 4)), "dim"),
-            style="cursor" if chosen else "",
-        )
-
-    def action_move(self, rows: int) -> None:
-        """Choose another one."""
-        self.cursor = max(0, min(self.row_count() - 1, self.cursor + rows))
-        self.keep_in_view(self.cursor)
-        self.show()
-
-    def narrow(self, typed: str) -> None:
-        """List only what has these letters in its name."""
-        self.typed, self.cursor = typed, 0
-        self.refresh()
-        self.show()
-
-    def on_click(self, event: events.Click) -> None:
-        """Take the choice under the mouse."""
-        place = self.place_of(event)
-        if place is not None and place[1] < self.row_count():
-            self.cursor = place[1]
-            self.screen.run_worker(self.screen.run_action("take"))
-
-
-class ChoiceScreen(ModalScreen[str | None]):
-    """Answers with the name of the choice, None when it is left."""
-
-    BINDINGS: ClassVar = [
-        Binding("enter", "take", show=False),
-        Binding("down", "move(1)", show=False, priority=True),
-        Binding("up", "move(-1)", show=False, priority=True),
-        Binding("backspace", "back", show=False),
-        Binding("escape", "leave", show=False),
-    ]
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
-    DEFAULT_CSS = """
-    ChoiceScreen { align: center middle; background: $background 60%; }
-    ChoiceScreen ChoiceList {
-        width: 78; max-width: 100%; height: auto; max-height: 90%; border: round $border; padding: 0 1;
-    }
+
+    def __init__(self, scene: ViewModel, key_line: KeyLine) -> None:
+        super().__init__()
+        self._scene = scene
+        self.header = HeaderLine(scene)
+        self.key_line = key_line
+
+    def action_pane(self, digit: int) -> None:
+        """Go to a pane."""
+
+    def on_pane_wanted(self, message: messages.PaneWanted) -> None:
+        """Open a pane by mouse."""
+        self.action_pane(message.digit)
+
+    async def on_key_clicked(self, message: messages.KeyClicked) -> None:
+        """Do what the key does."""
+        await self.run_action(message.action)
+
+    def action_help(self) -> None:
+        """Open the help."""
+        from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
+
+        self.app.push_screen(HelpScreen(self._scene, self.focused))
+
+
+class SideScreen(FullScreen[Result], Generic[Result]):
+    """A screen beside the bench, with an outcome line: it says lines to the engine and hears the answers.
+
+    Below `LEAST_SIZE`, columns and rows, it has the class `-tabs`: one pane at a time.
     """
 
-    def __init__(self, title: str, choices: Sequence[tuple[str, str]], now: str) -> None:
-        super().__init__()
-        self._title = title
-        self._list = ChoiceList(choices, now)
+    BINDINGS: ClassVar = [Binding("question_mark,f1", "help", show=False)]
+    LEAST_SIZE: ClassVar[tuple[int, int]] = (0, 0)
 
-    def compose(self) -> Iterator[Widget]:
-        """Compose the list."""
-        self._list.set_title(None, self._title, "↑↓ enter")
-        yield self._list
+    def __init__(
+        self, scene: ViewModel, say: Callable[[str], int | None], keys: Keys, actions: Mapping[str, str]
+    ) -> None:
+        super().__init__(scene, KeyLine(keys, actions))
+        self._say = say
+        self._asked: set[int] = set()
+        self.outcome = OutcomeLine()
 
-    def take_letter(self, letter: str) -> None:
-        """Narrow the list by what is typed."""
-        self._narrow(self._list.typed + letter)
+    def show(self) -> None:
+        """Let every pane repaint what changed."""
+        raise NotImplementedError
 
-    def _narrow(self, typed: str) -> None:
-        self._list.narrow(typed)
-        self._list.set_title(None, self._title, f"{plain(typed)}…" if typed else "↑↓ enter")
+    def arrange_panes(self) -> None:
+        """Show all panes, or the one whose tab is open."""
 
-    def action_back(self) -> None:
-        """Take the last letter back."""
-        self._narrow(self._list.typed[:-1])
+    def on_resize(self, event: events.Resize) -> None:
+        """Put everything side by side where there is room for it."""
+        width, height = self.LEAST_SIZE
+        self.set_class(event.size.width < width or event.size.height < height, TABS)
+        self.arrange_panes()
+        self.call_after_refresh(self.show)
 
-    def action_move(self, rows: int) -> None:
-        """Choose another one."""
-        self._list.action_move(rows)
+    def send(self, line: str) -> bool:
+        """Say a line to the engine and wait for its answer; False: this screen may not say it."""
+        number = self._say(line)
+        if number is not None:
+            self._asked.add(number)
+        return number is not None
 
-    def action_take(self) -> None:
-        """Answer with the one under the cursor."""
-        self.dismiss(self._list.chosen)
+    def answers(self) -> Iterator[Answer]:
+        """Yield the answers to what was said here, each once."""
+        for number, answer in self._scene.answers.items():
+            if number in self._asked:
+                self._asked.discard(number)
+                yield answer
 
-    def action_leave(self) -> None:
-        """Choose nothing."""
-        self.dismiss(None)
+    def show_keys(self) -> None:
+        """Name the keys of the pane that has the focus."""
+        focused = self.focused
+        self.key_line.show_keys(focused.keys() if isinstance(focused, LineView) else (), holding=False)
+
+    def palette_rows(self) -> Iterator[Command]:
+        """Yield what can be done here, for the palette."""
+        raise NotImplementedError
+
+    def commands(self) -> Iterator[SystemCommand]:
+        """Yield the entries of the palette."""
+        for title, about, action in self.palette_rows():
+            yield SystemCommand(title, about, partial(self._act, action))
+
+    def _act(self, action: str) -> None:
+        self.run_worker(self.run_action(action))

@@ -1,0 +1,165 @@
+"""Dialogs above the panes: one with a list, one with a form, and a list to choose one of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar, Final, Generic, TypeVar
+
+from textual import events
+from textual.binding import Binding
+from textual.screen import ModalScreen
+from textual.widget import Widget
+
+from trcvtui.tui.formatting import clip, pad, plain
+from trcvtui.tui.widgets.line_view import LineView, Row, row
+from trcvtui.tui.widgets.theme import COMPONENT_CLASSES
+
+Answered = TypeVar("Answered")
+
+
+class Dialog(ModalScreen[Answered], Generic[Answered]):
+    """A frame above the panes; escape leaves it with `nothing`."""
+
+    BINDINGS: ClassVar = [Binding("escape", "leave", show=False)]
+    COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
+    DEFAULT_CSS = "Dialog { align: center middle; background: $background 60%; }"
+
+    def __init__(self, nothing: Answered) -> None:
+        super().__init__()
+        self.nothing = nothing
+
+    def action_leave(self) -> None:
+        """Answer with nothing."""
+        self.dismiss(self.nothing)
+
+
+class ListDialog(Dialog[Answered], Generic[Answered]):
+    """One list or text."""
+
+    BINDINGS: ClassVar = [Binding("q", "leave", show=False)]
+    DEFAULT_CSS = "ListDialog LineView { max-width: 100%; border: round $border; padding: 0 1; }"
+
+    def __init__(self, shown: LineView, nothing: Answered) -> None:
+        super().__init__(nothing)
+        self.shown = shown
+
+    def compose(self) -> Iterator[Widget]:
+        """Compose the list."""
+        yield self.shown
+
+
+class FormDialog(Dialog[Answered], Generic[Answered]):
+    """Fields (`#form`), and a line below that judges them (`#form-line`)."""
+
+    DEFAULT_CSS = """
+    FormDialog #form {
+        max-width: 100%; height: auto; max-height: 90%; border: round $border; padding: 0 1;
+        background: $surface; border-subtitle-color: $text-muted;
+    }
+    FormDialog VerticalScroll { height: auto; max-height: 100%; }
+    FormDialog Horizontal { height: 1; }
+    FormDialog TypedField { width: 1fr; background: $panel; padding: 0 1; }
+    FormDialog TypedField:focus { background: $panel; background-tint: $primary 18%; }
+    FormDialog TypedField.-bad { color: $error; text-style: underline; }
+    FormDialog #form-line { height: 2; color: $text-muted; }
+    FormDialog #form-line.-bad { color: $error; }
+    """
+
+
+NAME: Final = 30
+
+
+class ChoiceList(LineView, inherit_bindings=False):
+    """One line a choice; letters are typed, they do not move."""
+
+    BINDINGS: ClassVar = [Binding("enter", "screen.take", show=False)]
+
+    def __init__(self, choices: Sequence[tuple[str, str]], now: str) -> None:
+        super().__init__(id="choice")
+        self._all, self.now, self.typed = list(choices), now, ""
+        names = [name for name, _ in choices]
+        self.cursor = names.index(now) if now in names else 0
+
+    @property
+    def listed(self) -> list[tuple[str, str]]:
+        """Return the choices that what was typed lets through."""
+        return [choice for choice in self._all if self.typed.casefold() in choice[0].casefold()]
+
+    @property
+    def chosen(self) -> str | None:
+        """Return the choice under the cursor."""
+        listed = self.listed
+        return listed[self.cursor][0] if self.cursor < len(listed) else None
+
+    def row_count(self) -> int:
+        """Return the number of choices."""
+        return len(self.listed)
+
+    def row_at(self, y: int) -> Row:
+        """Return one choice."""
+        name, about = self.listed[y]
+        chosen = y == self.cursor
+        return row(
+            ("▸ " if chosen else "  ", "key"),
+            ("● " if name == self.now else "  ", "on"),
+            (pad(clip(plain(name), NAME - 1), NAME), "strong" if chosen else ""),
+            (clip(plain(about), max(8, self.line_width - NAME - 4)), "dim"),
+            style="cursor" if chosen else "",
+        )
+
+    def action_move(self, rows: int) -> None:
+        """Choose another one."""
+        self.cursor = max(0, min(self.row_count() - 1, self.cursor + rows))
+        self.keep_in_view(self.cursor)
+        self.show()
+
+    def narrow(self, typed: str) -> None:
+        """List only what has these letters in its name."""
+        self.typed, self.cursor = typed, 0
+        self.refresh()
+        self.show()
+
+    def on_click(self, event: events.Click) -> None:
+        """Take the choice under the mouse."""
+        place = self.place_of(event)
+        if place is not None and place[1] < self.row_count():
+            self.cursor = place[1]
+            self.screen.run_worker(self.screen.run_action("take"))
+
+
+class ChoiceScreen(ListDialog[str | None]):
+    """Answers with the name of the choice, None when it is left."""
+
+    BINDINGS: ClassVar = [
+        Binding("enter", "take", show=False),
+        Binding("down", "move(1)", show=False, priority=True),
+        Binding("up", "move(-1)", show=False, priority=True),
+        Binding("backspace", "back", show=False),
+    ]
+    DEFAULT_CSS = "ChoiceScreen ChoiceList { width: 78; height: auto; max-height: 90%; }"
+
+    def __init__(self, title: str, choices: Sequence[tuple[str, str]], now: str) -> None:
+        self._title = title
+        self._list = ChoiceList(choices, now)
+        self._list.set_title(None, title, "↑↓ enter")
+        super().__init__(self._list, None)
+
+    def take_letter(self, letter: str) -> None:
+        """Narrow the list by what is typed."""
+        self._narrow(self._list.typed + letter)
+
+    def _narrow(self, typed: str) -> None:
+        self._list.narrow(typed)
+        self._list.set_title(None, self._title, f"{plain(typed)}…" if typed else "↑↓ enter")
+
+    def action_back(self) -> None:
+        """Take the last letter back."""
+        self._narrow(self._list.typed[:-1])
+
+    def action_move(self, rows: int) -> None:
+        """Choose another one."""
+        self._list.action_move(rows)
+
+    def action_take(self) -> None:
+        """Answer with the one under the cursor."""
+        self.dismiss(self._list.chosen)

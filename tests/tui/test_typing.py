@@ -26,8 +26,8 @@ from trcvtui.tui.forms.fields import ProjectPart
 from trcvtui.tui.forms.messages import MessagesScreen, UdtForm, form_of
 from trcvtui.tui.forms.split_test_screen import TrialScreen
 from trcvtui.tui.framings import FramingScreen
-from trcvtui.tui.lab.constants_form import ConstantsForm, ProblemsScreen
 from trcvtui.tui.lab.lab import Lab
+from trcvtui.tui.lab.panes import ConstantsForm, ProblemsScreen
 from trcvtui.tui.lab.screen import LabScreen
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.race.screen import RaceScreen

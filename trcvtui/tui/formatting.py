@@ -67,7 +67,7 @@ def clip(text: str, width: int) -> str:
 
 
 def pad(text: str, width: int, right: bool = False) -> str:
-    """Return text with blanks to `width` columns behind it, or before it."""
+    """Return text with blanks to `width` columns after it, or before it."""
     blanks = " " * max(0, width - cells(text))
     return blanks + text if right else text + blanks
 

@@ -206,7 +206,7 @@ async def test_d_races_the_session_since_the_mark(size: tuple[int, int]) -> None
         scans = stage.driver.console.bench.runtime.scans
         await stage.press("D")
         await stage.raced()
-        assert f"{scans} scans of T#10ms · shown since the mark behind scan 4" in stage.words
+        assert f"{scans} scans of T#10ms · shown since the mark after scan 4" in stage.words
         assert [line.split()[0] for line in stage.table] == ["5", "6-7", "8", "9-10"]
         assert "first differ in scan 5: 7004 vs 0001" in stage.words
         assert stage.driver.console.bench.runtime.scans == scans, "the bench is left alone"

@@ -175,7 +175,7 @@ def _gap(node: Node) -> int:
     return max(0, node.pitch - node.element.size) if isinstance(node, PlacedArray) and not node.is_bits else 0
 
 
-Key = tuple[int, ...]  # the number of the member or element at each level; a gap behind an element: -1
+Key = tuple[int, ...]  # the number of the member or element at each level; a gap after an element: -1
 
 
 class TreeRow(NamedTuple):
@@ -403,7 +403,7 @@ class FoldTree:
         for number in key:
             if pair.is_leaf or not self._opens(pair, fold):
                 return y
-            if number < 0:  # behind the element
+            if number < 0:  # after the element
                 return y + self._rows(pair, fold)
             if pair.is_array:
                 if number >= pair.count:

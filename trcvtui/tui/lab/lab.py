@@ -488,7 +488,7 @@ class Lab:
         return comparison.summary(self.bytes.content) if comparison else None
 
     def next_difference(self, leaf: int, step: int) -> int | None:
-        """Return the next leaf that differs, behind or before one; None where none is near."""
+        """Return the next leaf that differs, after or before one; None where none is near."""
         comparison = self.comparison()
         if comparison is None:
             return None

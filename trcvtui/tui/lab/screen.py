@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, ClassVar, Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.binding import Binding
@@ -21,7 +21,7 @@ from trcvtui.tui.formatting import plain
 from trcvtui.tui.lab import UDT, is_for_lab
 from trcvtui.tui.lab.lab import ABOUT, HEX, OURS, SOURCES, THEIRS, Lab
 from trcvtui.tui.lab.lab_lines import CONSTANT, RELOAD, for_engine, obey_line, said_below
-from trcvtui.tui.lab.panes import CureText, FitList, LabHex
+from trcvtui.tui.lab.panes import ConstantsForm, CureText, FitList, LabHex, ProblemsScreen
 from trcvtui.tui.lab.tree import ColumnHead, LabHead, LabTree
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import LineView, pane_title
@@ -44,7 +44,7 @@ ACTIONS: Final = {
     "?": "help", "esc": "leave",
 }  # fmt: skip
 OPEN: Final = "ask('udt open ')"
-# Title, what stands behind "key", action: the palette and the tests draw from it.
+# Title, what stands after "key", action: the palette and the tests draw from it.
 COMMANDS: Final = (
     ("Choose the type", "t", "type"),
     ("Choose our profile", "o", "profile('ours')"),
@@ -72,9 +72,6 @@ COMMANDS: Final = (
     ("Leave the lab", "esc", "leave"),
 )
 
-
-if TYPE_CHECKING:
-    from trcvtui.tui.lab.panes import CureText
 
 MOST_ROWS: Final = 70_000
 
@@ -419,8 +416,6 @@ class LabScreen(SideScreen[None]):
         names = self.lab.files.unknown_constants
         if not names or names == self.lab.asked_for:
             return
-        from trcvtui.tui.lab.constants_form import ConstantsForm  # read when first asked for
-
         self.lab.asked_for = names
         self.app.push_screen(ConstantsForm(names, self.lab.files.name), self._constants_given)
 
@@ -431,8 +426,6 @@ class LabScreen(SideScreen[None]):
 
     def action_problems(self) -> None:
         """Show what is wrong in the files."""
-        from trcvtui.tui.lab.constants_form import ProblemsScreen  # read when first asked for
-
         lines = [str(problem) for problem in self.lab.files.problems]
         self.app.push_screen(ProblemsScreen(lines or ["nothing is wrong in the files"]))
 

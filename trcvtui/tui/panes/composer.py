@@ -42,7 +42,7 @@ class Splits:
         return tuple(sorted(self.pauses))
 
     def toggled(self, place: int) -> Splits:
-        """Return these with a cut more or less; a new one pauses as the one before it, or behind it."""
+        """Return these with a cut more or less; a new one pauses as the one before it, or after it."""
         if place in self.pauses:
             return Splits({at: ns for at, ns in self.pauses.items() if at != place})
         near = [at for at in self.places if at < place][-1:] or list(self.places[:1])
@@ -62,12 +62,12 @@ class Splits:
 
     @property
     def split(self) -> str:
-        """Return what stands behind `split=`."""
+        """Return what stands after `split=`."""
         return ",".join(str(b - a) for a, b in pairwise((0, *self.places)))
 
     @property
     def gap(self) -> str:
-        """Return what stands behind `gap=`, "" where nothing pauses."""
+        """Return what stands after `gap=`, "" where nothing pauses."""
         pauses = [self.pauses[at] for at in self.places]
         if not any(pauses):
             return ""
@@ -75,7 +75,7 @@ class Splits:
 
 
 def splits_of(send: PeerSend) -> Splits:
-    """Return the cuts of a send command; one behind the message cuts nothing."""
+    """Return the cuts of a send command; one after the message cuts nothing."""
     gaps = send.gaps_ns or (send.gap_ns,)
     places = [at for at in accumulate(send.split) if at < len(send.payload)]
     return Splits({at: gaps[min(n, len(gaps) - 1)] for n, at in enumerate(places)})
@@ -174,7 +174,7 @@ class SplitsLine(LineView):
         self._go(self.place + step)
 
     def action_edge(self, side: int) -> None:
-        """Go behind the first byte, or before the last."""
+        """Go after the first byte, or before the last."""
         self._go(1 if side < 0 else len(self.payload) - 1)
 
     def _go(self, place: int) -> None:

@@ -85,7 +85,7 @@ def _label(text: str) -> Part:
 
 
 def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
-    """Return parts behind a label, the last one below them where the line has no room for it."""
+    """Return parts after a label, the last one below them where the line has no room for it."""
     whole = [_label(label), *parts]
     if sum(len(text) for text, _ in whole) <= width or len(parts) < 2:
         return [row(*whole)]

@@ -100,7 +100,7 @@ def placed(block: str, pins: list[DrawnPin], wired: dict[str, DrawnPin]) -> tupl
 
 
 def drawing_of(project: Project, block: str, connect: str) -> Drawing:
-    """Return the drawing of a block that works on a CONNECT; its ID stands behind the first pin."""
+    """Return the drawing of a block that works on a CONNECT; its ID stands after the first pin."""
     pins = [pin for pin in project.pins(block) if pin.name not in UNNAMED]
     wired = wired_pins(block)
     letters = letters_of(

@@ -164,7 +164,7 @@ class InstanceList(LineView):
         return row(*parts, style=style)
 
     def _mark(self, connect: str) -> Part:
-        """Return what stands behind the partner of a secure connection: ` TLS`, ` TLS!` unchecked."""
+        """Return what stands after the partner of a secure connection: ` TLS`, ` TLS!` unchecked."""
         found = security_of(self._scene.project.connect(connect))
         if found is None:
             return "", ""

@@ -20,7 +20,7 @@ from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 FEED: Final = "feed"
 BAR: Final = 10
 LONGEST: Final = 65_536  # bytes that are kept to be fed again
-GONE: Final = "›"  # behind the bytes of a message that have been fed
+GONE: Final = "›"  # after the bytes of a message that have been fed
 
 
 class LineFeed(LineView):
@@ -90,11 +90,11 @@ class LineFeed(LineView):
             return row(("  nothing was fed yet", "dim"))
         room = max(4, (self.line_width - 26) // 3)
         first = max(0, min(gone - room // 2, len(payload) - room))
-        before, behind = payload[first:gone].hex(" "), payload[gone : first + room].hex(" ")
+        before, after = payload[first:gone].hex(" "), payload[gone : first + room].hex(" ")
         lead, tail = "…" * (first > 0), "…" * (first + room < len(payload))
         told = f"  {gone} of {len(payload)} B fed"
         parts: list[Part] = [("  last  ", "dim"), (lead + before, ""), (GONE, "key")]
-        return row(*parts, (behind + tail, "ghost"), (told, "dim"))
+        return row(*parts, (after + tail, "ghost"), (told, "dim"))
 
     # -- what is fed -------------------------------------------------------------------------------------
 
@@ -131,7 +131,7 @@ class LineFeed(LineView):
         self._feed(payload, len(payload))
 
     def action_piece(self) -> None:
-        """Feed the next byte of the message; behind its end it begins anew."""
+        """Feed the next byte of the message; after its end it begins anew."""
         payload, gone = self._fed.get(self.chosen, (b"", 0))
         place = gone % len(payload) if payload else 0
         self._feed(payload, place + 1, place)

@@ -182,7 +182,7 @@ def field_at(project: Project, instance: str, byte: int) -> str:
 
 MOST_JOB_ROWS: Final = 4
 PAST: Final = "-past"
-MOST: Final = 1 << 62  # behind every position
+MOST: Final = 1 << 62  # after every position
 NO_DROP: Final = "no bytes were thrown away before this place"
 NOT_KEPT: Final = "its bytes were not kept when the view froze: F shows those of now"
 
@@ -474,8 +474,8 @@ class Received(Vertical):
         patterns, stream = self._wanted.patterns, self.stream
         if self.is_past:
             here = stream.cursor if stream.cursor is not None else stream.window.begin
-            behind = is_forward and again and stream.cursor is not None
-            stream.look_for(here + behind, is_forward, patterns)
+            after = is_forward and again and stream.cursor is not None
+            stream.look_for(here + after, is_forward, patterns)
         elif not self.data.find(patterns, is_forward, again):
             self._nowhere = f"{self._wanted.about}: not found {'further on' if again else 'in DATA'}"
         self.show()

@@ -126,7 +126,7 @@ class StatusHistory(LineView):
         self._choose(min(len(self._edges) - 1, here + rows))
 
     def action_error_before(self) -> None:
-        """Choose the next older ERROR; behind the oldest comes the newest."""
+        """Choose the next older ERROR; after the oldest comes the newest."""
         here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
         errors = [
             y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.outputs.error

@@ -264,7 +264,7 @@ class StreamView(LineView):
         self._knows_messages = False
 
     def request(self, connect: str, job_at: int | None) -> HistoryRequest:
-        """Return what to ask for: what is in view, one page before and one behind it."""
+        """Return what to ask for: what is in view, one page before and one after it."""
         if self.size.height:  # out of sight it stays where it was
             page = -(-self.size.height // self.lines) * self.per_row
             start = END if self.follows else max(0, self._top() - page)

@@ -139,7 +139,7 @@ def ruler_row(window: Window, until: int, view: TimingView, label: int) -> Row:
 def wave_row(
     shown: Drawn, window: Window, cursor: int | None, until: int, label_style: str | None, label: int
 ) -> Row:
-    """Return one row behind `label` columns; `label_style` None: it is not the chosen one."""
+    """Return one row after `label` columns; `label_style` None: it is not the chosen one."""
     wave, name = shown
     if not name:
         return row((f" {plain(wave.instance)} ", "label"), ("─" * (label + window.width), "faint"))
@@ -344,7 +344,7 @@ class Timing(LineView):
             self.go_to(lane.next_edge(self._here, direction), "no further edge of this row is known")
 
     def action_next_error(self) -> None:
-        """Go to the next ERROR; from the present to the newest one, behind the last to the first."""
+        """Go to the next ERROR; from the present to the newest one, after the last to the first."""
         self._search(lambda edge: edge.outputs.error, "no ERROR")
 
     def action_ask_code(self) -> None:

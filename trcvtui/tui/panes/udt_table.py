@@ -1,6 +1,6 @@
 """Pane 6: the members of the UDT with offset, type and value; only the rows in view are decoded.
 
-Padding stands behind the member that it follows, so the number of a row is the number of a leaf and a table
+Padding stands after the member that it follows, so the number of a row is the number of a leaf and a table
 of any size costs one page.
 """
 

@@ -95,10 +95,10 @@ class RaceRun:
 
 def since(raced: InstanceRace, hidden: int) -> InstanceRace:
     """Return an instance without its first scans."""
-    rows = tuple(_behind(row, hidden) for row in raced.rows if row.scan + row.scans - 1 > hidden)
+    rows = tuple(_without_hidden(row, hidden) for row in raced.rows if row.scan + row.scans - 1 > hidden)
     return replace(raced, rows=rows) if hidden else raced
 
 
-def _behind(row: ScanRow, hidden: int) -> ScanRow:
+def _without_hidden(row: ScanRow, hidden: int) -> ScanRow:
     missing = max(0, hidden + 1 - row.scan)
     return replace(row, scan=row.scan + missing, scans=row.scans - missing) if missing else row

@@ -304,7 +304,7 @@ def race_parts(race: Race, hidden: int) -> list[Part]:
     """Return the first line of the head: which race, how long, what was left out."""
     told = [f"{count(race.scans, 'scan')} of {format_time(race.interval_ns)}"]
     if hidden:
-        told.append(f"shown since the mark behind scan {hidden}")
+        told.append(f"shown since the mark after scan {hidden}")
     if race.expectations:
         told.append(f"{race.expectations} expect left out")
     if race.notes:

@@ -14,7 +14,7 @@ from trcvtui.tui.messages import ByteSelected
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row
 from trcvtui.udt.byte_text import all_in, first_in, last_in
 
-# `02›41 42 43‹0d 0a`: what stands before the first sign is prefix, behind the second suffix.
+# `02›41 42 43‹0d 0a`: what stands before the first sign is prefix, after the second suffix.
 
 OPENS, CLOSES = "›", "‹"
 PREFIX, SUFFIX, OLD = "prefix", "suffix", "faint"
@@ -263,7 +263,7 @@ class HexView(LineView):
         return merged(parts)
 
     def _gap(self, offset: int, wide: bool, last: bool) -> list[Part]:
-        """Return what stands behind a byte: room, or the mark of a message that begins with the next one."""
+        """Return what stands after a byte: room, or the mark of a message that begins with the next one."""
         inside = not last and offset in self.link and offset + 1 in self.link
         style = "link" if inside else ""
         begins = not last and offset + 1 in self.starts

@@ -81,8 +81,40 @@ async def _act(app: App[None], event: events.Key | events.Paste) -> bool:
     return bound is not None and await app.run_action(bound.binding.action, bound.node)
 
 
+class TypedLine(Horizontal):
+    """A sign and a field, there while it is open; `back` has the focus after it closes."""
+
+    DEFAULT_CSS = """
+    TypedLine { height: 1; display: none; background: $panel; padding: 0 1; }
+    TypedLine Static { width: 2; color: $accent; text-style: bold; }
+    TypedLine Input { background: $panel; width: 1fr; }
+    TypedLine Input:focus { background: $panel; background-tint: $primary 12%; }
+    """
+
+    def __init__(self, sign: str, field: TypedField, back: Widget | None = None) -> None:
+        super().__init__()
+        self._sign = sign
+        self._input = field
+        self._back = back
+
+    def compose(self) -> ComposeResult:
+        """Compose the sign and the field."""
+        yield Static(self._sign, markup=False)
+        yield self._input
+
+    def begin(self) -> None:
+        """Let something be typed; the very next key is part of it."""
+        self.display = True
+        self.screen.set_focus(self._input)
+
+    def end(self) -> None:
+        """Give the focus back."""
+        self.screen.set_focus(self._back)
+        self.display = False
+
+
 class AskInput(TypedField):
-    """What is typed."""
+    """A command: enter takes it, escape drops it."""
 
     BINDINGS: ClassVar = [Binding("escape", "drop", show=False)]
 
@@ -99,39 +131,23 @@ class AskInput(TypedField):
         self._line.close("")
 
 
-class AskLine(Horizontal):
-    """One line, there while it is open."""
-
-    DEFAULT_CSS = """
-    AskLine { height: 1; display: none; background: $panel; padding: 0 1; }
-    AskLine Static { width: 2; color: $accent; text-style: bold; }
-    AskLine Input { background: $panel; width: 1fr; }
-    AskLine Input:focus { background: $panel; background-tint: $primary 12%; }
-    """
+class AskLine(TypedLine):
+    """A line to type a command into: opened with its beginning."""
 
     def __init__(self, take: Callable[[str], None]) -> None:
-        super().__init__()
+        super().__init__(":", AskInput(self))
         self._take = take
-        self._input = AskInput(self)
-        self._back: Widget | None = None
-
-    def compose(self) -> ComposeResult:
-        """Compose the sign and the field."""
-        yield Static(":", markup=False)
-        yield self._input
 
     def open(self, text: str) -> None:
-        """Let a line be typed that begins like that; the very next key is part of it."""
+        """Let a line be typed that begins like that."""
         if not self.display:
             self._back = self.screen.focused
         self._input.value, self._input.cursor_position = text, len(text)
-        self.display = True
-        self.screen.set_focus(self._input)
+        self.begin()
 
     def close(self, line: str) -> None:
         """Close the line, and take what was typed."""
-        self.screen.set_focus(self._back)
-        self.display = False
+        self.end()
         if line:
             self._take(line)
 
@@ -164,15 +180,8 @@ class FilterInput(TypedField):
         self._line.move(files)
 
 
-class FilterLine(Horizontal):
-    """One line, there while it is open."""
-
-    DEFAULT_CSS = """
-    FilterLine { height: 1; display: none; background: $panel; padding: 0 1; }
-    FilterLine Static { width: 2; color: $accent; text-style: bold; }
-    FilterLine Input { background: $panel; width: 1fr; }
-    FilterLine Input:focus { background: $panel; background-tint: $primary 12%; }
-    """
+class FilterLine(TypedLine):
+    """The filter of a list: it acts while it is typed, enter keeps it, escape drops it."""
 
     def __init__(
         self,
@@ -181,22 +190,14 @@ class FilterLine(Horizontal):
         back: Widget,
         taken: Callable[[], None] = lambda: None,
     ) -> None:
-        super().__init__()
+        super().__init__("/", FilterInput(self), back)
         self.taken = taken
         self._narrow = narrow
         self.move = move
-        self._back = back
-        self._input = FilterInput(self)
-
-    def compose(self) -> ComposeResult:
-        """Compose the sign and the field."""
-        yield Static("/", markup=False)
-        yield self._input
 
     def open(self) -> None:
-        """Let the words be typed; the very next key is one of them."""
-        self.display = True
-        self.screen.set_focus(self._input)
+        """Let the words be typed."""
+        self.begin()
 
     def clear(self) -> None:
         """Show everything again, from outside the line."""
@@ -206,8 +207,7 @@ class FilterLine(Horizontal):
     def close(self) -> None:
         """Close the line; what stands in it now is the filter."""
         self._narrow(self._input.value)
-        self.screen.set_focus(self._back)
-        self.display = False
+        self.end()
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Filter while typing."""

@@ -48,7 +48,6 @@ START: Final = "▕"
 MESSAGES, RECVS, JOBS, WAS = "msg", "recv", "job", "was"
 RULERS: Final = ((MESSAGES, RECVS, JOBS), (MESSAGES, JOBS), ())
 _STOP: Final = attrgetter("stop")
-_POSITION: Final = attrgetter("position")
 
 
 class Spanned(Protocol):

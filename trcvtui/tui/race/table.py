@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from typing import ClassVar, Final
 
 from textual import events
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 
 from trcvtui.rig.scenario.race import CALLED, InstanceRace, Note, Race, ScanRow, Shown
 from trcvtui.rig.scenario.race_report import DIALECT_NAMES, summary, title_of
 from trcvtui.tui.formatting import clip, count, lamp, moment, pad, plain, wrapped
 from trcvtui.tui.messages import DialectToggled, RaceRowSelected
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, OneLine, Part, Row, TextView, row
+from trcvtui.tui.widgets.line_view import EMPTY, MOVES, LineView, OneLine, Part, Row, TextView, row
 from trcvtui.udt.literals import format_time
 
 SCANS, SIGN = 13, 3  # columns of the scan numbers, and of the sign that marks a difference
@@ -190,14 +190,7 @@ class RaceColumns(OneLine):
 class RaceTable(LineView, inherit_bindings=False):
     """One line for each run of scans in which nothing changes, then the notes; the cursor chooses one."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down,j", "move(1)", show=False),
-        Binding("up,k", "move(-1)", show=False),
-        Binding("pagedown", "page(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
-        Binding("home,g", "edge(-1)", show=False),
-        Binding("end,G", "edge(1)", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = MOVES
 
     def __init__(self) -> None:
         super().__init__(id="race-table")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar, Final
 
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 
 from trcvtui.plc.snapshot import InstanceSnapshot
 from trcvtui.rig.scenario.files import ScenarioFile, ScriptLine
@@ -12,7 +12,7 @@ from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapsh
 from trcvtui.tui.formatting import clip, lamp, plain, wrapped
 from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
 from trcvtui.tui.view_model.view_model import ViewModel
-from trcvtui.tui.widgets.line_view import EMPTY, Part, Row, TextView, row
+from trcvtui.tui.widgets.line_view import ARROW_MOVES, EMPTY, Part, Row, TextView, row
 
 INDENT: Final = 2
 
@@ -76,14 +76,7 @@ NEXT: Final = ("▸", "key", "strong")
 class ScenarioText(TextView, inherit_bindings=False):
     """What the scenario is about, then its steps; the current one stays in view."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down", "move(1)", show=False),
-        Binding("up", "move(-1)", show=False),
-        Binding("pagedown", "page(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
-        Binding("home,g", "edge(-1)", show=False),
-        Binding("end,G", "edge(1)", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = ARROW_MOVES
 
     def __init__(self, model: ScenarioListModel) -> None:
         super().__init__(id="text")

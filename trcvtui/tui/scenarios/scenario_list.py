@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 from textual import events
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 
 from trcvtui.rig import configs_path
 from trcvtui.rig.scenario.files import Found, ScenarioFile, read_scenario_file
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.messages import ScenarioChosen, ScenarioWanted
-from trcvtui.tui.widgets.line_view import EMPTY, LineView, Row, row
+from trcvtui.tui.widgets.line_view import ARROW_MOVES, EMPTY, LineView, Row, row
 
 FILES_AT_ONCE: Final = 4  # a few milliseconds
 SHIPPED: Final = "came with trcvtui"
@@ -136,14 +136,7 @@ MARKS: Final = {True: ("✓ ", "done"), False: ("✗ ", "error"), None: ("  ", "
 class ScenarioList(LineView, inherit_bindings=False):
     """One line a file; the cursor is the choice. `k` is not up here: it chooses the kernel."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down", "move(1)", show=False),
-        Binding("up", "move(-1)", show=False),
-        Binding("pagedown", "page(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
-        Binding("home,g", "edge(-1)", show=False),
-        Binding("end,G", "edge(1)", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = ARROW_MOVES
 
     def __init__(self, model: ScenarioListModel) -> None:
         super().__init__(id="scenarios")

@@ -31,6 +31,20 @@ class Row(NamedTuple):
 
 
 EMPTY = Row()
+# Keys that move in rows: by arrows alone where the letters mean something else, or with vi's.
+ARROW_MOVES: Final[list[BindingType]] = [
+    Binding("down", "move(1)", show=False),
+    Binding("up", "move(-1)", show=False),
+    Binding("pagedown", "page(1)", show=False),
+    Binding("pageup", "page(-1)", show=False),
+    Binding("home,g", "edge(-1)", show=False),
+    Binding("end,G", "edge(1)", show=False),
+]
+MOVES: Final[list[BindingType]] = [
+    Binding("down,j", "move(1)", show=False),
+    Binding("up,k", "move(-1)", show=False),
+    *ARROW_MOVES[2:],
+]
 LAMPS: Final = frozenset(("busy", "done", "error", "on", "glow", "warn"))  # styles of what is so now
 
 
@@ -54,14 +68,7 @@ def pane_title(digit: int | None, name: str, detail: str = "") -> Content:
 class LineView(ScrollView, can_focus=True):
     """Rows of text. `KEYS` are the keys that the footer names while this pane has the focus."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("down,j", "move(1)", show=False),
-        Binding("up,k", "move(-1)", show=False),
-        Binding("pagedown", "page(1)", show=False),
-        Binding("pageup", "page(-1)", show=False),
-        Binding("home,g", "edge(-1)", show=False),
-        Binding("end,G", "edge(1)", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = MOVES
     DEFAULT_CSS = """
     LineView {
         overflow-x: hidden; overflow-y: auto; scrollbar-size-vertical: 1;

@@ -12,8 +12,7 @@ from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import keys_of
 from trcvtui.project.project import ComBufferDecl, Project
-from trcvtui.rig.commands.lines import to_line
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line, to_line
 
 DATA = """
 dialect = "twincat"

@@ -11,7 +11,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.project.edit import adding
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import Add
 from trcvtui.rig.engine.project_save import save_project
 

@@ -14,7 +14,7 @@ from trcvtui.net.events import BytesDropped, BytesReceived, ConnectionChanged, W
 from trcvtui.plc.ledger import BenchNote, Line, PeerSent, StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 INSTANCES = ("A", "B", "C")
 LEVELS = dict.fromkeys(INSTANCES, 1)  # all tasks have the default priority

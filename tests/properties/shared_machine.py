@@ -25,7 +25,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.project.project import InstanceDecl
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import Create, Resize, Write
 from trcvtui.rig.peers.peer import Peer
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.history.reader import HistoryReader
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, JobSpan

@@ -14,7 +14,7 @@ from tests.properties.shared_machine import SharedMachine
 from trcvtui.plc.instance import Instance
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 EXAMPLES = 50
 LEAST_SCANS = 5_000

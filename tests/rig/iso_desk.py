@@ -10,7 +10,7 @@ from pathlib import Path
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import RunScans
 
 PASSIVE = """

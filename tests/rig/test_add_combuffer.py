@@ -8,8 +8,7 @@ import pytest
 
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
-from trcvtui.rig.commands.lines import to_line
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line, to_line
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming

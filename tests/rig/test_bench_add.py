@@ -11,8 +11,7 @@ from tests.rig.scenarios import CONFIGS, failures, play
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.instances import after
-from trcvtui.rig.commands.lines import to_line
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line, to_line
 
 KERNELS = pytest.mark.parametrize("kernel", ["sim", "live"])
 EMPTY = 'dialect = "baosky"\n[scenario]\nsteps = """\n{steps}\n"""\n'

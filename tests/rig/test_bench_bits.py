@@ -9,7 +9,7 @@ import pytest
 from tests.rig.bench_project import bench_project
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import Expect, MemberIs
 from trcvtui.udt.layout.layout import lay_out, rules_for
 from trcvtui.udt.types import ELEMENTARY, Member, Struct

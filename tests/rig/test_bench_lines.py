@@ -17,8 +17,7 @@ from trcvtui.net.kernel import CALLS
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.counters_and_checksums import Fill
-from trcvtui.rig.commands.lines import LINES, to_line
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import COMMANDS, parse_line, to_line
 from trcvtui.rig.commands.trace_pattern import ANY, Atom, TracePattern
 from trcvtui.rig.commands.words import Contains, Matches, Starts
 
@@ -122,7 +121,7 @@ CREATES = st.builds(
     ),
 )
 OF_A_PEER = (words.PeerClose, words.PeerRst, words.PeerShutdown, words.PeerStall, words.PeerResume)
-COMMANDS = st.one_of(
+BENCH_COMMANDS = st.one_of(
     st.builds(words.Set, st.just("X"), some_of(INPUTS)),
     st.builds(words.Pulse, st.just("X"), st.sampled_from(["EN_R", "COM_RST"])),
     st.builds(words.Write, st.just("rx"), st.integers(0, 44), BYTES),
@@ -162,7 +161,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
 
 @pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=400)
-@given(command=COMMANDS)
+@given(command=BENCH_COMMANDS)
 def test_the_line_of_a_command_means_that_command(project: Project, command: words.BenchCommand) -> None:
     line = to_line(command)
     assert line.isprintable()
@@ -170,8 +169,9 @@ def test_the_line_of_a_command_means_that_command(project: Project, command: wor
 
 
 def test_every_command_has_a_line() -> None:
-    kinds = {kind for kind in vars(words).values() if isinstance(kind, type)}
-    assert set(LINES) == {kind for kind in kinds if kind in words.BenchCommand.__args__}
+    rows = [known.record for row in COMMANDS.values() for known in row.records]
+    assert len(rows) == len(set(rows))
+    assert set(rows) == set(words.BenchCommand.__args__)
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.lines import to_line
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line, to_line
 
 PROJECT = load_project(CONFIGS / "twincat-line.toml")
 

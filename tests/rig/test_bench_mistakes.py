@@ -7,7 +7,7 @@ import pytest
 from tests.rig.bench_project import bench_project
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.reader import parse_line, parse_script
+from trcvtui.rig.commands.table import parse_line, parse_script
 
 UDINT = "a whole number from 0 to 4294967295"
 HEX_BYTES = "hex bytes such as 01 02 0A"
@@ -28,8 +28,8 @@ def said(line: str, project: Project) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
-VERBS = "set, pulse, write, resize, create, add, delete, download, plc, peer, feed, prefix, suffix, link"
-VERBS += ", fault, run, ..."
+VERBS = "set, pulse, peer, write, fault, link, plc, run, expect, create, delete, download, resize, add"
+VERBS += ", remove, undo, ..."
 NO_LINE = 'the name of a ComBuffer with source = "sim", but there is none'
 FORMS = "hex, text, udt, file or random"
 HOLE = "{n}, {n:2}, {n:2:big} or a checksum such as {crc32} or {crc16-modbus:little}"

@@ -17,7 +17,7 @@ from trcvtui.net.layers.tls import Tls
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 GOOD = 8
 SCANS = 120

@@ -10,7 +10,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.check_frames import Checker, frame
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.snapshots import CheckSnapshot, CheckTally
 
 SIZE = 16

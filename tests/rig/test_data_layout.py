@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.project.file import load_project
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.scenario.command import run_files
 from trcvtui.rig.scenario.scenario import load_bench, load_scenario

@@ -10,7 +10,7 @@ import pytest
 from tests.rig.bench_project import bench_project
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.counters_and_checksums import filled
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import PeerSend
 
 CHECK = b"123456789"  # the text whose checksums every catalogue of CRCs gives

@@ -10,7 +10,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.plc.ledger import Outputs
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_script
+from trcvtui.rig.commands.table import parse_script
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 
 UP = "set TSEND_C_1 CONT=1\nwait TSEND_C_1 STATUS=7004\n"

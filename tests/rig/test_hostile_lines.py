@@ -17,7 +17,7 @@ from trcvtui.plc.serial_line_control import MOST_A_SCAN
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.engine.controller import fresh_bench
 
 SIZE = 200  # of a frame

@@ -11,7 +11,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 
 def connected(kernel: str, seconds: int) -> Bench:

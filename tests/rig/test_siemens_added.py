@@ -11,10 +11,11 @@ from tests.certificates import NEEDS_OPENSSL
 from tests.rig.test_project_save import driven, say
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
+from trcvtui.project.fields import fields_of, first_name
 from trcvtui.project.file import load_project
 from trcvtui.project.keys import OFFERED as KINDS
 from trcvtui.project.project import Project
-from trcvtui.tui.forms.fields import fields_of, first_name, line_of
+from trcvtui.tui.forms.fields import line_of
 
 BENCH = 'dialect = "{}"\n[[data]]\nname = "rx"\ntype = "ARRAY[0..3] OF BYTE"\n'
 DESCRIBED = (

@@ -12,7 +12,7 @@ from trcvtui.dialects.siemens.rules import S7_1200, S7_1500, SWITCHES
 from trcvtui.dialects.switches import defaults, format_value
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_script
+from trcvtui.rig.commands.table import parse_script
 from trcvtui.rig.commands.words import RunScans
 
 SENDER, RECEIVER, PAIR = "s7-sender.toml", "s7-receiver.toml", "s7-pair.toml"

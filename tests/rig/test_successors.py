@@ -11,7 +11,7 @@ import pytest
 from trcvtui.net.events import BytesDropped, ConnectionChanged, What
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 KERNELS = ("sim", "live")
 SIZE = 8

@@ -15,7 +15,7 @@ import pytest
 
 from tests.certificates import NEEDS_OPENSSL
 from tests.rig.test_tls_blocks import CLIENT, SERVER, Desk, desk_of, openssl, s_client, s_server, shows
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 pytestmark = NEEDS_OPENSSL
 VERSIONS = {"1.2": ssl.TLSVersion.TLSv1_2, "1.3": ssl.TLSVersion.TLSv1_3}

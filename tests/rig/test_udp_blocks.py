@@ -10,7 +10,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import RunScans
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import load_scenario

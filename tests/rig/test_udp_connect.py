@@ -14,7 +14,7 @@ from trcvtui.net.events import ConnectionChanged
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.keys import keys_of
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.st_call import st_call
 
 FILE = CONFIGS / "s7-udp-connect.toml"

@@ -11,7 +11,7 @@ from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line, parse_script
+from trcvtui.rig.commands.table import parse_line, parse_script
 from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.udt.compare.fit import fit, leaders, verdict

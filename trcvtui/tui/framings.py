@@ -10,7 +10,7 @@ from textual.binding import Binding
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.reader import parse_script
+from trcvtui.rig.commands.table import parse_script
 from trcvtui.rig.framing_advice.advice import advise
 from trcvtui.rig.framing_advice.command import lines_for
 from trcvtui.rig.framing_advice.proposal import FramingAdvice, Proposal, ShownFrame

@@ -8,7 +8,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.rig.test_siemens_switches import shown
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 SENDER = "s7-sender.toml"
 UP = "set TSEND_C_1 CONT=1; run 6; "

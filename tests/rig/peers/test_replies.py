@@ -18,8 +18,8 @@ from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.counters_and_checksums import filled
 from trcvtui.rig.commands.lines import rule_text
-from trcvtui.rig.commands.reader import parse_line
 from trcvtui.rig.commands.routine import read_replies
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import ReplyOn
 from trcvtui.rig.peers.queues import Replies
 

@@ -13,7 +13,7 @@ from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.project.file import load_project, read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 
 KERNELS = ("sim", "live")
 INSTANCE = "TRCV_C_1"

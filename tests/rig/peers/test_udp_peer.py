@@ -17,7 +17,7 @@ from trcvtui.plc.ledger import BenchNote, Event, PeerSent
 from trcvtui.project.file import load_project
 from trcvtui.project.project import PeerDecl
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import PeerRst, PeerSend
 from trcvtui.rig.peers.peer import Peer
 from trcvtui.rig.peers.transports import DatagramTransport

@@ -7,10 +7,11 @@ import pytest
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import LineBench, on_a_line
+from trcvtui.project.fields import fields_of, first_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField
-from trcvtui.tui.forms.fields import fields_of, first_name, kinds_of, line_of
+from trcvtui.tui.forms.fields import kinds_of, line_of
 from trcvtui.tui.view_model.validity import fault_of
 
 SIZES = pytest.mark.parametrize("size", [SMALL, (120, 40), WIDE], ids=["80x24", "120x40", "140x45"])

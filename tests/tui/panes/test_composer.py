@@ -17,7 +17,7 @@ from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
 from trcvtui.project.file import load_project
 from trcvtui.project.project import MessageDecl, SequenceDecl
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.local_driver import LocalDriver

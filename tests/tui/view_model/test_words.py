@@ -7,7 +7,8 @@ import pytest
 from tests.tui.fakes import MS, SECOND, bench_project, edge
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.tui.completion import complete
+from trcvtui.rig.commands.table import COMMANDS
+from trcvtui.tui.completion import complete, verbs
 from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped
 from trcvtui.tui.peer_commands import send_line
 from trcvtui.tui.view_model.explain import why
@@ -150,10 +151,7 @@ def test_the_last_word_of_a_command_is_completed(line: str, completed: str | Non
 
 
 def test_every_verb_that_a_prompt_takes_is_completed() -> None:
-    from trcvtui.rig.commands.reader import VERBS as BENCH_VERBS
-    from trcvtui.tui.completion import VERBS
-
-    assert set(BENCH_VERBS) - {"wait"} <= set(VERBS), "a prompt does not wait"
+    assert set(COMMANDS) - {"wait"} <= set(verbs()), "a prompt does not wait"
 
 
 def test_empty_options_are_left_out_of_a_send() -> None:

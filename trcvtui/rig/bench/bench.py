@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -30,7 +29,8 @@ from trcvtui.rig.commands.check_frames import Checker, frame
 from trcvtui.rig.commands.edit import edits_of
 from trcvtui.rig.commands.instances import after
 from trcvtui.rig.commands.routine import read_replies, read_routines
-from trcvtui.rig.commands.words import MENDS, CheckOn, Mend, PeerSend
+from trcvtui.rig.commands.table import record_row
+from trcvtui.rig.commands.words import CheckOn, Mend, PeerSend
 from trcvtui.rig.peers.peer import Peer, SelfActing, next_due
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
@@ -239,56 +239,21 @@ class Bench:
 
     def do(self, command: words.BenchCommand) -> str:
         """Carry out a command that lets no scan pass; return what is wrong, or ""."""
-        act = self._acts().get(type(command))
-        return act(command) if act else f"{type(command).__name__} lets scans pass"
+        act = record_row(type(command)).act
+        return act(self, command) if act else f"{type(command).__name__} lets scans pass"
 
-    def _acts(self) -> dict[type, Callable[..., str]]:
-        return {
-            words.Set: self._set,
-            words.Pulse: lambda c: self._submit(commands.PulseInput(c.instance, c.pin)),
-            words.Write: lambda c: self._submit(commands.WriteData(c.data, c.offset, c.payload)),
-            words.Create: lambda c: self._change(c, commands.CreateInstance(c.decl)),
-            **dict.fromkeys(MENDS, self._mend),
-            words.Delete: lambda c: self._change(c, commands.DeleteInstance(c.instance)),
-            words.Download: lambda c: self._change(c, commands.DownloadInstance(c.instance)),
-            words.Resize: lambda c: self._change(c, commands.ResizeData(c.decl)),
-            words.PlcStop: lambda c: self._submit(commands.PlcStop()),
-            words.PlcRun: lambda c: self._submit(commands.PlcRun()),
-            words.PeerConnect: lambda c: self.peers[c.peer].connect(self.now),
-            words.PeerListen: lambda c: self.peers[c.peer].listen(),
-            words.PeerClose: lambda c: self.peers[c.peer].close(),
-            words.PeerRst: lambda c: self.peers[c.peer].rst(),
-            words.PeerShutdown: lambda c: self.peers[c.peer].shutdown(),
-            words.PeerStall: lambda c: self.peers[c.peer].stall(),
-            words.PeerResume: lambda c: self.peers[c.peer].resume(),
-            words.PeerSend: lambda c: self.peers[c.peer].send(c, self.now),
-            words.PeerPlay: lambda c: self.peers[c.peer].play(c, self.now),
-            words.CheckOn: self._check_on,
-            words.CheckOff: self._check_off,
-            words.TryStop: lambda c: "",  # a trial of a scenario has ended with its step
-            words.ReplyOn: lambda c: self.peers[c.peer].replies.add(c),
-            words.ReplyOff: lambda c: self.peers[c.peer].replies.remove(c.number, c.peer),
-            words.FeedLine: lambda c: self._submit(commands.FeedBuffer(c.buffer, c.payload)),
-            words.SetMark: self._set_mark,
-            words.Link: self._link,
-            words.FaultOn: self._fault,
-            words.FaultClear: self._clear_faults,
-        }
-
-    def _submit(self, command: commands.Command) -> str:
-        self.runtime.submit(command)
+    def submit(self, *orders: commands.Command) -> str:
+        """Tell the PLC what to do in its next scan."""
+        for order in orders:
+            self.runtime.submit(order)
         return ""
 
-    def _set_mark(self, command: words.SetMark) -> str:
-        for order in command.orders():
-            self._submit(order)
-        return ""
-
-    def _change(self, command: words.BenchCommand, change: commands.Command) -> str:
+    def change(self, command: words.BenchCommand, order: commands.Command) -> str:
+        """Change the project, and tell the PLC."""
         self.project = after(command, self.project)
-        return self._submit(change)
+        return self.submit(order)
 
-    def _mend(self, command: Mend) -> str:
+    def mend(self, command: Mend) -> str:
         """Let the project be another one, and what runs with it."""
         edited = after(command, self.project)
         for edit in edits_of(command, self.project):
@@ -314,7 +279,7 @@ class Bench:
         self._let_sessions_in(edit.after)
         if edit.after is None:
             self._down.discard(edit.name)
-        return self._submit(change)
+        return self.submit(change)
 
     def _take_peer(self, before: PeerDecl | None, decl: PeerDecl | None, edited: Project) -> str:
         """Let a peer go, come, or be another; a taken port is the user's to mend."""
@@ -325,7 +290,7 @@ class Bench:
         if wrong and old is not None:
             old.listen()
         if not wrong and before is not None:
-            self._check_off(words.CheckOff(before.name))
+            self.check_off(words.CheckOff(before.name))
             if decl is None:
                 del self.peers[before.name]
                 self._self_acting.pop(before.name, None)
@@ -359,38 +324,35 @@ class Bench:
         self.peers[decl.name] = peer
         return ""
 
-    def _set(self, command: words.Set) -> str:
-        for pin, value in command.pins:
-            if isinstance(value, str):
-                self.runtime.submit(commands.BlinkInput(command.instance, pin))
-            else:
-                self.runtime.submit(commands.SetInput(command.instance, pin, value))
-        return ""
-
-    def _check_on(self, command: words.CheckOn) -> str:
+    def check_on(self, command: words.CheckOn) -> str:
+        """Let a peer send self-checking traffic."""
         self._checks[command.peer] = Checking(self.peers[command.peer], command)
         return ""
 
-    def _check_off(self, command: words.CheckOff) -> str:
+    def check_off(self, command: words.CheckOff) -> str:
+        """End the self-checking traffic of a peer."""
         check = self._checks.pop(command.peer, None)
         if check is not None:
             check.end()
         return ""
 
-    def _link(self, command: words.Link) -> str:
+    def set_link(self, command: words.Link) -> str:
+        """Let the wire of a CONNECT go silent, or speak again."""
         wrong, how = set_link(self._kernel, command.connect, command.up)
         if not wrong:
             (self._down.discard if command.up else self._down.add)(command.connect)
             self.note(command.connect, "link up" if command.up else "link down", how)
         return wrong
 
-    def _fault(self, command: words.FaultOn) -> str:
+    def arm_fault(self, command: words.FaultOn) -> str:
+        """Let a kernel call fail."""
         times = None if command.times == words.FOREVER else command.times
         self.plan.add(command.call, command.error, on=command.on, nth=command.nth, times=times)
         self.note(command.on or "any CONNECT", f"fault on {command.call}", command.error or "")
         return ""
 
-    def _clear_faults(self, command: words.FaultClear) -> str:
+    def clear_faults(self) -> str:
+        """Forget all faults."""
         self.plan.clear()
         self.note("bench", "faults cleared")
         return ""

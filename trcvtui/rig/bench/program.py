@@ -13,7 +13,7 @@ from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.conditions import Watched, found, holds
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.reader import parse_script
+from trcvtui.rig.commands.table import parse_script
 
 WRITES: Final = (words.Set, words.Pulse, words.Write)
 PASSES: Final = (words.RunScans, words.RunFor, words.Wait)

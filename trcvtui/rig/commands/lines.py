@@ -1,17 +1,15 @@
-"""Commands back to lines: `parse_line(to_line(command))` is the command again."""
+"""How commands with many words are written: `parse_line(to_line(command))` is the command again."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from typing import Any, Final
 
 from trcvtui.blocks.table import block_row, is_time
 from trcvtui.project.keys import link_key
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
-from trcvtui.rig.commands.edit import add_line
 from trcvtui.rig.commands.member_values import quoted
 from trcvtui.rig.commands.words import Contains, FieldIs, Match, Matches, Starts
 from trcvtui.udt.layout.coding import Value
@@ -21,12 +19,7 @@ MILLISECOND: Final = 1_000_000
 _LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
 
 
-def to_line(command: words.BenchCommand) -> str:
-    """Return the line that `parse_line` reads as this command."""
-    return LINES[type(command)](command)
-
-
-def _set(c: words.Set) -> str:
+def set_line(c: words.Set) -> str:
     return f"set {c.instance} {_pins(c.pins)}"
 
 
@@ -42,7 +35,7 @@ def _pin_text(name: str, value: bool | int | str) -> str:
     return f"{value:04X}" if name == "STATUS" else str(int(value))
 
 
-def _write(c: words.Write) -> str:
+def write(c: words.Write) -> str:
     return f"write {c.text or _bytes_of(c.data, c.offset, c.payload)}"
 
 
@@ -50,7 +43,7 @@ def _bytes_of(data: str, offset: int, payload: bytes) -> str:
     return f"{data}{f'+{offset}' if offset else ''} hex {payload.hex(' ')}"
 
 
-def _create(c: words.Create) -> str:
+def create(c: words.Create) -> str:
     decl = c.decl
     parts = [f"create {decl.block} {decl.name} {link_key(decl.block)}={decl.connect}"]
     parts += [f"data={decl.data}"] if decl.data is not None else []
@@ -60,11 +53,16 @@ def _create(c: words.Create) -> str:
     return " ".join(parts + [_pins(decl.inputs)] * bool(decl.inputs))
 
 
+def feed(c: words.FeedLine) -> str:
+    """Return `feed RX hex 01`."""
+    return f"feed {c.buffer} {_fed(c)}"
+
+
 def _fed(c: words.FeedLine) -> str:
     return "break" if c.payload is None else c.text or f"hex {c.payload.hex(' ')}"
 
 
-def _send(c: words.PeerSend) -> str:
+def send(c: words.PeerSend) -> str:
     return f"peer {c.peer} send {message_text(c)}"
 
 
@@ -110,12 +108,12 @@ def match_text(match: Match) -> str:
             return f"field {type_name}.{path} = {value_text(value)}"
 
 
-def _check(c: words.CheckOn) -> str:
+def check(c: words.CheckOn) -> str:
     parts = [f"peer {c.peer} check on size={c.size} every={format_time(c.every_ns)}"]
     return " ".join(parts + [f"on {c.instance}"] * bool(c.instance))
 
 
-def _try_splits(c: words.TrySplits) -> str:
+def try_splits(c: words.TrySplits) -> str:
     parts = [f"peer {c.peer} try-splits {c.text or 'hex ' + c.payload.hex(' ')} on {c.instance}"]
     if c.gap_ns:
         parts.append(f"gap={format_time(c.gap_ns)}")
@@ -124,7 +122,7 @@ def _try_splits(c: words.TrySplits) -> str:
     return " ".join(parts)
 
 
-def _fault(c: words.FaultOn) -> str:
+def fault(c: words.FaultOn) -> str:
     parts = ["fault", c.call]
     if c.error is not None:
         parts.append(c.error)
@@ -137,12 +135,12 @@ def _fault(c: words.FaultOn) -> str:
     return " ".join(parts)
 
 
-def _wait(c: words.Wait) -> str:
+def wait(c: words.Wait) -> str:
     limit = "" if c.within_ns == words.DEFAULT_LIMIT_NS else f" within {format_time(c.within_ns)}"
     return f"wait {condition_text(c.condition)}{limit}"
 
 
-def _expect(c: words.Expect) -> str:
+def expect(c: words.Expect) -> str:
     limit = "" if c.within_ns is None else f" within {format_time(c.within_ns)}"
     return f"expect {condition_text(c.condition)}{limit}"
 
@@ -173,46 +171,3 @@ def value_text(value: Value) -> str:
             return value if _LITERAL.fullmatch(value) else quoted(value)
         case _:
             return repr(value)
-
-
-LINES: Final[dict[type, Callable[[Any], str]]] = {
-    words.Set: _set,
-    words.Pulse: lambda c: f"pulse {c.instance} {c.pin}",
-    words.Write: _write,
-    words.Create: _create,
-    words.Add: add_line,
-    words.AddData: add_line,
-    words.Change: lambda c: f"set {c.kind} {c.name} {c.written}",
-    words.Remove: lambda c: f"remove {c.kind} {c.name}",
-    words.Undo: lambda c: "undo",
-    words.Delete: lambda c: f"delete {c.instance}",
-    words.Download: lambda c: f"download {c.instance}",
-    words.Resize: lambda c: f"resize {c.data} {c.type_name}",
-    words.PlcStop: lambda c: "plc stop",
-    words.PlcRun: lambda c: "plc run",
-    words.PeerConnect: lambda c: f"peer {c.peer} connect",
-    words.PeerListen: lambda c: f"peer {c.peer} listen",
-    words.PeerClose: lambda c: f"peer {c.peer} close",
-    words.PeerRst: lambda c: f"peer {c.peer} rst",
-    words.PeerShutdown: lambda c: f"peer {c.peer} shutdown",
-    words.PeerSend: _send,
-    words.PeerPlay: lambda c: f"peer {c.peer} play {c.name}",
-    words.CheckOn: _check,
-    words.CheckOff: lambda c: f"peer {c.peer} check off",
-    words.ReplyOn: lambda c: f"peer {c.peer} reply on {rule_text(c)}",
-    words.ReplyOff: lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
-    words.TrySplits: _try_splits,
-    words.TryStop: lambda c: f"peer {c.peer} try-splits stop",
-    words.PeerStall: lambda c: f"peer {c.peer} stall",
-    words.PeerResume: lambda c: f"peer {c.peer} resume",
-    words.FeedLine: lambda c: f"feed {c.buffer} {_fed(c)}",
-    words.SetMark: lambda c: c.line(),
-    words.Link: lambda c: f"link {c.connect} {'up' if c.up else 'down'}",
-    words.FaultOn: _fault,
-    words.FaultClear: lambda c: "fault clear",
-    words.RunScans: lambda c: f"run {c.scans}",
-    words.RunFor: lambda c: f"run {format_time(c.ns)}",
-    words.Wait: _wait,
-    words.Expect: _expect,
-    words.ExpectTrace: lambda c: f"expect {c.instance} trace {c.pattern}",
-}

@@ -1,30 +1,23 @@
-"""The bench commands (contract 4.3): one line of text to one frozen command, a script to numbered steps."""
+"""Lines of inputs, the PLC, the wire, faults and time, read into frozen commands."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Final, Literal
 
 from trcvtui.blocks.pins import Direction, Pin
-from trcvtui.errors import Problem, UserError
 from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
 from trcvtui.net.kernel import CALLS
 from trcvtui.net.serial_line import SERIAL_CALLS
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project
 from trcvtui.project.tables import shown, whole
-from trcvtui.rig.commands.data import read_write
-from trcvtui.rig.commands.edit import read_add, read_change, read_remove, read_undo
-from trcvtui.rig.commands.instances import after, read_create, read_delete, read_download, read_resize
-from trcvtui.rig.commands.marks import read_prefix, read_suffix
-from trcvtui.rig.commands.peer import read_peer_command
-from trcvtui.rig.commands.read_conditions import read_expect, read_instance, read_wait
+from trcvtui.rig.commands.edit import read_change
+from trcvtui.rig.commands.read_conditions import read_instance
 from trcvtui.rig.commands.read_payload import FORMS, is_payload, read_payload
 from trcvtui.rig.commands.tokens import Words, duration, pin_value, value_of
 from trcvtui.rig.commands.words import (
     FOREVER,
-    BenchCommand,
     Change,
     FaultClear,
     FaultOn,
@@ -37,7 +30,6 @@ from trcvtui.rig.commands.words import (
     RunFor,
     RunScans,
     Set,
-    Step,
 )
 
 BREAK: Final = "break"
@@ -67,58 +59,12 @@ def read_feed(words: Words, project: Project) -> FeedLine:
 
 SCANS: Final = whole(1, 1_000_000_000)
 COUNT: Final = whole(1, 1_000_000_000)
-LONGEST_LINE: Final = 1_000_000
-LONGEST_SHOWN: Final = 60
-
-
-def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
-    """Return the command of one line, None for a blank line or a comment; raise UserError.
-
-    `where` stands at the beginning of each message.
-    """
-    if len(text) > LONGEST_LINE:
-        raise UserError(Problem(where, f"{len(text)} characters", f"at most {LONGEST_LINE} in a line"))
-    words = Words(text, where)
-    if not words:
-        return None
-    verb = words.next("a command")
-    if verb not in VERBS:
-        raise words.wrong(shown(verb), expected_name(verb, VERBS, "command"))
-    command = VERBS[verb](words, project)
-    words.finish()
-    return command
-
-
-def parse_script(text: str, project: Project, where: str) -> list[Step]:
-    """Return the commands of a script, numbered from 1; raise UserError with the mistakes of all lines."""
-    steps: list[Step] = []
-    problems: list[Problem] = []
-    number = 0
-    for line in map(str.strip, text.split("\n")):  # \r\n too; U+2028 and the like stand inside a command
-        if not line or line.startswith("#"):
-            continue
-        number += 1
-        try:
-            command = parse_line(line, project, f"{where}: step {number} ({_short(line)})")
-        except UserError as wrong:
-            problems += wrong.problems
-            continue
-        if command is not None:
-            steps.append(Step(number, line, command))
-            project = after(command, project)
-    if problems:
-        raise UserError(problems)
-    return steps
-
-
-def _short(line: str) -> str:
-    return line if len(line) <= LONGEST_SHOWN else line[: LONGEST_SHOWN - 3] + "..."
 
 
 # -- inputs ----------------------------------------------------------------------------------------------
 
 
-def _set(words: Words, project: Project) -> Set | Change:
+def read_set(words: Words, project: Project) -> Set | Change:
     change = read_change(words, project)
     if change is not None:
         return change
@@ -136,7 +82,7 @@ def _set(words: Words, project: Project) -> Set | Change:
     return Set(instance.name, tuple(pins))
 
 
-def _pulse(words: Words, project: Project) -> Pulse:
+def read_pulse(words: Words, project: Project) -> Pulse:
     instance = read_instance(words, project)
     pin = _input(words.next("an input such as EN_R"), instance, words, project)
     if not pin.is_bool:
@@ -159,11 +105,11 @@ def _input(name: str, instance: InstanceDecl, words: Words, project: Project) ->
 # -- the PLC, the wire, faults ---------------------------------------------------------------------------
 
 
-def _plc(words: Words, project: Project) -> PlcStop | PlcRun:
+def read_plc(words: Words, project: Project) -> PlcStop | PlcRun:
     return PlcRun() if _one_of(words, "stop", "run") == "run" else PlcStop()
 
 
-def _link(words: Words, project: Project) -> Link:
+def read_link(words: Words, project: Project) -> Link:
     name = _connect(words, project)
     return Link(name, _one_of(words, "down", "up") == "up")
 
@@ -183,7 +129,7 @@ def _connect(words: Words, project: Project) -> str:
     return name
 
 
-def _fault(words: Words, project: Project) -> FaultOn | FaultClear:
+def read_fault(words: Words, project: Project) -> FaultOn | FaultClear:
     call = words.next("a kernel call such as bind, or clear")
     if call == "clear":
         return FaultClear()
@@ -229,32 +175,8 @@ def _error(words: Words, call: str) -> str | None:
 # -- time ------------------------------------------------------------------------------------------------
 
 
-def _run(words: Words, project: Project) -> RunScans | RunFor:
+def read_run(words: Words, project: Project) -> RunScans | RunFor:
     text = words.next("a number of scans or a duration such as T#200ms")
     if "#" in text and not text.startswith(("2#", "8#", "16#")):
         return RunFor(duration(text, "", words.where))
     return RunScans(value_of(SCANS, text, "", words.where))
-
-
-VERBS: Final[dict[str, Callable[[Words, Project], BenchCommand]]] = {
-    "set": _set,
-    "pulse": _pulse,
-    "write": read_write,
-    "resize": read_resize,
-    "create": read_create,
-    "add": read_add,
-    "delete": read_delete,
-    "download": read_download,
-    "plc": _plc,
-    "peer": read_peer_command,
-    "feed": read_feed,
-    "prefix": read_prefix,
-    "suffix": read_suffix,
-    "link": _link,
-    "fault": _fault,
-    "run": _run,
-    "wait": read_wait,
-    "expect": read_expect,
-    "remove": read_remove,
-    "undo": read_undo,
-}

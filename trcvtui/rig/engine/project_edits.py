@@ -16,8 +16,7 @@ from trcvtui.project.project import Edits as Steps
 from trcvtui.project.project import Project
 from trcvtui.project.tables import read_text
 from trcvtui.rig.commands.instances import after
-from trcvtui.rig.commands.lines import to_line
-from trcvtui.rig.commands.reader import parse_line
+from trcvtui.rig.commands.table import parse_line, to_line
 from trcvtui.rig.commands.words import MENDS, Mend
 from trcvtui.rig.scenario.scenario import check_bench
 from trcvtui.rig.wording import count

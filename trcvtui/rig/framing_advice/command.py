@@ -17,7 +17,7 @@ from trcvtui.errors import mistake
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import shown
-from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.table import to_line
 from trcvtui.rig.commands.tokens import Words
 from trcvtui.rig.commands.words import Create
 from trcvtui.rig.framing_advice.advice import advise

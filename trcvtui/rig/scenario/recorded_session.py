@@ -22,7 +22,7 @@ from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.lines import to_line
+from trcvtui.rig.commands.table import to_line
 from trcvtui.rig.commands.trace_pattern import ANY, Atom, Scan
 
 MOST_COMMANDS: Final = 5000

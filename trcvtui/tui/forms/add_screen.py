@@ -10,15 +10,13 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
+from trcvtui.project.fields import AddField, fields_of, first_name
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.forms.fields import (
     TITLES,
-    AddField,
     ProjectPart,
-    fields_of,
     fields_to_change,
-    first_name,
     kinds_of,
     line_of,
     set_line,

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.edit import entry, keys_to_change
+from trcvtui.project.fields import AddField, fields_of, keys_of_line
 from trcvtui.project.keys import (
     BOOLS,
     EDITED,
     OFFERED,
     TABLES,
-    Ask,
     KeyValue,
     entries_of,
-    free_name,
-    table_row,
 )
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.tui.view_model.view_model import ViewModel
@@ -26,69 +24,10 @@ TITLES: Final = {kind: TABLES[kind].title for kind in OFFERED}
 OF_THE_BENCH: Final = frozenset(("LocalAddress", "ListenPort"))  # beside the fields of a structure
 
 
-@dataclass(frozen=True, slots=True)
-class AddField:
-    """One field: its key, what may stand there, what stands there first."""
-
-    key: str
-    hint: str
-    choices: tuple[str, ...] = ()
-    first: str = ""
-
-
-class LineKeys(NamedTuple):
-    """The keys of a kind that stand bare in a line, and those whose text may have blanks."""
-
-    bare: frozenset[str]
-    quoted: frozenset[str]
-
-
-def keys_of_line(kind: str, project: Project) -> LineKeys:
-    """Return how the keys of a kind stand in a line."""
-    asks = [(row.name, row.ask) for row in table_row(kind, project.dialect).keys if row.ask]
-    return LineKeys(
-        frozenset(name for name, ask in asks if ask.is_bare),
-        frozenset(name for name, ask in asks if ask.is_quoted),
-    )
-
-
 def kinds_of(project: Project) -> tuple[str, ...]:
     """Return what can be added: a ComBuffer where the dialect has blocks for it."""
     has_buffers = any(block_row(block).buffer_pin for block in project.dialect.blocks)
     return OFFERED if has_buffers else tuple(kind for kind in OFFERED if kind != "combuffer")
-
-
-def fields_of(kind: str, project: Project, block: str = "", to_change: bool = False) -> tuple[AddField, ...]:
-    """Return the fields of a kind after its name; those of an instance are its block's."""
-    row, chosen = table_row(kind, project.dialect), block or first_block(project)
-    asked = {
-        key.name: _field(key.name, key.ask, project, chosen)
-        for key in row.keys
-        if key.ask and key.ask.where(project, chosen) and (to_change or not key.ask.is_of_change)
-    }
-    first = [asked.pop(name) for name in row.asks_first]
-    return (*first, *asked.values())
-
-
-def _field(key: str, ask: Ask, project: Project, block: str) -> AddField:
-    hint = ask.hint if isinstance(ask.hint, str) else ask.hint(project, block)
-    first = ask.first if isinstance(ask.first, str) else ask.first(project, block)
-    return AddField(key, hint, ask.choices(project, block), first)
-
-
-def first_block(project: Project) -> str:
-    """Return the block that the form begins with: on an empty bench one that receives from anybody."""
-    blocks = project.dialect.blocks
-    receivers = [block for block in blocks if (row := block_row(block)).builds and row.receives]
-    return receivers[0] if receivers and not project.instances else blocks[0]
-
-
-def first_name(kind: str, project: Project) -> str:
-    """Return a name that is free."""
-    if kind == "certificate":
-        return str(max(project.certificates, default=0) + 1)
-    start = f"{first_block(project)}_" if kind == "instance" else TABLES[kind].first_name
-    return free_name(kind, start, project)
 
 
 def line_of(kind: str, name: str, texts: Mapping[str, str], project: Project) -> str:

@@ -316,9 +316,9 @@ class Composer(Vertical):
             option.set_class(bad_options and bool(option.value.strip()) and self._is_bad(option), "-bad")
 
     def _draw(self, line: str) -> None:
-        from trcvtui.rig.commands.reader import (
-            parse_line,  # read at the first line, not before the first screen
-        )
+        from trcvtui.rig.commands.table import (
+            parse_line,
+        )  # read at the first line, not before the first screen
         from trcvtui.rig.commands.words import PeerSend
 
         send = parse_line(line, self._scene.project, "message") if line else None

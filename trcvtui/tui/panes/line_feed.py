@@ -110,7 +110,7 @@ class LineFeed(LineView):
     def _hear(self, line: str) -> None:
         if not line.startswith(f"{FEED} "):
             return
-        from trcvtui.rig.commands.reader import parse_line  # read when the first line is fed
+        from trcvtui.rig.commands.table import parse_line  # read when the first line is fed
 
         try:
             command = parse_line(line, self._scene.project, FEED)

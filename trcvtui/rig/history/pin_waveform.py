@@ -159,7 +159,6 @@ class PolledWaveform(PinWaveform):
 
 # -- what the engine tells --------------------------------------------------------------------------------
 
-LAMPS: Final = ("STATUS", "BUSY", "DONE", "ERROR")
 
 PinValues = tuple[tuple[str, int | None], ...]
 NO_PINS: Final[PinValues] = ()
@@ -214,13 +213,8 @@ def pins_of(event: StatusEdge | InputEdge | KnownPins) -> PinValues:
         return ((event.pin, int(event.value)),)
     if isinstance(event, KnownPins):
         return event.values
-    row = block_row(event.block)
-    if row.on_buffer:
-        shown = ((pin.name, getattr(event.outputs, pin.shows)) for pin in row.outputs)
-        return tuple((pin, int(value)) for pin, value in shown if value is not None)
-    lamps = event.outputs.busy, event.outputs.done, event.outputs.error
-    told = (("STATUS", event.outputs.status), *zip(LAMPS[1:], map(int, lamps), strict=True))
-    return told if event.outputs.rcvd_len is None else (*told, ("RCVD_LEN", event.outputs.rcvd_len))
+    shown = ((pin.name, getattr(event.outputs, pin.shows)) for pin in block_row(event.block).outputs)
+    return tuple((pin, int(value)) for pin, value in shown if value is not None)
 
 
 # -- one instance -----------------------------------------------------------------------------------------

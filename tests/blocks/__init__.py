@@ -1,0 +1,1 @@
+"""The blocks by themselves: the table of blocks, their jobs, framing."""

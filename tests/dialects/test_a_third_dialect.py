@@ -131,9 +131,9 @@ VENDOR = re.compile(r"baosky|tianxing|siemens|s7[-_]1|nordwind", re.IGNORECASE)
 # formats of a vendor's tool: none of them says what a block does.
 ALLOWED = {
     "rig/engine/new_project.py": {"baosky"},  # what a new project is proposed
-    "udt/command/arguments.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
-    "udt/command/command.py": {": a Siemens source, laid out as "},
-    "udt/sources/__init__.py": {"trcvtui.udt.sources.siemens"},
+    "udt/cli_input.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
+    "udt/command.py": {": a Siemens source, laid out as "},
+    "udt/sources/__init__.py": {"Siemens Openness"},
     "udt/sources/xml_file.py": {
         "<Document> (Siemens Openness), <project> (PLCopen) or <TcPlcObject> (TwinCAT)"
     },

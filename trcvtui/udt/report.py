@@ -90,19 +90,21 @@ def decode_json(layout: Layout, data: Data) -> Iterator[str]:
 def decode_text(layout: Layout, data: Data) -> Iterator[str]:
     """Yield the table of `udt decode`: every leaf with its value, and how far the bytes go."""
     yield f"{one_line(layout.name)}: {_extent(len(data), layout.size)}, {_layout_text(layout)}"
-    rows = decoded_rows(layout, data, layout.name)
+    rows = member_rows(layout, data, layout.name)
     yield from in_columns(chain([("offset", "type", "path", "value")], rows), "rlll")
     yield from _notes(layout)
 
 
-def decoded_rows(layout: Layout, data: Data, name: str, missing: str = NO_DATA) -> Iterator[Row]:
-    """Yield offset, type, path and value of every leaf; `name` is the path of a lone value."""
+def member_rows(
+    layout: Layout, data: Data, name: str, missing: str = NO_DATA, most: int | None = None
+) -> Iterator[Row]:
+    """Yield offset, type, path and value of the first `most` members; `name` is the path of a lone value."""
 
     def made(leaf: Leaf) -> tuple[str, str, Leaf]:
         return "" if leaf.bit is None else f".{leaf.bit}", leaf_type_text(layout, leaf), leaf
 
     rows = zip(stream(layout, made), values_of(layout, data), strict=True)
-    for (offset, path, (bit, type_, leaf)), value in rows:
+    for (offset, path, (bit, type_, leaf)), value in islice(rows, most):
         if value is None:
             text = missing
         else:
@@ -207,13 +209,6 @@ def json_many(before: str, items: Iterator[str], after: str) -> Iterator[str]:
 # Rule: bytes are data; in Markdown no character of a value is markup.
 
 HEAD: Final = ("offset", "type", "member", "value")
-
-
-def member_rows(
-    layout: Layout, content: Data, name: str, missing: str = NO_DATA, most: int | None = None
-) -> Iterator[tuple[str, ...]]:
-    """Yield offset, type, path and value of the first `most` members; `name` is the path of a lone value."""
-    return islice(decoded_rows(layout, content, name, missing), most)
 
 
 def markdown(rows: Iterable[Sequence[str]]) -> Iterator[str]:

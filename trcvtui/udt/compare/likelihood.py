@@ -49,9 +49,7 @@ ZERO: Final = math.log(0.5)  # a byte 0 by chance
 OTHER: Final = math.log(0.5 / 255)  # any other one
 DOUBT: Final = 0.02  # how often a value is none that is foreseen here
 NEVER: Final = -math.inf
-PLAIN: Final = (
-    8.0  # a number says something of the byte order when it is so many times smaller in one of them
-)
+PLAIN: Final = 8.0  # a number says something of the byte order when it is so many times smaller in one
 FIRST_DAY, LAST_DAY = 7305, 47482  # 1990-01-01 and 2100-01-01 since 1970
 NEAR_DAYS: Final = (10_957, 25_568)  # 2000 to 2039
 
@@ -189,11 +187,9 @@ def pairs_exchanged(raw: bytes) -> bytes:
 
 
 def words_exchanged(raw: bytes) -> bytes:
-    """Return bytes with their 16-bit words in reverse order: CDAB, or GHEFCDAB."""
-    return (
-        b"".join(raw[at : at + 2] for at in range(len(raw) - len(raw) % 2 - 2, -1, -2))
-        + (raw[len(raw) & ~1 :])
-    )
+    """Return bytes with their 16-bit words in reverse order: CDAB, or GHEFCDAB; an odd last one stays."""
+    end = len(raw) & ~1
+    return b"".join(raw[at : at + 2] for at in range(end - 2, -1, -2)) + raw[end:]
 
 
 # -- how likely values are -----------------------------------------------------------------------------------
@@ -440,20 +436,18 @@ class FitCause(NamedTuple):
     of_all: Change | None = None
 
     def __str__(self) -> str:
-        """Return the cause as it stands behind a profile: "" for none."""
-        bytes_ = "1 byte" if self.n == 1 else f"{self.n} bytes"
-        return (
-            {
-                HEADER: f"{bytes_} before it",
-                TRAILER: f"{bytes_} after it",
-                LONG: f"{bytes_} long",
-                SHORT: f"{bytes_} short",
-                WORD_SWAP: "words exchanged (CDAB)",
-                BYTE_SWAP: "bytes exchanged in 16 bits (BADC)",
-            }.get(self.kind or "", "")
-            .replace("1 byte long", "one byte long")
-            .replace("1 byte short", "one byte short")
-        )
+        """Return the cause as it stands after a profile: "" for none."""
+        return _IN_WORDS.get(self.kind or "", "").format("1 byte" if self.n == 1 else f"{self.n} bytes")
+
+
+_IN_WORDS: Final = {
+    HEADER: "{} before it",
+    TRAILER: "{} after it",
+    LONG: "one byte long",
+    SHORT: "one byte short",
+    WORD_SWAP: "words exchanged (CDAB)",
+    BYTE_SWAP: "bytes exchanged in 16 bits (BADC)",
+}
 
 
 def _in_pairs(raw: bytes) -> bytes:

@@ -31,6 +31,22 @@ async def test_a_project_without_anything_opens(size: tuple[int, int], tmp_path:
         assert "no peer in this project" in screen_text(app)
 
 
+async def test_each_key_of_the_peer_pane_says_that_there_is_no_peer(tmp_path: Path) -> None:
+    path = tmp_path / "empty.toml"
+    path.write_text('dialect = "baosky"\n', encoding="utf-8")
+    app = BenchApp(FakeDriver(replace(picture(), peers=())), load_project(path))
+    async with app.run_test(size=WIDE) as pilot:
+        await follow(app, pilot)
+        await pilot.press("7")
+        for key in "scfrhzuibmoxwlp":
+            app.main.prompt.complain("nothing yet")
+            await pilot.press(key)
+            await follow(app, pilot)
+            said = screen_text(app)
+            assert "no peer in this project; A adds one" in said or key == "l", key
+            await pilot.press("escape")
+
+
 async def test_the_last_of_256_instances_is_reached_and_shown() -> None:
     many = tuple(replace(receiving(), name=f"TRCV_C_{n}") for n in range(1, 257))
     async with looking(SMALL, picture(*many)) as looker:

@@ -263,7 +263,7 @@ class PeerPanel(Vertical):
         if name != self._title or not self.border_title:
             self._title = name
             kind = "Peer" if self.first is self.peers else "Line"
-            self.border_title = pane_title(7, f"{kind} {clip(name, 20)}")
+            self.border_title = pane_title(7, f"{kind} {clip(name, 20)}".rstrip())
         self.lines.display, self.peers.display = bool(self.lines.names), self.first is self.peers
         self.lines.show()
         self.peers.show()
@@ -377,18 +377,28 @@ class PeerPanel(Vertical):
         """Show the command of that button."""
         self._show_preview()
 
+    def _nobody(self) -> bool:
+        """Say, in a project without a peer, how one comes; return whether there is none."""
+        if not self._scene.peer:
+            self._actions.complain("no peer in this project; A adds one")
+        return not self._scene.peer
+
     def action_button(self, letter: str) -> None:
         """Press the button of this letter."""
         button = next((b for b in self._buttons_now() if b.letter == letter), None)
-        if button is not None:
+        if button is not None and not self._nobody():
             self._do(button)
 
     def action_mode(self) -> None:
         """Write the payload in another way."""
+        if self._nobody():
+            return
         self.composer.next_mode()
 
     def action_cuts(self) -> None:
         """Go to the message drawn with its cuts."""
+        if self._nobody():
+            return
         if len(self.composer.split_row.payload) > 1:
             self.screen.set_focus(self.composer.split_row)
         elif self.composer.line:
@@ -400,7 +410,7 @@ class PeerPanel(Vertical):
         """Open the named messages and sequences of the project."""
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
-        if self._scene.peer:
+        if not self._nobody():
             self.app.push_screen(MessagesScreen(self._scene.peer, self._scene.project), self._picked)
 
     def _picked(self, line: str | None) -> None:
@@ -409,6 +419,8 @@ class PeerPanel(Vertical):
 
     def action_keep(self) -> None:
         """Open the form that puts the message into the library under a name; go to it where there is none."""
+        if self._nobody():
+            return
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
         text = self.composer.line.partition(" send ")[2]
@@ -421,6 +433,8 @@ class PeerPanel(Vertical):
 
     def action_form(self) -> None:
         """Open the members of a UDT as fields."""
+        if self._nobody():
+            return
         from trcvtui.tui.forms.messages import form_of  # read when first asked for
 
         found = form_of(self.composer.text, self.composer.mode, self._scene)
@@ -436,6 +450,8 @@ class PeerPanel(Vertical):
 
     def action_payload(self) -> None:
         """Edit the payload."""
+        if self._nobody():
+            return
         self.composer.edit()
 
 

@@ -16,6 +16,7 @@ from trcvtui.blocks.table import BLOCKS, BlockRow
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
+from trcvtui.project.fields import fields_of
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.text import with_entries
@@ -26,7 +27,6 @@ from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.rig.st_call import st_text
 from trcvtui.tui.completion import complete
-from trcvtui.tui.forms.fields import fields_of
 from trcvtui.tui.panes.function_block import drawing_of
 
 PACKAGE = Path(__file__).parents[2] / "trcvtui"

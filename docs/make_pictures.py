@@ -19,7 +19,7 @@ from textual.widgets import Input
 
 from trcvtui.rig import demo_path
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen

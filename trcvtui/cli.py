@@ -128,7 +128,7 @@ def _open_screen(
     import os
 
     if netns:
-        from trcvtui.rig.bench.cable import enter_own_network
+        from trcvtui.rig.bench.bench import enter_own_network
 
         enter_own_network(kernel)  # found out here, where there is no screen yet
     if not (os.isatty(0) and os.isatty(1)) and "WebDriver" not in os.environ.get("TEXTUAL_DRIVER", ""):
@@ -194,7 +194,7 @@ def _scenario(args: argparse.Namespace) -> int:
 
 
 def _race(args: argparse.Namespace) -> int:
-    from trcvtui.rig.scenario.race_report import run_race
+    from trcvtui.rig.scenario.race import run_race
 
     return _print(run_race(_path(args.file), args.dialect, args.format))
 

@@ -12,8 +12,7 @@ import pytest
 from tests.dialects.nordwind import NORDWIND
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
-from trcvtui.rig.scenario.race import race_file
-from trcvtui.rig.scenario.race_report import summary
+from trcvtui.rig.scenario.race import race_file, summary
 
 PACKAGE = Path(__file__).parents[2] / "trcvtui"
 

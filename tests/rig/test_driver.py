@@ -15,7 +15,7 @@ from trcvtui.project.file import load_project
 from trcvtui.rig import demo_path
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.driver import Driver, EngineDriver, EngineStopped, start_engine
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.scenario import load_bench
 

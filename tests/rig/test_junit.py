@@ -13,8 +13,7 @@ from tests.rig.scenarios import BAOSKY
 from tests.rig.test_scenario_command import PASSIVE, PULSE, scenario
 from trcvtui.cli import main
 from trcvtui.errors import mistake
-from trcvtui.rig.scenario.junit import Junit
-from trcvtui.rig.scenario.report import FORMATS
+from trcvtui.rig.scenario.report import FORMATS, Junit
 
 Capture = pytest.CaptureFixture[str]
 

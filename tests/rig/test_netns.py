@@ -107,7 +107,7 @@ def test_in_the_own_network_the_ledger_names_the_interface() -> None:
     script = (
         "from trcvtui.errors import UserError\n"
         "from trcvtui.net.os.kernel import OsKernel\n"
-        "from trcvtui.rig.bench import cable as wire\n"
+        "from trcvtui.rig.bench import bench as wire\n"
         "try:\n    wire.enter_own_network('live')\n"
         "except UserError as refused:\n    raise SystemExit(str(refused))\n"
         "for up in (False, True):\n    print(wire.set_link(OsKernel(), 'C1', up))"
@@ -135,7 +135,7 @@ def test_the_ledger_says_by_what_means_the_wire_was_cut(kernel: str) -> None:
 
 @pytest.mark.slow
 def test_the_engine_of_a_screen_gets_a_network_of_its_own_too() -> None:
-    run_alone("-c", "from trcvtui.rig.bench.cable import enter_own_network as enter; enter('live')")
+    run_alone("-c", "from trcvtui.rig.bench.bench import enter_own_network as enter; enter('live')")
     driver = start_engine(Path(PASSIVE), "live", netns=True)
     try:
         driver.submit("link C1 down")

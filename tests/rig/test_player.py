@@ -12,7 +12,7 @@ from tests.rig.scenarios import BAOSKY, CONFIGS, SIM_ONLY, play
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.engine.driver import EngineDriver, start_engine
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.player import MOST_STEPS
 from trcvtui.rig.scenario.scenario import load_bench

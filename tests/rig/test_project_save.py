@@ -14,7 +14,7 @@ from tests.rig.scenarios import CONFIGS, failures, play
 from trcvtui.project.file import load_project
 from trcvtui.rig import demo_path
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.scenario import load_bench
 

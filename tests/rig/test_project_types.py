@@ -9,7 +9,7 @@ import pytest
 
 from tests.rig.test_project_save import driven, say
 from trcvtui.project.file import load_project
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 
 PROJECT = """# mine
 dialect = "baosky"

@@ -13,8 +13,17 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import Console
 from trcvtui.rig.scenario import race as racing
-from trcvtui.rig.scenario.race import Race, known_dialects, race_file, race_lines
-from trcvtui.rig.scenario.race_report import Cell, RaceRow, race_rows, race_text, summary
+from trcvtui.rig.scenario.race import (
+    Cell,
+    Race,
+    RaceRow,
+    known_dialects,
+    race_file,
+    race_lines,
+    race_rows,
+    race_text,
+    summary,
+)
 from trcvtui.rig.scenario.scenario import load_bench
 
 PASSIVE = (CONFIGS / "passive.toml").read_text(encoding="utf-8")

@@ -9,8 +9,8 @@ import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS, LEGACY, SIEMENS
 from trcvtui.rig import configs_path
-from trcvtui.rig.scenario import files as scenario_files
-from trcvtui.rig.scenario.files import find_files, read_scenario_file
+from trcvtui.rig.scenario import scenario as scenario_files
+from trcvtui.rig.scenario.scenario import find_files, read_scenario_file
 
 BENCH = 'dialect = "baosky"\n'
 STORY = '[scenario]\nname = "A story"\nabout = "why"\nsteps = """\n# first\nrun 1\n\nrun 2\n"""\n'

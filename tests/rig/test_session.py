@@ -19,7 +19,7 @@ from trcvtui.cli import main
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario import recorded_session as kept
 from trcvtui.rig.scenario.recorded_session import Seen

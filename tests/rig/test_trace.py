@@ -7,8 +7,8 @@ import tracemalloc
 import pytest
 
 from trcvtui.rig.commands.trace_pattern import Scan, parse_pattern
-from trcvtui.rig.scenario import trace
-from trcvtui.rig.scenario.trace import Trace
+from trcvtui.rig.scenario import step_runner
+from trcvtui.rig.scenario.step_runner import Trace
 
 WAITING: Scan = (0x7006, False)
 RECEIVED: Scan = (0x7008, False)
@@ -41,13 +41,13 @@ def test_an_instance_that_waits_costs_no_memory_however_long() -> None:
     finally:
         tracemalloc.stop()
     # Other threads of the run allocate too.
-    ours = snapshot.filter_traces([tracemalloc.Filter(True, trace.__file__)])
+    ours = snapshot.filter_traces([tracemalloc.Filter(True, step_runner.__file__)])
     assert sum(at.size for at in ours.traces) < 2_000
     assert it.take().fits(parse_pattern("7006{100001}"))
 
 
 def test_the_text_of_a_long_trace_ends_where_it_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trace, "MOST_RUNS_TOLD", 2)
+    monkeypatch.setattr(step_runner, "MOST_RUNS_TOLD", 2)
     it = shown(WAITING, RECEIVED, RECEIVED)
     assert str(it) == "7006 7008{2}"
     for scan in (REFUSED, RECEIVED, RECEIVED):  # the later 7008 do not belong to the earlier ones
@@ -58,7 +58,7 @@ def test_the_text_of_a_long_trace_ends_where_it_is_cut(monkeypatch: pytest.Monke
 def test_beyond_the_bound_the_oldest_are_lost_and_a_pattern_that_needs_them_fails_and_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(trace, "MOST_RUNS_SINCE", 2)
+    monkeypatch.setattr(step_runner, "MOST_RUNS_SINCE", 2)
     section = shown(WAITING, WAITING, WAITING, RECEIVED, WAITING).take()
     assert not section.fits(parse_pattern("7006{3} 7008 7006"))
     assert not section.fits(parse_pattern("7008 7006"))

@@ -10,7 +10,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.split_test import trial_text
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import TrialSnapshot
 

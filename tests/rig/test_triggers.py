@@ -12,8 +12,8 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.triggers import read_trigger
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
+from trcvtui.rig.engine.trigger_watch import read_trigger
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Fired
 

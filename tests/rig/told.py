@@ -11,7 +11,7 @@ from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.diagnosis.advice import Advice, advice_on
 from trcvtui.rig.diagnosis.evidence import Evidence, evidence_now, evidence_then
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.history.link_statistics import facts_while
 from trcvtui.rig.picture import Picture, PictureRequest
 

@@ -11,7 +11,7 @@ import pytest
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
 
-from trcvtui.rig.scenario import files as scenario_files
+from trcvtui.rig.scenario import scenario as scenario_files
 from trcvtui.tui import app
 
 

@@ -13,7 +13,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import SMALL, follow, screen_text
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 
 LINE, STREAM = "twincat-line.toml", "twincat-stream.toml"

@@ -12,7 +12,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import FakeDriver
 from tests.tui.looking import BOTH, Looker
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.tui.app import BenchApp
 

@@ -21,7 +21,7 @@ from textual.widgets import Input
 
 from trcvtui.project.file import load_project
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings

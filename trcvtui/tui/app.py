@@ -296,7 +296,7 @@ class BenchApp(App[None]):
     # -- scenarios ----------------------------------------------------------------------------------
 
     def _open_scenarios(self) -> None:
-        from trcvtui.rig.scenario.files import find_files  # read when first asked for
+        from trcvtui.rig.scenario.scenario import find_files  # read when first asked for
         from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
         from trcvtui.tui.scenarios.screen import ScenariosScreen
 

@@ -14,7 +14,7 @@ from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.net.results import Fault
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.history.link_statistics import LinkStatistics
 from trcvtui.rig.history.stream_index import StreamIndex
 

@@ -13,7 +13,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.table import BLOCKS
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 
 BENCH = """
 dialect = "baosky"

@@ -10,7 +10,6 @@ from trcvtui.net.results import Fault
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench.port_trouble import port_away, port_hint
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import Step
 from trcvtui.rig.diagnosis.advice import Advice, advice_on
@@ -20,6 +19,7 @@ from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.snapshots import EngineTiming
+from trcvtui.rig.wording import port_away, port_hint
 
 PROJECT = """
 dialect = "twincat"

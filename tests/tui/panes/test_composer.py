@@ -20,7 +20,7 @@ from trcvtui.project.project import MessageDecl, SequenceDecl
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import CheckSnapshot, CheckTally, ReplySnapshot
 from trcvtui.tui.app import BenchApp

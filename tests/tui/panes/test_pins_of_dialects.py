@@ -16,7 +16,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_tex
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.st_call import st_call
 from trcvtui.tui.app import BenchApp

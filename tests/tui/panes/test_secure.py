@@ -12,7 +12,7 @@ from tests.certificates import NEEDS_OPENSSL
 from tests.tui.looking import BOTH
 from tests.tui.panes.test_pins_of_dialects import Bench
 from trcvtui.rig.engine.controller import fresh_bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.tui.app import BenchApp
 

@@ -12,7 +12,7 @@ from tests.tui.fakes import bench_project, connections, peers, picture, receivin
 from tests.tui.looking import BOTH, WIDE, looking
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.picture import Picture
 from trcvtui.tui.panes.function_block import LATE_S
 

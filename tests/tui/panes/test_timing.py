@@ -15,7 +15,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import SMALL, WIDE, follow, same_screen, screen_text
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import duration
 from trcvtui.tui.panes.timing import LABEL, Timing

@@ -14,7 +14,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.local_driver import LocalDriver
+from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.snapshots import Fired
 from trcvtui.tui.app import BenchApp
 

@@ -13,6 +13,9 @@ from trcvtui.net.kernel import Kernel
 from trcvtui.net.layers.layer_kernel import SessionKernel
 from trcvtui.net.layers.layered_stream import LayerNote
 from trcvtui.net.os.kernel import OsKernel
+from trcvtui.net.os.network import LOOPBACK, set_loopback
+from trcvtui.net.os.network import enter as enter_namespace
+from trcvtui.net.os.network import is_own_network as is_own_network
 from trcvtui.net.os.serial import OsSerialPort
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
@@ -20,9 +23,8 @@ from trcvtui.net.sim.kernel import SimKernel
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.runtime import Runtime
-from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project
+from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
 from trcvtui.rig import clock
-from trcvtui.rig.bench.cable import set_link
 from trcvtui.rig.bench.program import Program, read_program
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.check_frames import Checker, frame
@@ -33,6 +35,27 @@ from trcvtui.rig.commands.table import record_row
 from trcvtui.rig.commands.words import CheckOn, Mend, PeerSend
 from trcvtui.rig.peers.peer import Peer, SelfActing, next_due
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
+
+NO_ADDRESSES: Final = SimDecl()
+
+
+def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
+    """Move this process into a fresh network with the addresses of [sim]; raise UserError where it cannot."""
+    if kernel != "live":
+        raise mistake("--netns", f"--kernel {kernel}", "--kernel live, which has a network to be moved")
+    wrong = enter_namespace(sim.addresses, sim.not_ethernet)
+    if wrong:
+        raise mistake("--netns", wrong, "one that lets a program have a network of its own")
+
+
+def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
+    """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and by what means it was done."""
+    if not isinstance(kernel, OsKernel):
+        return kernel.set_link(connect, up), "simulated wire"
+    if is_own_network():
+        how = "up" if up else "down: it carries every CONNECT and peer"
+        return set_loopback(up), f"interface {LOOPBACK} {how}"
+    return kernel.set_link(connect, up), "packets pass again" if up else "packets dropped at the sockets"
 
 
 def link_of(peer: PeerDecl, project: Project) -> str:

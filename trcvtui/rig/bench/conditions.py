@@ -8,9 +8,9 @@ from typing import Protocol
 from trcvtui.blocks.table import is_time, shown_by
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
-from trcvtui.rig.bench.port_trouble import port_away
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.peers.peer import Peer
+from trcvtui.rig.wording import port_away
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.values import decode_leaves
 from trcvtui.udt.literals import format_time

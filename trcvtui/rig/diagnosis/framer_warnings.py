@@ -13,8 +13,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.net.serial_line import OVER_TCP
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
-from trcvtui.rig.bench.port_trouble import port_away, port_hint
-from trcvtui.rig.wording import count
+from trcvtui.rig.wording import count, port_away, port_hint
 
 MS: Final = 1_000_000
 MUCH_NOISE: Final = 16  # bytes thrown away without a single frame

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.rig.bench.port_trouble import port_away, port_hint
 from trcvtui.rig.diagnosis.evidence import Evidence
-from trcvtui.rig.wording import count
+from trcvtui.rig.wording import count, port_away, port_hint
 
 Rule = Callable[[Evidence], str]
 

@@ -26,7 +26,7 @@ from trcvtui.rig.commands.edit import told as told_of
 from trcvtui.rig.commands.on_the_way import ends_of, free_port
 from trcvtui.rig.commands.table import parse_line, to_line
 from trcvtui.rig.commands.words import Mend
-from trcvtui.rig.engine.project_edits import Edits
+from trcvtui.rig.engine.project_edits import ProjectEdits
 from trcvtui.rig.engine.trigger_watch import Watching
 from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.reader import HistoryReader
@@ -35,7 +35,7 @@ from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.rig.history.waveform_recorder import WaveformRecorder
 from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.player import Player, refuse_too_many_steps
-from trcvtui.rig.scenario.recorded_session import Session
+from trcvtui.rig.scenario.recorded_session import Session, scenario_text, target, write_new
 from trcvtui.rig.scenario.scenario import load_scenario, start_steps
 from trcvtui.rig.snapshots import Answer, EngineTiming
 from trcvtui.rig.wording import count
@@ -152,7 +152,7 @@ class Console:
         self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
-        self._edits = Edits(bench.project)
+        self._edits = ProjectEdits(bench.project)
         self._home_kernel = bench.kernel_name
         self._begun_with = 0  # so many additions stood on the bench before its first scan
         self._answers: deque[Answer] = deque(maxlen=MOST_ANSWERS)
@@ -253,7 +253,6 @@ class Console:
 
     def _udt(self, rest: str) -> str:
         """Read the UDTs again; what is in DATA stays as it is."""
-        from trcvtui.rig.engine.controller import read_again  # read when first asked for
 
         if self.player is not None:
             return "the UDTs of a scenario are those of its own project"
@@ -291,12 +290,6 @@ class Console:
 
     def _save(self, rest: str) -> str:
         """Write the project, or what was done here as a scenario; of others' files none is written over."""
-        from trcvtui.rig.scenario.session_file import (  # read when first asked for
-            scenario_text,
-            target,
-            write_new,
-        )
-
         what, _, name = rest.partition(" ")
         if what != PROJECT and (what != SCENARIO or not name.strip()):
             raise mistake("prompt", f"'{SAVE} {rest}'", SAVE_LINES)

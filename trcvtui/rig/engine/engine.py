@@ -18,12 +18,12 @@ from typing import Final
 from trcvtui.errors import UserError
 from trcvtui.files import close_files
 from trcvtui.rig import clock
-from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.controller import Console
-from trcvtui.rig.engine.os_scheduling import be_punctual, quiet_collector
-from trcvtui.rig.engine.timing import Punctuality
+from trcvtui.rig.bench.bench import Bench, enter_own_network
+from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.timing import Punctuality, be_punctual, quiet_collector
 from trcvtui.rig.engine.update_pipe import Courier
-from trcvtui.rig.picture import PictureRequest
+from trcvtui.rig.picture import Picture, PictureRequest
+from trcvtui.rig.snapshots import EngineTiming
 
 
 def engine_main(
@@ -53,11 +53,8 @@ def _run(
     project = load_bench(path, overrides)
     channel.send(project)  # at once: the screen reads no file, it has its own library to import meanwhile
     from trcvtui.rig.engine.controller import fresh_bench
-    from trcvtui.rig.engine.engine import Engine
 
     if netns:
-        from trcvtui.rig.bench.cable import enter_own_network
-
         enter_own_network(kernel, project.sim)
     bench = fresh_bench(project, kernel)
     if read_only:
@@ -185,3 +182,42 @@ class Engine:
         """
         self._gaps_waited += 1
         return clock.now_ns() + self._picture_ns <= until or self._gaps_waited > MOST_GAPS
+
+
+class LocalDriver:
+    """The bench in this process, for simulation and tests; `scan` lets scans pass."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.console = Console(bench)
+        self._number = 0
+        self._picture: Picture | None = None
+
+    def submit(self, line: str) -> int:
+        """Carry out one bench command line."""
+        self._number += 1
+        self.console.take(self._number, line)
+        return self._number
+
+    def scan(self, scans: int = 1) -> None:
+        """Let scans pass, as far as they are not held."""
+        for _ in range(scans):
+            self.console.scan()
+
+    def request(self, request: PictureRequest) -> None:
+        """Take a picture now."""
+        self._picture = self.console.picture(request, EngineTiming(mode="in process"), request.most_lines)
+
+    def picture(self) -> Picture | None:
+        """Return the picture taken since the last call."""
+        picture, self._picture = self._picture, None
+        return picture
+
+    def restart(self) -> None:
+        """Begin anew with the project as it is now."""
+        bench = self.console.bench
+        bench.close()
+        self.console = Console(fresh_bench(bench.project, bench.kernel_name))
+
+    def close(self) -> None:
+        """End the bench."""
+        self.console.bench.close()

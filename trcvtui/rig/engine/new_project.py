@@ -9,7 +9,7 @@ from typing import Final, TextIO
 
 from trcvtui.dialects import DIALECTS
 from trcvtui.files import write_file
-from trcvtui.rig.scenario.session_file import SUFFIX
+from trcvtui.rig.scenario.recorded_session import SUFFIX
 
 PROPOSED: Final = "baosky"
 NO: Final = ("n", "no", "q")

@@ -10,8 +10,7 @@ from pathlib import Path
 from trcvtui.errors import UserError
 from trcvtui.files import refuse_input, replacing
 from trcvtui.rig import clock
-from trcvtui.rig.bench import cable as wire
-from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench.bench import Bench, enter_own_network, is_own_network
 from trcvtui.rig.scenario.report import FORMATS, Document
 from trcvtui.rig.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario
@@ -51,7 +50,7 @@ def run_files(
     With `netns` each file runs in a fresh network of this process's own.
     """
     if netns:
-        wire.enter_own_network(kernel)
+        enter_own_network(kernel)
     if out is None:
         return _run_all(paths, kernel, form, sys.stdout.write, overrides, lambda: None)
     where = f"--out {out}"
@@ -94,8 +93,8 @@ def _wrong(document: Document, path: Path, error: UserError) -> int:
 
 
 def _run_one(path: Path, scenario: Scenario, kernel: str, document: Document) -> bool:
-    if wire.is_own_network():
-        wire.enter_own_network(kernel, scenario.project.sim)
+    if is_own_network():
+        enter_own_network(kernel, scenario.project.sim)
     bench = Bench(scenario.project, kernel)
     report = document.begin(path, scenario, bench.runtime.interval_ns)
     pace: Pace = LivePace() if kernel == "live" else VirtualPace()

@@ -1,17 +1,121 @@
-"""Play a script on a bench without a stop: its steps in order, every scan observed, one verdict."""
+"""Play a script on a bench without a stop: its steps in order, every scan observed, one verdict.
+
+Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first; NEWEST for a failed step.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
 
+from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.table import block_row
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.scenario.delivery import Delivery, deliveries
-from trcvtui.rig.scenario.errors_told import Errors, ErrorTold
+from trcvtui.rig.diagnosis.advice import because
 from trcvtui.rig.scenario.step_runner import Failure, Stage
+
+MOST_KEPT: Final = 100
+NEWEST: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorTold:
+    """One cause of ERROR at one instance: its STATUS, the first and last scan, how many such edges."""
+
+    instance: str
+    status: int
+    text: str
+    scan: int
+    last: int
+    times: int = 1
+
+    def __str__(self) -> str:
+        """Return `TRCV_C_1 80C5 in scan 12: the partner closed ...`."""
+        when = f"in scan {self.scan}"
+        if self.times > 1:
+            when = f"{self.times} times in scans {self.scan} to {self.last}"
+        return f"{self.instance} {self.status:04X} {when}: {self.text}"
+
+
+class Errors:
+    """What has been seen so far."""
+
+    def __init__(self) -> None:
+        self._told: dict[tuple[str, int, str], ErrorTold] = {}
+
+    def see(self, scan: int, changed: Iterable[StatusEdge]) -> None:
+        """Take what changed in a scan."""
+        for edge in changed:
+            if not edge.outputs.error:
+                continue
+            told = ErrorTold(edge.instance, edge.outputs.status, because(edge.cause, edge.block), scan, scan)
+            key = told.instance, told.status, told.text
+            known = self._told.get(key)
+            self._told[key] = told if known is None else replace(known, last=scan, times=known.times + 1)
+            if len(self._told) > MOST_KEPT:
+                del self._told[next(iter(self._told))]
+
+    def all(self) -> tuple[ErrorTold, ...]:
+        """Return them in the order in which they came."""
+        return tuple(self._told.values())
+
+    def newest(self) -> tuple[ErrorTold, ...]:
+        """Return the newest ones, the newest last."""
+        return tuple(sorted(self._told.values(), key=lambda told: told.last)[-NEWEST:])
+
+
+def cause_record(cause: Cause, block: str) -> dict[str, object]:
+    """Return a cause as an object of JSON: what took no part is null."""
+    return {
+        "text": because(cause, block),
+        "call": cause.asked or None,
+        "errno": cause.errno or None,
+        "peer": cause.peer or None,
+        "injected": cause.injected,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Bytes of a CONNECT's present connection, from its beginning.
+
+    `accepted` by the local stack; `unacknowledged` of these by the partner's stack (None: this system does
+    not say); `read_by_peer`: by the partner's program (None: the partner is no peer of this bench).
+    """
+
+    accepted: int
+    unacknowledged: int | None
+    read_by_peer: int | None
+
+
+NONE_SENT: Final[Mapping[str, Delivery]] = {}
+
+
+def deliveries(bench: Bench, changed: Iterable[StatusEdge]) -> Mapping[str, Delivery]:
+    """Return how far the bytes have come, for each instance that shows a sent frame in this scan."""
+    return {
+        edge.instance: found
+        for edge in changed
+        if edge.outputs.done
+        and block_row(edge.block).sends_stream
+        and (found := _delivery(bench, edge.instance)) is not None
+    }
+
+
+def _delivery(bench: Bench, instance: str) -> Delivery | None:
+    decl = bench.project.instance(instance)
+    sent = bench.runtime.sent(decl.connect) if decl is not None else None
+    if sent is None:
+        return None
+    read = [
+        peer.received_here
+        for peer in (peer.snapshot() for peer in bench.peers.values())
+        if peer.state == "connected" and (peer.local, peer.remote) == (sent.remote, sent.local)
+    ]
+    return Delivery(sent.accepted, sent.unacknowledged, read[0] if read else None)
 
 
 @dataclass(frozen=True, slots=True)

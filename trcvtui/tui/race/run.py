@@ -12,10 +12,9 @@ from types import FrameType
 from typing import Final
 
 from trcvtui.errors import UserError
-from trcvtui.rig.scenario.race import InstanceRace, Race, ScanRow, race_file
-from trcvtui.rig.scenario.race_report import DIALECT_NAMES
+from trcvtui.rig.scenario.race import DIALECT_NAMES, InstanceRace, Race, ScanRow, race_file
+from trcvtui.rig.scenario.recorded_session import marked_scan
 from trcvtui.rig.scenario.scenario import load_scenario
-from trcvtui.rig.scenario.session_file import marked_scan
 
 SESSION_FILE: Final = "session.toml"
 HANG_UP: Final = getattr(signal, "SIGHUP", None)  # not on every system

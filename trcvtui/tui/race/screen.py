@@ -240,7 +240,7 @@ class RaceScreen(SideScreen[None]):
 
     def action_yank(self) -> None:
         """Take the whole race as text."""
-        from trcvtui.rig.scenario.race_report import race_text  # read when first asked for
+        from trcvtui.rig.scenario.race import race_text  # read when first asked for
         from trcvtui.tui.clipboard_and_files import take
         from trcvtui.tui.copy_formats import Format
 

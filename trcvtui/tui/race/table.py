@@ -8,8 +8,17 @@ from typing import ClassVar, Final
 from textual import events
 from textual.binding import BindingType
 
-from trcvtui.rig.scenario.race import CALLED, InstanceRace, Note, Race, ScanRow, Shown
-from trcvtui.rig.scenario.race_report import DIALECT_NAMES, summary, title_of
+from trcvtui.rig.scenario.race import (
+    CALLED,
+    DIALECT_NAMES,
+    InstanceRace,
+    Note,
+    Race,
+    ScanRow,
+    Shown,
+    summary,
+    title_of,
+)
 from trcvtui.tui.formatting import clip, count, lamp, moment, pad, plain, wrapped
 from trcvtui.tui.messages import DialectToggled, RaceRowSelected
 from trcvtui.tui.widgets.line_view import EMPTY, MOVES, LineView, OneLine, Part, Row, TextView, row

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 from textual.binding import BindingType
 
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.rig.scenario.files import ScenarioFile, ScriptLine
+from trcvtui.rig.scenario.scenario import ScenarioFile, ScriptLine
 from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, PlayerSnapshot, StepSnapshot
 from trcvtui.tui.formatting import clip, lamp, plain, wrapped
 from trcvtui.tui.scenarios.scenario_list import ScenarioListModel

@@ -10,7 +10,7 @@ from textual import events
 from textual.binding import BindingType
 
 from trcvtui.rig import configs_path
-from trcvtui.rig.scenario.files import Found, ScenarioFile, read_scenario_file
+from trcvtui.rig.scenario.scenario import Found, ScenarioFile, read_scenario_file
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.messages import ScenarioChosen, ScenarioWanted
 from trcvtui.tui.widgets.line_view import ARROW_MOVES, EMPTY, LineView, Row, row

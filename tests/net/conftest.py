@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.net.iso_bench import IsoBench, Net, OsNetwork
-from tests.net.net_sim import SimNetwork
+from tests.net.layers.iso_bench import IsoBench, Net, OsNetwork
+from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.sim.kernel import SimKernel
 
 

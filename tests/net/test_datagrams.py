@@ -10,9 +10,9 @@ import pytest
 
 from tests.net.facts_datagrams import opened, say, take, try_take
 from tests.net.net_bench import ANY_PORT, Bench
-from tests.net.net_sim import MS, SimBench
+from tests.net.os.test_os_kernel import OsNetwork
+from tests.net.sim.net_sim import MS, SimBench
 from tests.net.test_faults import FaultyBench, injected
-from tests.net.test_os_kernel import OsNetwork
 from trcvtui.net.kernel import Handle
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault

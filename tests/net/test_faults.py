@@ -6,7 +6,7 @@ import pytest
 
 from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import ANY_PORT, Bench
-from tests.net.net_sim import SimBench, SimNetwork
+from tests.net.sim.net_sim import SimBench, SimNetwork
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, FaultPlan, FaultyKernel
 from trcvtui.net.kernel import CALLS, Accepted, KernelLoss

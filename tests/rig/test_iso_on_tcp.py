@@ -10,7 +10,7 @@ from tests.rig.iso_desk import PASSIVE, Desk
 from tests.rig.scenarios import CONFIGS, failures, play
 from tests.rig.test_golden_traces import walk
 from trcvtui.net.faults import FaultyKernel
-from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
@@ -124,5 +124,5 @@ def test_without_a_session_no_kernel_stands_in_front_of_the_kernel(tmp_path: Pat
     assert isinstance(plain.runtime._kernel, FaultyKernel)
     plain.close()
     iso = Bench(load_project(CONFIGS / "s7-iso-passive.toml"), "sim")
-    assert isinstance(iso.runtime._kernel, SessionKernel)
+    assert isinstance(iso.runtime._kernel, LayerKernel)
     iso.close()

@@ -9,7 +9,7 @@ import pytest
 from tests.certificates import Certificates
 from tests.rig.iso_desk import Desk
 from trcvtui.net.faults import FaultyKernel
-from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.layers.layer_kernel import LayerKernel
 
 PLAIN = """
 dialect = "s7-1500"
@@ -64,7 +64,7 @@ def test_iso_on_tcp_is_added_and_plain_tcp_goes_on(tmp_path: Path, kernel: str) 
     desk.say("add instance R2 block=TRCV_C connect=C2 data=rx CONT=1 EN_R=1")
     desk.say("add peer P2 remote=@C2 iso=true local_tsap=E0.01 remote_tsap=E0.02", "run 4", "peer P2 connect")
     desk.until_status("R2", "7006")
-    assert isinstance(desk.bench.runtime._kernel, SessionKernel)
+    assert isinstance(desk.bench.runtime._kernel, LayerKernel)
     receives(desk, "R2", "P2")
     receives(desk, "R1", "P1")  # over the very connection of before
     assert desk.bench.peers["P1"].state == "connected"

@@ -57,7 +57,7 @@ def nothing_known() -> Mapping[Handle, str] | None:
     return None
 
 
-class SessionKernel:
+class LayerKernel:
     """`clock` gives the time in ns; `told` hears of clients that were dropped, and of sessions that ended.
 
     `polls`: clients go into the poll set before they are accepted; False: nobody here has one.

@@ -10,7 +10,7 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, Work
 from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
 from trcvtui.net.kernel import Kernel
-from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.net.layers.layered_stream import LayerNote
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.os.network import LOOPBACK, set_loopback
@@ -155,7 +155,7 @@ class Bench:
         small = self.project.rules.policy.small_buffers
         return Peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
 
-    def _with_sessions(self) -> SessionKernel:
+    def _with_sessions(self) -> LayerKernel:
         """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else.
 
         One session of each is made for nothing, so that no scan has to load the library and the certificates.
@@ -163,12 +163,12 @@ class Bench:
         for config in self.project.connects:
             if config.session is not None:
                 config.session.new(config.active)
-        return SessionKernel(self._faulty, lambda: self.now, self._of_a_session, work=self._work)
+        return LayerKernel(self._faulty, lambda: self.now, self._of_a_session, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
-        return SessionKernel(
+        return LayerKernel(
             self._kernel, lambda: self.now, self._of_a_session, polls=False, work=self._peers_work
         )
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.net.net_bench import Bench
-from tests.net.net_sim import MS, SimBench, SimNetwork
+from tests.net.sim.net_sim import MS, SimBench, SimNetwork
 from trcvtui.net.kernel import Handle, SocketOptions
 from trcvtui.net.results import Fault
 from trcvtui.net.sim.kernel import SimKernel

@@ -1,4 +1,4 @@
-"""What several tests of rig stand on."""
+"""A wire on each of the two kernels."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.net.test_os_kernel import no_descriptor_left
+from tests.net.os.test_os_kernel import no_descriptor_left
 from trcvtui.net.connection.config import ConnectConfig, Policy
 from trcvtui.net.connection.resources import ConnectionIds, Work
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, wrong_local_address

@@ -287,7 +287,7 @@ def test_close_all_frees_every_handle_and_the_poll_set() -> None:
 @pytest.mark.slow
 def test_a_real_cut_link_is_etimedout_idle_and_with_data_in_flight() -> None:
     script = Path(__file__).with_name("cut_loopback.py")
-    root = str(script.parents[2])
+    root = str(script.parents[3])
     run = subprocess.run(
         [sys.executable, str(script)],
         capture_output=True, text=True, timeout=60, check=False, env={**os.environ, "PYTHONPATH": root},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.net.iso_bench import CAP, E001, E002, SECOND, IsoBench, raw_client
+from tests.net.layers.iso_bench import CAP, E001, E002, SECOND, IsoBench, raw_client
 from trcvtui.net.kernel import Handle
 from trcvtui.net.layers.iso_on_tcp import CAPS, Code, Connect, Data, IsoSettings, encode
 from trcvtui.net.layers.layered_stream import ENDED

@@ -8,7 +8,7 @@ import pytest
 
 from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import ANY_PORT, Bench
-from tests.net.net_sim import MS, SimBench, SimNetwork
+from tests.net.sim.net_sim import MS, SimBench, SimNetwork
 from trcvtui.net.kernel import LocalAddress
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel

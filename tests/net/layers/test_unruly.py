@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.net.iso_bench import (
+from tests.net.layers.iso_bench import (
     CAP,
     E001,
     E002,

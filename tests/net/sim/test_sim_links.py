@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.net.net_bench import Pair
-from tests.net.net_sim import MS, SimBench
+from tests.net.sim.net_sim import MS, SimBench
 from trcvtui.net.kernel import KernelLoss, PathInfo, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault
 from trcvtui.net.sim.kernel import SimKernel

@@ -1,25 +1,25 @@
-"""SessionKernel: not there where no session is wanted; a connection stands when its session does."""
+"""LayerKernel: not there where no session is wanted; a connection stands when its session does."""
 
 from __future__ import annotations
 
 import pytest
 
 from tests.net.contract import FACTS, OF_THE_WIRE, Fact
-from tests.net.iso_bench import CAP, WAITS, IsoBench, OsNetwork
+from tests.net.layers.iso_bench import CAP, WAITS, IsoBench, OsNetwork
 from tests.net.net_bench import Bench
-from tests.net.net_sim import SimNetwork
+from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.kernel import Accepted, KernelLoss, SocketOptions
-from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Fault
 from trcvtui.net.sim.kernel import SimKernel
 
 
 class Through:
-    """A network seen through a SessionKernel that nobody asks for a session."""
+    """A network seen through a LayerKernel that nobody asks for a session."""
 
     def __init__(self, below: SimNetwork | OsNetwork) -> None:
         self.below = below
-        self.kernel = SessionKernel(below.kernel, lambda: 0, lambda *told: None)
+        self.kernel = LayerKernel(below.kernel, lambda: 0, lambda *told: None)
 
     def breathe(self) -> None:
         self.below.breathe()

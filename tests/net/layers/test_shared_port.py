@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.net.iso_bench import CAP, E001, E002, E003, WAITS, IsoBench
+from tests.net.layers.iso_bench import CAP, E001, E002, E003, WAITS, IsoBench
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Fault
 

@@ -1,4 +1,4 @@
-"""A bench of two networks with a SessionKernel in front; its clock stands until somebody moves it."""
+"""A bench of two networks with a LayerKernel in front; its clock stands until somebody moves it."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import select
 import socket
 
 from tests.net.net_bench import ANY_PORT, LOOPBACK, Bench
-from tests.net.net_sim import SimNetwork
+from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.faults import FaultPlan, FaultyKernel
 from trcvtui.net.kernel import Handle, SocketOptions
 from trcvtui.net.layers.iso_on_tcp import IsoSettings, TpktReader
-from trcvtui.net.layers.layer_kernel import SessionKernel
+from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.net.layers.layered_stream import DROPPED, LayerNote
 from trcvtui.net.os.kernel import OsKernel
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault
@@ -48,7 +48,7 @@ class Net:
         self.heard: list[tuple[str, str, str]] = []  # of everything else: CONNECT, what, why
         self.below = below
         self.faulty = FaultyKernel(below.kernel, FaultPlan())
-        self.kernel = SessionKernel(self.faulty, lambda: self.now, self._hear)
+        self.kernel = LayerKernel(self.faulty, lambda: self.now, self._hear)
 
     def _hear(self, note: LayerNote) -> None:
         assert note.client.startswith(LOOPBACK)

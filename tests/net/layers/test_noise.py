@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.net.iso_bench import E001, E002, SECOND, IsoBench, Net
-from tests.net.net_sim import SimNetwork
-from tests.net.test_iso_on_tcp import TPDUS
+from tests.net.layers.iso_bench import E001, E002, SECOND, IsoBench, Net
+from tests.net.layers.test_iso_on_tcp import TPDUS
+from tests.net.sim.net_sim import SimNetwork
 from trcvtui.net.kernel import Accepted, SocketOptions
 from trcvtui.net.layers.iso_on_tcp import REMARKS, Code, Connect, IsoSettings, encode
 from trcvtui.net.layers.layered_stream import ENDED, IGNORED, PIECE

@@ -178,7 +178,7 @@ class FaultyKernel:
         return self.inner.set_link(owner, up)
 
     def readable(self, handle: Handle) -> bool:
-        """Return whether the last poll saw something, or a client still waits behind a planned fault."""
+        """Return whether the last poll saw something, or a client still waits after a planned fault."""
         return self.inner.readable(handle) or handle in self._held
 
     def renew(self, handle: Handle) -> bool:

@@ -18,6 +18,7 @@ class WouldBlock(Enum):
     HELD_BACK = "HELD_BACK"
 
 
+ANY_ADDRESS: Final = "0.0.0.0"
 WOULD_BLOCK: Final = WouldBlock.WOULD_BLOCK
 HELD_BACK: Final = WouldBlock.HELD_BACK
 
@@ -36,7 +37,7 @@ class Fault:
     peer: str = field(default="", compare=False)
 
     def __str__(self) -> str:
-        """Return `bind EADDRINUSE`, with `(injected)` behind it where a plan did it."""
+        """Return `bind EADDRINUSE`, with `(injected)` after it where a plan did it."""
         return f"{self.call} {self.error}" + (" (injected)" if self.injected else "")
 
 

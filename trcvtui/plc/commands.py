@@ -56,7 +56,7 @@ class PlcRun:
 
 @dataclass(frozen=True, slots=True)
 class CreateInstance:
-    """A new instance: it is called from this scan on, behind those of its task that are there already."""
+    """A new instance: it is called from this scan on, after those of its task that are there already."""
 
     decl: InstanceDecl
     place: int | None = None  # in the call order of all; None: the last

@@ -130,7 +130,7 @@ class Ledger:
         self.t_ns = 0
 
     def write(self, event: Event) -> None:
-        """Append one event of the running scan, or of the time behind it."""
+        """Append one event of the running scan, or of the time after it."""
         self.last_seq += 1
         self._stamped.append((self.scan, self.t_ns, event))
 

@@ -417,7 +417,7 @@ class Runtime:
         if isinstance(before, InstanceDecl):
             given = dict(before.inputs)
             kept |= {pin: value for pin, value in decl.inputs if given.get(pin) != value}
-        self._lines.leave(decl.name)
+        self._lines.detach(decl.name)
         instance.leave("declared anew")
         fresh = self._instances[decl.name] = self._instance(decl)
         fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
@@ -447,7 +447,7 @@ class Runtime:
         del self._instance_snapshots[name]
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(name, "deleted"))
-        self._lines.leave(name)
+        self._lines.detach(name)
         instance.leave("instance deleted")
 
     def _download(self, name: str) -> None:

@@ -166,12 +166,12 @@ class StreamDrain:
         if earlier._connection is self._connection:
             self._incarnation = earlier._incarnation
         else:
-            earlier.leave()
+            earlier.detach()
 
     def left(self) -> None:
         """The TSEND_C is deleted; what waits may still go over its connection."""
 
-    def leave(self) -> None:
+    def detach(self) -> None:
         """Turn to another connection: what waited for this one goes with it."""
         if self._incarnation is not None:
             self._buffer.empty("connection closed")
@@ -186,7 +186,7 @@ class StreamDrain:
         connection = self._connection
         is_up = connection.state is State.CONNECTED
         if not is_up or connection.incarnation != self._incarnation:
-            self.leave()
+            self.detach()
         if is_up:
             self._incarnation = connection.incarnation
 
@@ -261,7 +261,7 @@ class StreamFeed:
         if earlier._connection is self._connection:
             self._incarnation, self._was_asked = earlier._incarnation, earlier._was_asked
         else:
-            earlier.leave()
+            earlier.detach()
 
     def left(self) -> None:
         """The TRCV_C is deleted: nobody holds the line any more."""
@@ -274,7 +274,7 @@ class StreamFeed:
         if self._incarnation is not None and not self._is_same(self._connection):
             self._close()
 
-    def leave(self) -> None:
+    def detach(self) -> None:
         """Turn to another connection: what came over this one has ended."""
         if self._incarnation is not None:
             self._close()

@@ -116,7 +116,7 @@ class SerialLines:
                 instance.join(stream)
                 return
 
-    def leave(self, name: str) -> None:
+    def detach(self, name: str) -> None:
         """An instance is deleted: what is in its ComBuffer is still of its connection."""
         if name in self._streams:
             self._streams[name].left()
@@ -129,7 +129,7 @@ class SerialLines:
             case (StreamDrain() as before, StreamDrain()):
                 stream.follow(before)
             case (other, _) if other is not None:
-                other.leave()
+                other.detach()
         self._streams[name] = stream
         self._orphans.discard(name)
 

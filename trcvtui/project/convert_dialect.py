@@ -13,12 +13,12 @@ from trcvtui.blocks.table import known_blocks
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.dialects.switches import format_value, read_switches
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig
+from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import Description
 from trcvtui.net.connection.description_check import Finding, Flaw, Protocol, as_param, meaning, narrow_tsap
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
-from trcvtui.net.results import Endpoint
+from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project.descriptions import LOOPBACK
 from trcvtui.project.keys import around_of, read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project

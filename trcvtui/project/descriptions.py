@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from trcvtui.blocks.rules import Rules
-from trcvtui.net.connection.config import ANY_ADDRESS, TADDR_PARAM, AddrParam, ConnectConfig, parse_address
+from trcvtui.net.connection.config import TADDR_PARAM, AddrParam, ConnectConfig, parse_address
 from trcvtui.net.connection.description import (
     ADDRESSES,
     CONNECTIONS,
@@ -39,7 +39,7 @@ from trcvtui.net.connection.description_check import (
 from trcvtui.net.layer import LayerSettings
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
-from trcvtui.net.results import Endpoint, is_loopback, octets
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, octets
 from trcvtui.project.layers import DB_BYTES, TSAP, UNSAFE, db_bytes, is_secure, secure
 from trcvtui.project.names import expected_name, parse_reference
 from trcvtui.project.project import Certificates

@@ -18,10 +18,10 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.table import block_row, buffer_pins, is_time, known_blocks, pointer_pins
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError
-from trcvtui.net.connection.config import ANY_ADDRESS, AddrParam, ConnectConfig, UdpConfig
+from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
-from trcvtui.net.results import Endpoint
+from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project import descriptions
 from trcvtui.project.layers import (

@@ -8,8 +8,9 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Outcome
-from trcvtui.net.connection.config import ANY_ADDRESS, RemoteAddress
+from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.udp import UdpEndpoint
+from trcvtui.net.results import ANY_ADDRESS
 
 TARGETS: Final = ("TADDR_Param",)
 SOURCES: Final = ("TADDR_Param", "TADDR_RCV_IP")

@@ -237,7 +237,7 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
         datagram_too_long=Condition.MESSAGE_TOO_LONG,
         policy=Policy(
             retry_ns=int(chosen["retry"]),
-            pauses_behind_idle=True,
+            pauses_after_idle=True,
             attempt_limit_ns=int(chosen["attempt_limit"]),
             backlog=int(chosen["backlog"]),
             small_buffers=bool(chosen["small_buffers"]),

@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.net.connection.description import ADDRESSES, Description, Value, pack
 from trcvtui.net.connection.description_check import Finding
 from trcvtui.net.layer import LayerSettings
-from trcvtui.net.results import Endpoint, Fault, octets
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, Fault, octets
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Policy:
     """What a dialect decides about connections; times in ns."""
 
     retry_ns: int = 1_000_000_000
-    pauses_behind_idle: bool = False  # an active end whose connection fell before a byte moved waits retry_ns
+    pauses_after_idle: bool = False  # an active end whose connection fell before a byte moved waits retry_ns
     attempt_limit_ns: int = 5_000_000_000
     strict_local_address: bool = False
     check_remote_ip: bool = True
@@ -29,11 +29,10 @@ class Policy:
     backlog: int = 128  # clients that the listener's queue holds
     small_buffers: bool = False
     tpdu_default: int = 1024  # bytes of a DT to a partner of ISO-on-TCP who tells no size
-    narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 behind it, then ASCII
+    narrow_tsaps: bool = False  # as an S7-1200: E0 or E1 with 00 or 01 after it, then ASCII
     user_timeout: bool = True  # sent bytes that nobody acknowledges for 3 intervals end the connection
 
 
-ANY_ADDRESS: Final = "0.0.0.0"
 ANY_END: Final = Endpoint(ANY_ADDRESS, 0)
 SYSTEM_KEEP_ALIVE_S: Final = 10  # KeepAliveTimeInterval = 0 means the system setting, 10 s
 LONGEST_KEEP_ALIVE_S: Final = 32767  # what a stack takes (Linux, MAX_TCP_KEEPIDLE); a UINT can ask for more

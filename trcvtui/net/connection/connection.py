@@ -112,7 +112,7 @@ class State(StrEnum):
 # Rule 1: bytes that nobody acknowledges for 3 keep-alive intervals end the connection; idle ones are left to
 # keep-alive, which takes as long.
 # Rule 2: a partner that lives but does not read has closed its window: then no limit, it may take for ever.
-# Rule 3: where closed windows are probed often, an ACK older than the limit is a dead link behind one.
+# Rule 3: where closed windows are probed often, an ACK older than the limit is a dead link.
 
 
 class Sent(Enum):
@@ -351,7 +351,7 @@ class Connection:
     # -- data: TRCV -----------------------------------------------------------------------------
 
     def receive(self, into: memoryview, instance: str = "") -> int | WouldBlock | ConnectionLoss:
-        """Read at most len(into) bytes; a loss is answered behind the last queued byte, and releases."""
+        """Read at most len(into) bytes; a loss is answered after the last queued byte, and releases."""
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
@@ -369,14 +369,14 @@ class Connection:
         return WOULD_BLOCK
 
     def _read_out(self, loss: ConnectionLoss) -> WouldBlock | ConnectionLoss:
-        """Release the connection behind the last byte; a whole frame that others have read shows before."""
+        """Release the connection after the last byte; a whole frame that others have read shows first."""
         if not self.receiving.has_frame():
             return self._lose(loss)
         self.pending_loss = loss
         return WOULD_BLOCK
 
     def receive_message(self, into: memoryview, instance: str) -> Datagram | WouldBlock | ConnectionLoss:
-        """Take one message; what there is no room for is gone. A loss is answered behind the last message."""
+        """Take one message; what there is no room for is gone. A loss is answered after the last message."""
         assert self.handle is not None
         got = self._kernel.recv_from(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
@@ -457,7 +457,7 @@ class Connection:
         left = self.unread()
         self.drop(-1, left, "connection lost")
         idle = loss.kind is LossKind.REFUSED or not (left or self.bytes_received or self.bytes_sent)
-        self._pauses = idle and self.config.active and self._policy.pauses_behind_idle
+        self._pauses = idle and self.config.active and self._policy.pauses_after_idle
         loss = replace(loss, release_fault=self._kernel.poll_del(self.handle))
         self._kernel.close(self.handle)
         fin = loss.kind is LossKind.CLOSED_BY_PARTNER
@@ -470,7 +470,7 @@ class Connection:
     # -- data: TSEND ----------------------------------------------------------------------------
 
     def look_before_sending(self) -> ConnectionLoss | None:
-        """Look for a loss on behalf of a send job: the stack would still take bytes behind a FIN (3.4)."""
+        """Look for a loss on behalf of a send job: the stack would still take bytes after a FIN (3.4)."""
         assert self.handle is not None
         return self._look_for_loss(self.handle)
 

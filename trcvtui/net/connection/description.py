@@ -255,7 +255,7 @@ class DescriptionRow(NamedTuple):
 
 
 def rows(description: Description, remarks: Mapping[str, str]) -> tuple[DescriptionRow, ...]:
-    """Return the description field by field, and what lies between and behind the fields.
+    """Return the description field by field, and what lies between and after the fields.
 
     `remarks` are by field name, "" for the whole.
     """

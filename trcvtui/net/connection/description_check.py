@@ -18,9 +18,8 @@ from trcvtui.net.connection.description import (
     Value,
     pack,
 )
-from trcvtui.net.results import is_group, is_loopback
+from trcvtui.net.results import ANY_ADDRESS, is_group, is_loopback
 
-ANY_ADDRESS: Final = "0.0.0.0"
 MOST_ID: Final = 4095
 UDP_TYPE: Final = 19
 CHECKS_NAME: Final = 1  # bit 0 of ExtTLSCapabilities

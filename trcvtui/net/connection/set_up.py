@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Final
 
-from trcvtui.net.connection.config import ANY_ADDRESS, ConnectConfig, Policy
+from trcvtui.net.connection.config import ConnectConfig, Policy
 from trcvtui.net.connection.resources import ACCEPT, TURN_AWAY, ConnectionIds, IdHolder, Party, Work
 from trcvtui.net.events import What
 from trcvtui.net.kernel import Accepted, Handle, Kernel, LocalAddress, SocketOptions
-from trcvtui.net.results import WOULD_BLOCK, Endpoint, Fault, WouldBlock, is_group, is_loopback
+from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, Fault, WouldBlock, is_group, is_loopback
 
 
 def wrong_local_address(address: str, own: tuple[LocalAddress, ...], strict: bool) -> str:

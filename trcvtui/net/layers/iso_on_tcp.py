@@ -117,7 +117,7 @@ class Ignored(NamedTuple):
 
 
 class Malformed(NamedTuple):
-    """What cannot be read; the connection cannot go on behind it."""
+    """What cannot be read; the connection cannot go on after it."""
 
     what: str
 
@@ -126,7 +126,7 @@ Tpdu = Connect | Data | Disconnect | Rejected | Ignored | Malformed
 
 
 class TpktReader:
-    """Puts TPDUs together from bytes that come in any pieces; behind `Malformed` nothing more is read."""
+    """Puts TPDUs together from bytes that come in any pieces; after `Malformed` nothing more is read."""
 
     def __init__(self) -> None:
         self.agreed: int | None = None  # bytes of a DT, where both ends have told
@@ -186,7 +186,7 @@ def _wrong_tpkt(version: int, size: int) -> str:
 
 
 def parse(tpdu: bytes) -> Tpdu:
-    """Return the TPDU behind a TPKT header; `tpdu` begins with its length indicator."""
+    """Return the TPDU after a TPKT header; `tpdu` begins with its length indicator."""
     length = tpdu[0]
     if length < 2 or length == 255 or length + 1 > len(tpdu):
         return Malformed(f"length indicator {length} in a TPDU of {len(tpdu)} bytes")
@@ -488,7 +488,7 @@ class IsoOnTcp:
         self._output += encode(Connect(Code.CC, *refs, request.calling, request.called, size))
 
     def refuse(self, is_known: bool) -> None:
-        """Answer the CR with a DR; the stream is closed behind it."""
+        """Answer the CR with a DR; then the stream is closed."""
         if self.request is not None:
             reason = Refusal.NOBODY_WAITS if is_known else Refusal.UNKNOWN_TSAP
             self._output += encode(Disconnect(self.request.source_ref, 0, reason))

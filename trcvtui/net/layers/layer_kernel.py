@@ -345,7 +345,7 @@ class LayerKernel:
     # -- the end ---------------------------------------------------------------------------------------------
 
     def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
-        """Send FIN, behind the session's own last word."""
+        """Send FIN, after the session's own last word."""
         stream = self._streams.get(handle)
         if stream is not None:
             stream.goodbye()

@@ -83,9 +83,7 @@ class TlsSettings(Credentials):
     shares_port: bool = False
 
     def new(self, is_active: bool) -> LayerSession:
-        """Return a fresh session; the library is loaded with the first, for who has none need not wait."""
-        from trcvtui.net.layers.tls import Tls
-
+        """Return a fresh session."""
         return Tls(self, is_active)
 
 

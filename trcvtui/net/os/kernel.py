@@ -1,4 +1,4 @@
-"""The real network: non-blocking IPv4 sockets behind the Kernel seam.
+"""The real network: non-blocking IPv4 sockets that answer as the Kernel seam says.
 
 A handle is the socket's descriptor. What `poll` saw is one picture for the whole scan: a handle of the poll
 set that it did not see costs no system call until the next poll; a handle outside the set is always tried.
@@ -122,7 +122,7 @@ class OsKernel(DatagramCalls):
         self._polls: PollSet | None = None
         self._polled: set[int] = set()
         self._ready: dict[int, int] = {}
-        self._held: dict[int, str] = {}  # an error found behind bytes that were answered first
+        self._held: dict[int, str] = {}  # an error found after bytes that were answered first
         self._told: set[int] = set()  # handles whose error one call has answered
         self._addresses: tuple[LocalAddress, ...] = ()
         self._addresses_are_new = False  # asked since the last poll: many attempts in one scan ask once
@@ -303,7 +303,7 @@ class OsKernel(DatagramCalls):
         return taken if taken == len(into) or not taken else self._drain(handle, into, taken)
 
     def _drain(self, handle: int, into: memoryview, taken: int) -> int:
-        """Read on behind a first short read: the sender may have refilled the window meanwhile.
+        """Read on after a first short read: the sender may have refilled the window meanwhile.
 
         A bounded number of times: a partner who sends byte by byte must not keep the scan here.
         """
@@ -346,7 +346,7 @@ class OsKernel(DatagramCalls):
         if not mask & GONE and (RDHUP or not self._peeks_the_end(handle, sock)):
             return None
         error = self._take_error(handle, sock)
-        # A RST behind a FIN is EPIPE: the FIN came first, and recv answers 0 too.
+        # A RST after a FIN is EPIPE: the FIN came first, and recv answers 0 too.
         fault = Fault("recv", error) if error and error != "EPIPE" else None
         return KernelLoss(fault, self.unread(handle))
 

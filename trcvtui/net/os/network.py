@@ -15,10 +15,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from trcvtui.net.connection.config import ANY_ADDRESS
 from trcvtui.net.kernel import LocalAddress
 from trcvtui.net.os.system_calls import error_name
-from trcvtui.net.results import WOULD_BLOCK, Fault, WouldBlock, broadcast_of, octets
+from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Fault, WouldBlock, broadcast_of, octets
 
 # -- a network of our own, without privileges: a user and a network namespace of Linux ---------------------
 #

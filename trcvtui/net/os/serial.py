@@ -85,7 +85,7 @@ def fault_of(call: str, problem: BaseException) -> Fault:
 
 
 def _chain(problem: BaseException | None) -> Iterator[BaseException]:
-    """Return a problem and those that it was raised behind."""
+    """Return a problem and those that it was raised after."""
     while problem is not None:
         yield problem
         problem = problem.__cause__ or problem.__context__

@@ -13,9 +13,18 @@ from functools import partial
 from typing import Final
 
 from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo, SocketOptions
-from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock, broadcast_of, is_group
+from trcvtui.net.results import (
+    ANY_ADDRESS,
+    WOULD_BLOCK,
+    Datagram,
+    Endpoint,
+    Fault,
+    WouldBlock,
+    broadcast_of,
+    is_group,
+)
 from trcvtui.net.sim.network import LOOPBACK, PortTable, SimSocket, SimWire, is_sane
-from trcvtui.net.sim.stream import ANY, StreamPhase
+from trcvtui.net.sim.stream import StreamPhase
 from trcvtui.net.sim.timers import MS
 
 # Datagrams of one sender stay in order; one that finds nobody, a cut link or a full queue is gone.
@@ -68,7 +77,7 @@ class DatagramWire:
     def _socket_at(self, end: Endpoint) -> SimDatagrams | None:
         """Return who gets it: the socket of that very address, else one of all; the newest of several."""
         holders = self._bound.get(end.port, []) if self.wire.owns(end.address) else []
-        for address in (end.address, ANY):
+        for address in (end.address, ANY_ADDRESS):
             for socket in reversed(holders):
                 if socket.claim.address == address:
                     return socket
@@ -114,12 +123,12 @@ class SimDatagrams(SimSocket):
 
     def send_to(self, data: memoryview, end: Endpoint) -> str:
         """Send one datagram; a socket without a port takes a free one."""
-        remote = Endpoint(LOOPBACK, end.port) if end.address == ANY else end
+        remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
         error = self._cannot_send(len(data), remote)
         if error:
             return error
         if not self.claim.port:
-            error = self.bind(Endpoint(ANY, 0))
+            error = self.bind(Endpoint(ANY_ADDRESS, 0))
         if not error:
             source = Endpoint(self._source_for(remote.address), self.claim.port)
             self._datagrams.carry(self.owner, source, remote, bytes(data))
@@ -415,7 +424,7 @@ class SimKernel:
         if socket.stream is None:
             return KernelLoss(None, 0)
         error = socket.stream.take_error()
-        # A RST behind a FIN is EPIPE: the FIN came first, and recv answers 0 too.
+        # A RST after a FIN is EPIPE: the FIN came first, and recv answers 0 too.
         fault = Fault("recv", error) if error and error != "EPIPE" else None
         return KernelLoss(fault, socket.stream.unread)
 

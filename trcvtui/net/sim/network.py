@@ -1,4 +1,4 @@
-"""The simulated network: its ports, the wire that carries segments, and the socket behind each handle.
+"""The simulated network: its ports, the wire that carries segments, and the socket of each handle.
 
 The methods of a socket answer "" or an errno name, as the system calls of Linux do (status-reproduction
 2.2, 2.3, 3.1).
@@ -12,9 +12,8 @@ from dataclasses import replace
 from typing import Final
 
 from trcvtui.net.kernel import SocketOptions
-from trcvtui.net.results import Endpoint, is_group, is_loopback, octets
+from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_group, is_loopback, octets
 from trcvtui.net.sim.stream import (
-    ANY,
     RESET,
     RTO_MAX,
     Flag,
@@ -81,7 +80,7 @@ class PortTable:
     def _is_taken(self, claim: PortClaim, address: str, port: int) -> bool:
         return any(
             other is not claim
-            and (address == other.address or ANY in (address, other.address))
+            and (address == other.address or ANY_ADDRESS in (address, other.address))
             and (other.listening or not (claim.reuse and other.reuse))
             for other in self._claims.get(port, ())
         )
@@ -248,7 +247,7 @@ class SimWire:
             client.arrive(RESET)
 
     def _listener_at(self, end: Endpoint) -> SimListener | None:
-        return self._listeners.get(end) or self._listeners.get(Endpoint(ANY, end.port))
+        return self._listeners.get(end) or self._listeners.get(Endpoint(ANY_ADDRESS, end.port))
 
     def _admit(self, listener: SimListener, client: SimStream) -> SimStream | None:
         """Return the server side of a new connection, None when the queue holds backlog + 1 already."""
@@ -371,7 +370,7 @@ class SimSocket:
         if not is_sane(end) or self.claim.port:
             return "EINVAL"
         # Linux binds to broadcast and multicast addresses without complaint (2.2, 8081).
-        if not (self._wire.owns(end.address) or end.address == ANY or is_group(end.address)):
+        if not (self._wire.owns(end.address) or end.address == ANY_ADDRESS or is_group(end.address)):
             return "EADDRNOTAVAIL"
         return ""
 
@@ -397,7 +396,7 @@ class SimSocket:
             return CONNECT_AGAIN[self.stream.phase]
         if not is_sane(end):
             return "EINVAL"
-        remote = Endpoint(LOOPBACK, end.port) if end.address == ANY else end
+        remote = Endpoint(LOOPBACK, end.port) if end.address == ANY_ADDRESS else end
         error = self._no_way_to(remote.address)
         if error:
             return error
@@ -427,7 +426,7 @@ class SimSocket:
         return "" if self._wire.addresses else "ENETUNREACH"
 
     def _source_for(self, remote: str) -> str:
-        if self.claim.address != ANY:
+        if self.claim.address != ANY_ADDRESS:
             return self.claim.address
         if is_loopback(remote):
             return LOOPBACK

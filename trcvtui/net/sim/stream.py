@@ -12,10 +12,10 @@ from enum import Enum, IntFlag
 from typing import Final, NamedTuple, Protocol
 
 from trcvtui.net.kernel import PathInfo
-from trcvtui.net.results import WOULD_BLOCK, Endpoint, WouldBlock
+from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, WouldBlock
 from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerVerdict
 
-# Positions count bytes from 0; FIN is one number behind the last byte. A window never shrinks, and sending
+# Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and sending
 # again goes back to the first unacknowledged byte.
 
 SEGMENT_BYTES: Final = 1460
@@ -170,7 +170,6 @@ class ReceiveHalf:
             self.next += 1
 
 
-ANY: Final = "0.0.0.0"
 SEND_BUFFER: Final = 2_621_440  # with the receive buffer the 4.19 MB that Linux swallowed before EAGAIN
 RECEIVE_BUFFER: Final = 1_572_864
 ORPHAN_LIFE: Final = 120 * SECOND
@@ -184,7 +183,7 @@ class PortClaim:
     `fixed` says that the program asked for this very port: it is then kept until the handle is freed.
     """
 
-    address: str = ANY
+    address: str = ANY_ADDRESS
     port: int = 0
     reuse: bool = False
     listening: bool = False
@@ -334,7 +333,7 @@ class SimStream:
         return error
 
     def shut(self, both: bool) -> str:
-        """Send FIN behind the queued data; return "" or ENOTCONN."""
+        """Send FIN after the queued data; return "" or ENOTCONN."""
         if self.phase is StreamPhase.OVER:
             return "ENOTCONN"
         if self.phase is StreamPhase.SYN_SENT:
@@ -352,7 +351,7 @@ class SimStream:
             self._push()
 
     def close(self) -> None:
-        """Let go: FIN behind the queued data, or RST when received data is unread."""
+        """Let go: FIN after the queued data, or RST when received data is unread."""
         if self.phase is not StreamPhase.OPEN or self._in.inbox:
             self.abort()
             return
@@ -473,7 +472,7 @@ class SimStream:
         self._carry()
 
     def _push(self) -> None:
-        """Send what the partner's window lets through, and FIN behind the last byte."""
+        """Send what the partner's window lets through, and FIN after the last byte."""
         if self.phase is not StreamPhase.OPEN:
             return
         sent = self._out.emit()

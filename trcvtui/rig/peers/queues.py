@@ -141,7 +141,7 @@ class Outbox:
         self._sendings: deque[_Sending] = deque()
 
     def put(self, send: PeerSend, now: int, number: int = 0, pause_ns: int = 0) -> None:
-        """Take one send command; its first chunk is due now, behind what waits already.
+        """Take one send command; its first chunk is due now, after what waits already.
 
         `number` is that of its first message, for what is filled in; `pause_ns` comes before it.
         """

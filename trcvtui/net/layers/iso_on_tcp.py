@@ -293,7 +293,6 @@ def segments(message: bytes | memoryview, most: int) -> bytes:
 
 REFERENCE: Final = 1
 OWN_SIZE_CODE: Final = 10  # 1024 bytes: what a CPU proposes
-SIZE_CODES: Final = range(2, 17)  # 4 bytes, of which 1 is data, to 65536; the manuals know 7 to 13
 NOT_TOLD: Final = 1024  # bytes of a DT that are sent when the partner has told no size (A19)
 MESSAGES_WAITING: Final = 4
 CAPS: Final = 16

@@ -48,60 +48,6 @@ LARGEST: Final = 65536  # no datagram is larger
 _landing: Final = memoryview(bytearray(LARGEST))
 
 
-class DatagramCalls:
-    """The part of OsKernel that sends and takes datagrams, on its handles and its poll set's picture."""
-
-    _sockets: dict[int, socket.socket]
-    _polled: set[int]
-    _ready: dict[int, int]
-    _links: CutLinks
-
-    def _keep(self, made: socket.socket, owner: str) -> Handle:
-        raise NotImplementedError
-
-    def datagram_socket(self, owner: str) -> Handle | Fault:
-        """Make a non-blocking UDP socket."""
-        try:
-            return self._keep(socket.socket(socket.AF_INET, socket.SOCK_DGRAM), owner)
-        except OSError as problem:
-            return Fault("socket", error_name(problem))
-
-    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
-        """Send one datagram; the stack takes all of it or nothing."""
-        if self._links.is_down(handle):
-            return len(data)  # a datagram has no connection whose other end could be made deaf
-        error = ""
-        for _ in range(MOST_ICMP):
-            try:
-                return self._sockets[handle].sendto(data, pair(end))
-            except BlockingIOError:
-                return WOULD_BLOCK
-            except (OSError, ValueError, KeyError) as problem:
-                error = error_name(problem)
-                if error not in ICMP_ERRORS:
-                    break
-        return Fault("send", error)
-
-    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
-        """Take one datagram; what is larger than the view is cut off."""
-        if handle in self._polled and handle not in self._ready:
-            return WOULD_BLOCK
-        for _ in range(MOST_ICMP):
-            try:
-                whole, (address, port) = self._sockets[handle].recvfrom_into(_landing)
-            except BlockingIOError:
-                return WOULD_BLOCK
-            except (OSError, ValueError, KeyError) as problem:
-                error = error_name(problem)
-                if error not in ICMP_ERRORS:
-                    return Fault("recv", error)
-            else:
-                size = min(whole, len(into))
-                into[:size] = _landing[:size]
-                return Datagram(size, Endpoint(address, port), whole)
-        return WOULD_BLOCK
-
-
 MOST_READS: Final = 16  # of one call; what is left stays in the stack for the next
 Socket = socket.socket  # inside the class `socket` is the call
 
@@ -112,7 +58,7 @@ TOLD_ONCE: Final = frozenset(
 )
 
 
-class OsKernel(DatagramCalls):
+class OsKernel:
     """The Kernel of this machine. Call `close_all` at the end."""
 
     def __init__(self) -> None:
@@ -377,6 +323,50 @@ class OsKernel(DatagramCalls):
     def path(self, handle: Handle) -> PathInfo | None:
         """Return the send side's state from TCP_INFO, or None where the system does not say."""
         return path_of(self._sockets.get(handle))
+
+    # -- datagrams -----------------------------------------------------------------------------------
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        """Make a non-blocking UDP socket."""
+        try:
+            return self._keep(Socket(socket.AF_INET, socket.SOCK_DGRAM), owner)
+        except OSError as problem:
+            return Fault("socket", error_name(problem))
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        """Send one datagram; the stack takes all of it or nothing."""
+        if self._links.is_down(handle):
+            return len(data)  # a datagram has no connection whose other end could be made deaf
+        error = ""
+        for _ in range(MOST_ICMP):
+            try:
+                return self._sockets[handle].sendto(data, pair(end))
+            except BlockingIOError:
+                return WOULD_BLOCK
+            except (OSError, ValueError, KeyError) as problem:
+                error = error_name(problem)
+                if error not in ICMP_ERRORS:
+                    break
+        return Fault("send", error)
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        """Take one datagram; what is larger than the view is cut off."""
+        if handle in self._polled and handle not in self._ready:
+            return WOULD_BLOCK
+        for _ in range(MOST_ICMP):
+            try:
+                whole, (address, port) = self._sockets[handle].recvfrom_into(_landing)
+            except BlockingIOError:
+                return WOULD_BLOCK
+            except (OSError, ValueError, KeyError) as problem:
+                error = error_name(problem)
+                if error not in ICMP_ERRORS:
+                    return Fault("recv", error)
+            else:
+                size = min(whole, len(into))
+                into[:size] = _landing[:size]
+                return Datagram(size, Endpoint(address, port), whole)
+        return WOULD_BLOCK
 
     # -- the end -------------------------------------------------------------------------------------
 

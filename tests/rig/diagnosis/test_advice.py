@@ -8,7 +8,8 @@ import pytest
 
 from tests.rig.told import UP, Told
 from trcvtui.blocks.conditions import Condition
-from trcvtui.rig.diagnosis.advice import NEXT, advice_on
+from trcvtui.rig.diagnosis import advice
+from trcvtui.rig.diagnosis.advice import RULES, Moves, advice_on, rows
 from trcvtui.rig.diagnosis.evidence import Evidence
 
 # situation, instance, the whole of why, what stands in the checks
@@ -344,8 +345,22 @@ def test_every_condition_has_an_answer_whatever_is_known(condition: Condition) -
 
 
 def test_no_rule_is_asked_twice_for_one_condition() -> None:
-    for condition, rules in NEXT.items():
-        assert len(set(rules)) == len(rules), condition
+    asked = [(c, rule.moves, rule.tell, rule.says_why) for rule in RULES for c in rule.conditions]
+    assert len(set(asked)) == len(asked)
+
+
+def test_a_rule_is_one_row_and_shows_on_the_card(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up = rows(Condition.PARTNER_CLOSED, lambda e: f"{e.instance}: look behind the machine")
+    monkeypatch.setattr(advice, "RULES", (*RULES, *made_up))
+    told = Told(*UP, "peer P1 close", "run 9")
+    assert "X: look behind the machine" in told.then("X", Condition.PARTNER_CLOSED).checks
+
+
+def test_a_rule_of_what_moves_replaces_the_general_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    of_datagrams = rows(Condition.PARTNER_CLOSED, lambda e: "of datagrams", of=Moves.DATAGRAMS)
+    monkeypatch.setattr(advice, "RULES", (*RULES, *of_datagrams))
+    told = Told(*UP, "peer P1 close", "run 9").then("X", Condition.PARTNER_CLOSED)
+    assert "of datagrams" not in told.checks
 
 
 def test_a_fin_is_no_error_of_recv() -> None:

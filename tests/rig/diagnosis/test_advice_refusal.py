@@ -10,7 +10,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.diagnosis.advice import NEXT, Advice, advice_on
+from trcvtui.rig.diagnosis.advice import RULES, Advice, Moves, advice_on
 from trcvtui.rig.diagnosis.evidence import NOTHING_KNOWN, evidence_then
 from trcvtui.rig.history.records import Moment
 from trcvtui.rig.scenario.scenario import load_scenario
@@ -101,4 +101,5 @@ def test_a_refusal_says_why_and_what_to_look_at_with_its_numbers(
 def test_each_refusal_has_something_to_look_at() -> None:
     silent = {Condition.NOT_NOW, Condition.QUEUE_FULL, Condition.NO_BUFFER}  # the cause says it all
     silent |= {Condition.POLL_DEL_FAILED, Condition.DISCONNECT_FAILED, Condition.RESET_FAILED}
-    assert set(ERROR) - set(NEXT) == silent
+    general = [rule for rule in RULES if rule.moves is Moves.ANYTHING and not rule.says_why]
+    assert set(ERROR) - {condition for rule in general for condition in rule.conditions} == silent

@@ -14,7 +14,7 @@ from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import Step
 from trcvtui.rig.diagnosis.advice import Advice, advice_on
 from trcvtui.rig.diagnosis.evidence import evidence_now
-from trcvtui.rig.diagnosis.framer_warnings import warnings_of
+from trcvtui.rig.diagnosis.serial import warnings_of
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario.runner import Runner, VirtualPace

@@ -1,17 +1,23 @@
-"""What a send job, a lock, a pin or a buffer proves: who does not read, who holds, which number is wrong.
+"""What a send job, a lock, a pin, a buffer, a description or a certificate proves: which of them is wrong.
 
 Each rule takes the evidence and answers one sentence, or "" where it does not apply.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 from trcvtui.blocks.table import block_row
+from trcvtui.net.connection.description import selector_text
+from trcvtui.net.connection.description_check import Protocol, meaning
+from trcvtui.net.layer import TlsError
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.history.records import Drop, Facts
 from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import age, count
+
+Tell = Callable[[Evidence], str]
 
 GONE: Final = " (gone)"
 
@@ -158,9 +164,146 @@ def not_called(e: Evidence) -> str:
     return "" if e.is_past else f"no scan has called {e.instance} yet: is its task running?"
 
 
-SENDING: Final = (stalled_peer, does_not_read)
-IN_USE: Final = (who_holds,)
-LENGTH: Final = (wrong_length,)
-EMPTY: Final = (no_data,)
-IDLE: Final = (nobody_reads_here, no_edge)
-NO_JOB: Final = (cont_is_missing,)
+def limit(e: Evidence) -> str:
+    """Return what decides how many bytes a frame takes: `LEN is 96`, `LEN is 0 and DATA has 96 bytes`."""
+    length = e.pin("LEN")
+    if length == 0 or (length is None and e.need == e.data_size):
+        return f"LEN is 0 and DATA ({e.data}) has {count(e.data_size, 'byte')}"
+    return f"LEN is {e.need}"
+
+
+ISO_PORT: Final = 102
+MOST_BYTES: Final = 8
+
+
+def says(sentence: str) -> Tell:
+    """Return the rule that always answers this; {connect}, {peer} and {instance} are filled in."""
+
+    def rule(e: Evidence) -> str:
+        return sentence.format(connect=_connect(e), peer=_peer(e), instance=e.instance)
+
+    return rule
+
+
+def _connect(e: Evidence) -> str:
+    return e.config.name if e.config is not None else "this CONNECT"
+
+
+def _peer(e: Evidence) -> str:
+    return e.cause.peer or (e.link.remote if e.link is not None else "") or "the partner"
+
+
+# -- the description -------------------------------------------------------------------------------------
+
+
+def where_the_flaw_is(e: Evidence) -> str:
+    """Return which bytes of the description hold the flaw."""
+    if e.config is None or e.config.description is None or e.config.flaw is None:
+        return ""
+    field = e.config.description.structure.field(e.config.flaw.field)
+    if field is None:
+        return ""
+    raw = e.config.description.data[field.offset : field.offset + field.size]
+    held = raw[:MOST_BYTES].hex(" ") + (" …" if len(raw) > MOST_BYTES else "")
+    structure = e.config.description.structure.name
+    return (
+        f"{structure}.{field.name} is byte {field.offset} of {e.config.name}, and holds {held or 'nothing'}"
+    )
+
+
+def press_c(e: Evidence) -> str:
+    """The screen shows the description byte for byte."""
+    if e.cause.call != "description" or e.config is None or e.config.description is None:
+        return ""
+    return f"press C: the description of {e.config.name} byte for byte, what is wrong with it first"
+
+
+def another_port(e: Evidence) -> str:
+    """Return which port may be taken; the port of ISO-on-TCP has a key of its own."""
+    config = e.config
+    if config is None:
+        return ""
+    says_iso = config.description is not None and meaning(config.description).protocol is Protocol.ISO
+    if config.local.port == ISO_PORT or says_iso:
+        return (
+            f"{ISO_PORT} is the port of ISO-on-TCP, which TCON_IP_RFC speaks; where it is taken, or not "
+            f"for every user, `IsoPort = 2102` in [[connect]] {config.name} takes another, the partner's too"
+        )
+    return f"LocalPort of {config.name} is {config.local.port}: free ones are 2000 to 5000"
+
+
+def ask_for_the_name(e: Evidence) -> str:
+    """Return how to ask for the partner's name outside of the bench."""
+    name = e.config.remote_name if e.config is not None else ""
+    if not name and e.config is not None and e.config.description is not None:
+        name = meaning(e.config.description).remote_name
+    return (
+        f"`getent hosts {name}`: is the name right, and does this machine's DNS server know it?"
+        if name
+        else ""
+    )
+
+
+# -- the partner -----------------------------------------------------------------------------------------
+
+
+def no_such_selector(e: Evidence) -> str:
+    """The partner took the call and refused its T-selector."""
+    if e.cause.call != "session" or e.config is None or e.config.description is None:
+        return ""
+    says_what = meaning(e.config.description)
+    if says_what.protocol is not Protocol.ISO:
+        return ""
+    ours = selector_text(says_what.local_tsap) or "none"
+    theirs = selector_text(says_what.remote_tsap) or "any"
+    return (
+        f"{_peer(e)} took the call and refused it: crosswise, its remote selector has to be {ours} (our "
+        f"local one) and its local selector {theirs} (our remote one)"
+    )
+
+
+def look_at_the_certificate(e: Evidence) -> str:
+    """Return how to look at what the partner shows."""
+    if e.config is None or not e.config.active or not e.cause.peer:
+        return ""
+    return f"`openssl s_client -showcerts -connect {e.cause.peer}` shows what the partner shows"
+
+
+def showed_no_certificate(e: Evidence) -> str:
+    """The partner showed no certificate, or one that will not do."""
+    if e.cause.error == TlsError.NO_CERTIFICATE:
+        return f"{_peer(e)} showed no certificate, and is asked for one: its own has to be set there"
+    return f"{_peer(e)} showed a certificate for another use, or with too short a key"
+
+
+# -- DATA and LEN ----------------------------------------------------------------------------------------
+
+
+def message_too_long(e: Evidence) -> str:
+    """A message comes whole or not at all: how much room it needs."""
+    have, need = e.cause.have, e.cause.need
+    if not have or not need:
+        return ""
+    return (
+        f"{limit(e)}, the message had {count(have, 'byte')}: {count(have - need, 'byte')} too many, and it "
+        f"is lost; DATA and LEN of at least {have} take it"
+    )
+
+
+def must_stay(e: Evidence) -> str:
+    """DATA or LEN changed while a job ran."""
+    pin = e.cause.pin or "DATA"
+    held = "until DONE or ERROR: change it while BUSY is 0"
+    if pin == "DATA":
+        return f"DATA has to stay {held}, or fill a second variable and copy it before the edge"
+    return f"{pin} has to stay {held}"
+
+
+def result_too_small(e: Evidence) -> str:
+    """RESULT cannot hold what is read."""
+    if e.cause.have is None or e.cause.need is None:
+        return ""
+    return f"RESULT ({e.data}) has {count(e.cause.have, 'byte')}, the diagnosis has {e.cause.need}"
+
+
+# What is more than the flaw itself, in the order of the conditions.

@@ -286,12 +286,3 @@ def closed_behind_its_message(e: Evidence) -> str:
         f"it had sent all it had: its messages are {count(size, 'byte')}, the frame wants {need}: "
         f"{count(need - have, 'byte')} short"
     )
-
-
-ESTABLISHING: Final = (
-    injected, let_go, what_failed, wrong_partner, peer_that_could_call, unanswered, lost_before,
-)  # fmt: skip
-FAILED_ATTEMPT: Final = (injected, no_connection_left, what_failed, peer_that_could_call, lost_before)
-NOT_CONNECTED: Final = (asked_too_early, wrong_partner, what_failed, peer_that_could_call)
-LOST: Final = (injected, ended_by_partner, closed_behind_its_message)
-DEAD: Final = (injected, dead_link)

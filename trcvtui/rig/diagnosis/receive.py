@@ -1,4 +1,4 @@
-"""What the bytes of a receive block prove: armed, filling or stuck, and what is wrong with LEN or the stream.
+"""What received bytes, messages and datagrams prove: armed, filling or stuck; wrong sizes, ports, streams.
 
 Each rule takes the evidence and answers one sentence, or "" where it does not apply.
 """
@@ -8,8 +8,11 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.table import block_row
 from trcvtui.rig.diagnosis.evidence import Evidence
+from trcvtui.rig.diagnosis.job import how_far, limit
 from trcvtui.rig.history.records import PAUSE_SCANS, Drop
+from trcvtui.rig.snapshots import PeerSnapshot
 from trcvtui.rig.wording import SECOND, age, count, rate, times
 
 QUIET_NS: Final = SECOND  # a frame begun and so long without a byte is stuck, unless the sender is a slow one
@@ -81,14 +84,6 @@ def _rate(e: Evidence) -> str:
 
 
 # -- who sends, and in which sizes ------------------------------------------------------------------------
-
-
-def limit(e: Evidence) -> str:
-    """Return what decides how many bytes a frame takes: `LEN is 96`, `LEN is 0 and DATA has 96 bytes`."""
-    length = e.pin("LEN")
-    if length == 0 or (length is None and e.need == e.data_size):
-        return f"LEN is 0 and DATA ({e.data}) has {count(e.data_size, 'byte')}"
-    return f"LEN is {e.need}"
 
 
 def _last(e: Evidence) -> str:
@@ -283,11 +278,226 @@ def at_rest(e: Evidence) -> str:
     )
 
 
-RECEIVING: Final = (
-    shifted_by_a_drop, shifted, too_short_a_sender, several_messages_a_frame, too_long_a_sender,
-    one_odd_message, messages_of_many_sizes, bursts_do_not_fill, ad_hoc_hint, nothing_sent, at_rest,
-)  # fmt: skip
-RECEIVED: Final = (
-    shifted_by_a_drop, shifted, too_short_a_sender, too_long_a_sender, one_odd_message,
-    messages_of_many_sizes, parts_of_a_message,
-)  # fmt: skip
+# -- messages (ISO-on-TCP): a shorter one ends the job, a longer one is lost ------------------------------
+
+
+def message_stands(e: Evidence) -> str:
+    """Return what a job waits for: a message is here whole, or not at all."""
+    armed = f"armed for one message of at most {count(e.need, 'byte')}"
+    if e.is_past:
+        return f"{armed}: none was here yet"
+    if e.quiet_ns is not None:
+        return f"{armed}: none is here yet; the one before came {age(e.quiet_ns)} ago"
+    up = e.facts.up_since
+    since = f"; the link is up since scan {up.scan}, {age(e.age_of(up))}" if up is not None else ""
+    return f"{armed}: none is here yet{since}"
+
+
+def short_messages(e: Evidence) -> str:
+    """A message shorter than LEN is a whole job; DATA keeps older bytes behind it."""
+    is_here = e.condition in (Condition.RECEIVED, Condition.FINISHED)
+    size = e.cause.have if is_here else e.done_len
+    if not size or not e.need or size >= e.need:
+        return ""
+    return (
+        f"{limit(e)}, the last message had {count(size, 'byte')}: a message is a whole job whatever its "
+        f"size, RCVD_LEN says {size}, and DATA keeps older bytes from byte {size} on"
+    )
+
+
+def too_long_messages(e: Evidence) -> str:
+    """The partner's messages are longer than LEN or DATA: each is lost."""
+    size = e.facts.messages.only
+    if size is None or not e.need or size <= e.need:
+        return ""
+    return (
+        f"{e.facts.sender}'s messages have {count(size, 'byte')}, {limit(e)}: each is {size - e.need} too "
+        f"long, and lost; DATA and LEN of at least {size} take it"
+    )
+
+
+# -- datagrams --------------------------------------------------------------------------------------------
+
+ANY_ADDRESS: Final = "0.0.0.0"
+
+
+# -- receiving --------------------------------------------------------------------------------------------
+
+
+def datagram_stands(e: Evidence) -> str:
+    """Return what a job waits for: a datagram is here whole, or not at all."""
+    if e.have:
+        return f"a datagram of {count(e.have, 'byte')} is here and shows in the next scan"
+    armed = f"armed for one datagram of at most {count(e.need, 'byte')}"
+    if e.is_past:
+        return f"{armed}: none was here yet"
+    if e.quiet_ns is not None:
+        return f"{armed}: none is here yet; the one before came {age(e.quiet_ns)} ago"
+    since = e.facts.open_since
+    opened = f"; the socket is open since scan {since.scan}, {age(e.age_of(since))}" if since else ""
+    return f"{armed}: none is here yet{opened}"
+
+
+def wrong_port(e: Evidence) -> str:
+    """A peer of this bench sends, but not to this socket."""
+    if not _waits_for_the_first(e):
+        return ""
+    astray = next(
+        (peer for peer in _udp_peers(e) if peer.remote and not _is_at(peer.remote, _local(e))), None
+    )
+    if astray is None or not astray.messages_sent:
+        return ""
+    return f"{astray.name} sends to {astray.remote}, this socket is at {_local(e)}: address or port is wrong"
+
+
+def nobody_sends(e: Evidence) -> str:
+    """No datagram has come to this socket yet."""
+    if not _waits_for_the_first(e) or wrong_port(e):
+        return ""
+    for peer in _udp_peers(e):
+        if _is_at(peer.remote, _local(e)) and not peer.messages_sent:
+            return f"{peer.name} has sent nothing: `peer {peer.name} send hex 01`"
+    return (
+        f"no datagram has come to {_local(e)}: does the partner send to this address and port? UDP tells "
+        "the sender nothing, and a firewall drops without a word"
+    )
+
+
+def _waits_for_the_first(e: Evidence) -> bool:
+    return not e.is_past and e.link is not None and not e.have and not e.facts.datagrams.count
+
+
+def _local(e: Evidence) -> str:
+    return e.link.local if e.link is not None else ""
+
+
+def _udp_peers(e: Evidence) -> tuple[PeerSnapshot, ...]:
+    return tuple(peer for peer in e.peers if peer.udp)
+
+
+def _is_at(target: str, local: str) -> bool:
+    """Return whether what goes to `target` comes to a socket at `local`."""
+    address, _, port = local.rpartition(":")
+    return target == local or (address == ANY_ADDRESS and target.rpartition(":")[2] == port)
+
+
+def too_long_datagrams(e: Evidence) -> str:
+    """What does not fit into LEN or DATA is gone: a datagram comes once."""
+    sizes = e.facts.datagrams.last
+    need = e.need or 0
+    if not need or not sizes or sizes[-1] <= need:
+        return ""
+    return (
+        f"{limit(e)}, {_datagrams_were(e)}: {count(sizes[-1] - need, 'byte')} of it did not fit and are lost"
+    )
+
+
+def short_datagrams(e: Evidence) -> str:
+    """A datagram shorter than LEN is a whole job; DATA keeps older bytes behind it."""
+    size = e.cause.have if e.condition == Condition.RECEIVED else e.done_len
+    if not size or not e.need or size >= e.need or too_long_datagrams(e):
+        return ""
+    return (
+        f"{limit(e)}, {_datagrams_were(e)}: a datagram is a whole job whatever its size, "
+        f"RCVD_LEN says {size}, and DATA keeps older bytes from byte {size} on"
+    )
+
+
+def _datagrams_were(e: Evidence) -> str:
+    """Return the sizes of what came last."""
+    sizes = e.facts.datagrams
+    if len(sizes.last) < 2:
+        return (
+            f"the only datagram had {count(sizes.last[-1], 'byte')}"
+            if sizes.last
+            else "the datagram is short"
+        )
+    if sizes.only is not None:
+        return f"the last {len(sizes.last)} datagrams had {count(sizes.only, 'byte')}"
+    span = f"{min(sizes.last)} to {count(max(sizes.last), 'byte')}"
+    return f"the last {len(sizes.last)} datagrams had {span}, the newest {sizes.last[-1]}"
+
+
+def rest_between_datagrams(e: Evidence) -> str:
+    """Between two datagrams that came well, armed is the normal state."""
+    if e.have or e.done_scan is None or e.is_past:
+        return ""
+    return (
+        f"not stuck: the last datagram ({count(e.done_len or 0, 'byte')}) was delivered "
+        f"in scan {e.done_scan}, the next one has not come"
+    )
+
+
+def datagrams_wait(e: Evidence) -> str:
+    """The socket is open and EN_R is 0."""
+    if e.pin("EN_R") != 0:
+        return ""
+    return "EN_R is 0: datagrams wait in the socket; when it is full the stack drops the newer ones unseen"
+
+
+# -- sending ----------------------------------------------------------------------------------------------
+
+
+def nobody_is_told(e: Evidence) -> str:
+    """DONE of a datagram tells of the local stack only; a peer of this bench would have to be there."""
+    target = e.cause.peer
+    if not target:
+        return ""
+    if e.is_past or any(_is_at(target, peer.local) and peer.state != "closed" for peer in _udp_peers(e)):
+        return f"DONE tells that the local stack took it for {target}; UDP does not tell whether it came"
+    near = next((peer for peer in _udp_peers(e) if peer.local), None)
+    if near is None:
+        return f"DONE tells that the local stack took it for {target}; UDP does not tell whether it came"
+    if near.state == "closed":
+        return f"it went to {target}, and {near.name} is closed: `peer {near.name} listen`"
+    return f"it went to {target}, {near.name} receives at {near.local}: address or port in ADDR is wrong"
+
+
+def took_it(e: Evidence) -> str:
+    """Return the same of a block whose edge does not name the receiver."""
+    return nobody_is_told(e) or (
+        "DONE tells that the local stack took the datagram; UDP does not tell whether it came"
+    )
+
+
+def no_edge_for_a_datagram(e: Evidence) -> str:
+    """The socket is open and REQ stays 1: that is no edge."""
+    return "REQ stays 1: a job starts with a rising edge only, set it to 0 first" if e.pin("REQ") == 1 else ""
+
+
+def addr_is_empty(e: Evidence) -> str:
+    """The receiver of a datagram stands in ADDR."""
+    return "ADDR is the receiver: write both address and port into it before the edge of REQ"
+
+
+def datagram_too_long(e: Evidence) -> str:
+    """A datagram that DATA has no room for is gone, and the next one is clean."""
+    have, need = e.cause.have, e.cause.need
+    if not have or not need:
+        return ""
+    return f"the datagram had {count(have, 'byte')}, {have - need} too many; DATA of at least {have} takes it"
+
+
+# The same of blocks whose CONNECT says UDP: to these the socket is their connection.
+
+
+def datagram_job_stands(e: Evidence) -> str:
+    """Return what a receive job waits for, or how far a send job is."""
+    return datagram_stands(e) if block_row(e.block).receives else how_far(e)
+
+
+def socket_is_closed(e: Evidence) -> str:
+    """Without its socket no datagram moves."""
+    at = e.link.name if e.link is not None else "UDP_CONFIG"
+    return (
+        f"the socket of {at} is not open: is LocalAddress one of this machine, and LocalPort free "
+        "(`ss -ulnp`)? The next call tries again"
+    )
+
+
+def result_says(e: Evidence) -> str:
+    """Return where the answer stands."""
+    return (
+        f"RESULT ({e.data}): byte 6 is State (1 lost, 2 the active end calls, 3 the passive end waits, "
+        "4 established), byte 8 on the bytes sent, byte 12 on those received"
+    )

@@ -81,7 +81,7 @@ class StatusCard(LineView):
         """Return what will go wrong with the framing of a block on a ComBuffer."""
         if instance.framer is None or self._scene.snapshot is None:
             return ()
-        from trcvtui.rig.diagnosis.framer_warnings import warnings_of  # read when the first framer is here
+        from trcvtui.rig.diagnosis.serial import warnings_of  # read when the first framer is here
 
         return warnings_of(self._scene.snapshot, self._scene.project, instance.name)
 

@@ -27,7 +27,7 @@ class ClearComBuffer:
         """Empty the buffer while EN is 1; what a block has taken of a frame stays with the block."""
         if not inputs.en:
             return IDLE
-        self._buffer.empty(type(self).__name__)
+        self._buffer.empty(f"{type(self).__name__}")
         return EMPTIED
 
     def stop(self, reason: str) -> None:

@@ -10,9 +10,9 @@ import pytest
 from tests.rig.bench_project import bench_project
 from trcvtui.project.project import Project
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.payload import random_bytes
+from trcvtui.rig.commands.patterns import parse_pattern
 from trcvtui.rig.commands.table import parse_line, parse_script
-from trcvtui.rig.commands.trace_pattern import parse_pattern
+from trcvtui.rig.commands.tokens import random_bytes
 
 MS = 1_000_000
 ZERO = bytes(60)

@@ -10,7 +10,7 @@ from tests.rig.bench_project import bench_project
 from tests.rig.scenarios import CONFIGS, failures, play
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
-from trcvtui.rig.commands.instances import after
+from trcvtui.rig.commands.reader import after
 from trcvtui.rig.commands.table import parse_line, to_line
 
 KERNELS = pytest.mark.parametrize("kernel", ["sim", "live"])

@@ -17,8 +17,8 @@ from trcvtui.net.kernel import CALLS
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.counters_and_checksums import Fill
+from trcvtui.rig.commands.patterns import ANY, Atom, TracePattern
 from trcvtui.rig.commands.table import COMMANDS, parse_line, to_line
-from trcvtui.rig.commands.trace_pattern import ANY, Atom, TracePattern
 from trcvtui.rig.commands.words import Contains, Matches, Starts
 
 TRUTH = st.booleans()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.check_frames import Checker, frame
+from trcvtui.rig.commands.counters_and_checksums import Checker, frame
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.snapshots import CheckSnapshot, CheckTally
 

@@ -15,7 +15,7 @@ from trcvtui.errors import UserError
 from trcvtui.plc.commands import SetInput
 from trcvtui.project.project import Project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.commands.read_conditions import read_instance
+from trcvtui.rig.commands.conditions import read_instance
 from trcvtui.rig.commands.table import COMMANDS, CommandRow, RecordRow, parse_line, to_line
 from trcvtui.rig.commands.tokens import Words
 from trcvtui.tui.completion import complete

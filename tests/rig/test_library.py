@@ -12,7 +12,7 @@ from trcvtui.errors import UserError
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.counters_and_checksums import filled
-from trcvtui.rig.commands.library import check_library
+from trcvtui.rig.commands.peer import check_library
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import PeerPlay, PeerSend
 from trcvtui.rig.peers.queues import Outbox

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.rig.commands.payload import chunks, file_bytes, random_bytes, text_bytes
+from trcvtui.rig.commands.tokens import chunks, file_bytes, random_bytes, text_bytes
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.rig.commands.stream_pattern import MOST_KNOWN, StreamPattern
+from trcvtui.rig.commands.patterns import MOST_KNOWN, StreamPattern
 
 ATOMS = st.sampled_from(
     [*"abc", ".", "[ab]", "[^a]", r"\x61", r"\d", r"\.", "[]a]", r"[\w]", "{", "a{", r"\060"]

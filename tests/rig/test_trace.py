@@ -6,7 +6,7 @@ import tracemalloc
 
 import pytest
 
-from trcvtui.rig.commands.trace_pattern import Scan, parse_pattern
+from trcvtui.rig.commands.patterns import Scan, parse_pattern
 from trcvtui.rig.scenario import step_runner
 from trcvtui.rig.scenario.step_runner import Trace
 

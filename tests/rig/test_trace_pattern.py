@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trcvtui.errors import UserError
-from trcvtui.rig.commands.trace_pattern import (
+from trcvtui.rig.commands.patterns import (
     ANY,
     Atom,
     Run,

@@ -17,9 +17,8 @@ from trcvtui.errors import UserError
 from trcvtui.project.file import read_project
 from trcvtui.project.project import Project
 from trcvtui.rig.commands.counters_and_checksums import filled
-from trcvtui.rig.commands.lines import rule_text
-from trcvtui.rig.commands.routine import read_replies
-from trcvtui.rig.commands.table import parse_line
+from trcvtui.rig.commands.peer import read_replies
+from trcvtui.rig.commands.table import parse_line, rule_text
 from trcvtui.rig.commands.words import ReplyOn
 from trcvtui.rig.peers.queues import Replies
 

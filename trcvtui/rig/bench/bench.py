@@ -27,10 +27,10 @@ from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl,
 from trcvtui.rig import clock
 from trcvtui.rig.bench.program import Program, read_program
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.check_frames import Checker, frame
+from trcvtui.rig.commands.counters_and_checksums import Checker, frame
 from trcvtui.rig.commands.edit import edits_of
-from trcvtui.rig.commands.instances import after
-from trcvtui.rig.commands.routine import read_replies, read_routines
+from trcvtui.rig.commands.peer import read_replies, read_routines
+from trcvtui.rig.commands.reader import after
 from trcvtui.rig.commands.table import record_row
 from trcvtui.rig.commands.words import CheckOn, Mend, PeerSend
 from trcvtui.rig.peers.peer import Peer, SelfActing, next_due

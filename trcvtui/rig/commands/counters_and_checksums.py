@@ -1,4 +1,4 @@
-"""What is filled into a message each time it is sent: a rising number, a checksum over what stands before.
+"""What is filled into a message each time it is sent: a number, a checksum; frames of self-checking traffic.
 
 Rule: the number first, then the checksums in the order of their offsets, so that one may cover another.
 """
@@ -9,6 +9,76 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, cast
+
+from trcvtui.rig.snapshots import CheckTally
+
+# A frame: C5 5C, the number (4 bytes), filling, CRC32 of all before; numbers big-endian.
+
+MARK: Final = b"\xc5\x5c"
+NUMBER_END: Final = len(MARK) + 4
+CRC_BYTES: Final = 4
+LEAST_SIZE: Final = NUMBER_END + CRC_BYTES
+FILLING: Final = bytes(range(256))
+
+
+def frame(number: int, size: int) -> bytes:
+    """Return one frame of `size` bytes."""
+    room = size - LEAST_SIZE
+    filling = (FILLING * (room // 256 + 1))[:room]
+    body = MARK + (number & 0xFFFFFFFF).to_bytes(4, "big") + filling
+    return body + zlib.crc32(body).to_bytes(CRC_BYTES, "big")
+
+
+class Checker:
+    """The receiver of frames of one size; keeps less than a frame, whatever arrives."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._kept = bytearray()
+        self._next = 0
+        self._is_shifted = False  # looking for the next frame
+        self._frames = self._lost = self._doubled = self._shifts = self._strange = 0
+
+    def begin(self) -> None:
+        """Begin with a new stream: half a frame of the old one does not go on."""
+        self._kept.clear()
+        self._is_shifted = False
+
+    def take(self, arrived: bytes) -> None:
+        """Judge what has arrived."""
+        self._kept += arrived
+        at = 0
+        while at + self._size <= len(self._kept):
+            if self._is_frame(at):
+                self._judge(int.from_bytes(self._kept[at + len(MARK) : at + NUMBER_END], "big"))
+                at, self._is_shifted = at + self._size, False
+                continue
+            place = self._kept.find(MARK, at + 1)
+            then = place if place >= 0 else max(at + 1, len(self._kept) - len(MARK) + 1)
+            self._shifts += not self._is_shifted
+            self._strange += then - at
+            at, self._is_shifted = then, True
+        del self._kept[:at]
+
+    def _is_frame(self, at: int) -> bool:
+        if not self._kept.startswith(MARK, at):
+            return False
+        body = self._kept[at : at + self._size - CRC_BYTES]
+        crc = self._kept[at + self._size - CRC_BYTES : at + self._size]
+        return zlib.crc32(body) == int.from_bytes(crc, "big")
+
+    def _judge(self, number: int) -> None:
+        self._frames += 1
+        if number < self._next:
+            self._doubled += 1
+            return
+        self._lost += number - self._next
+        self._next = number + 1
+
+    def tally(self) -> CheckTally:
+        """Return the counters."""
+        return CheckTally(self._frames, self._lost, self._doubled, self._shifts, self._strange)
+
 
 NUMBER, DIGITS = "n", "digits"
 NUMBERS: Final = (NUMBER, DIGITS)

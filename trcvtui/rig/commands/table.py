@@ -5,26 +5,188 @@ Whoever reads, writes, completes or carries out a line asks these rows; nothing 
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
+from trcvtui.blocks.table import block_row, is_time
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc import commands
+from trcvtui.project.keys import link_key
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
-from trcvtui.rig.commands import completion, lines, reader
+from trcvtui.rig.commands import completion, reader
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.data import read_write
+from trcvtui.rig.commands.conditions import read_expect, read_prefix, read_suffix, read_wait, read_write
+from trcvtui.rig.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.rig.commands.edit import add_line, read_add, read_remove, read_undo
-from trcvtui.rig.commands.instances import after, read_create, read_delete, read_download, read_resize
-from trcvtui.rig.commands.marks import read_prefix, read_suffix
 from trcvtui.rig.commands.peer import read_peer_command
-from trcvtui.rig.commands.read_conditions import read_expect, read_wait
-from trcvtui.rig.commands.tokens import Words
-from trcvtui.rig.commands.words import BenchCommand, Mend, Step
+from trcvtui.rig.commands.reader import after, read_create, read_delete, read_download, read_resize
+from trcvtui.rig.commands.tokens import Words, quoted
+from trcvtui.rig.commands.words import BenchCommand, Contains, FieldIs, Match, Matches, Mend, Starts, Step
+from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.literals import format_time
+
+MILLISECOND: Final = 1_000_000
+_LITERAL: Final = re.compile(r"[A-Z]+#[-\w.:]+", re.ASCII)  # T#5s and the like need no quotes
+
+
+def set_line(c: words.Set) -> str:
+    return f"set {c.instance} {_pins(c.pins)}"
+
+
+def _pins(pins: tuple[tuple[str, Any], ...]) -> str:
+    return " ".join(f"{name}={_pin_text(name, value)}" for name, value in pins)
+
+
+def _pin_text(name: str, value: bool | int | str) -> str:
+    if isinstance(value, str):
+        return value
+    if is_time(name):
+        return format_time(value * MILLISECOND)
+    return f"{value:04X}" if name == "STATUS" else str(int(value))
+
+
+def write_line(c: words.Write) -> str:
+    return f"write {c.text or _bytes_of(c.data, c.offset, c.payload)}"
+
+
+def _bytes_of(data: str, offset: int, payload: bytes) -> str:
+    return f"{data}{f'+{offset}' if offset else ''} hex {payload.hex(' ')}"
+
+
+def create_line(c: words.Create) -> str:
+    decl = c.decl
+    parts = [f"create {decl.block} {decl.name} {link_key(decl.block)}={decl.connect}"]
+    parts += [f"data={decl.data}"] if decl.data is not None else []
+    named = zip(block_row(decl.block).pointers, decl.pointers, strict=False)
+    parts += [f"{key}={name}" for key, name in named if name]
+    parts += [f"task={decl.task}"] if decl.task else []
+    return " ".join(parts + [_pins(decl.inputs)] * bool(decl.inputs))
+
+
+def feed_line(c: words.FeedLine) -> str:
+    """Return `feed RX hex 01`."""
+    return f"feed {c.buffer} {_fed(c)}"
+
+
+def _fed(c: words.FeedLine) -> str:
+    return "break" if c.payload is None else c.text or f"hex {c.payload.hex(' ')}"
+
+
+def send_line(c: words.PeerSend) -> str:
+    return f"peer {c.peer} send {message_text(c)}"
+
+
+def message_text(c: words.PeerSend) -> str:
+    """Return what stands behind `peer P1 send`."""
+    if c.text.startswith("message "):
+        return c.text  # the library has the rest
+    parts = [c.text or f"hex {c.payload.hex(' ')}"]
+    parts += [_fill(fill) for fill in c.fills if not (fill.hole and c.text)]
+    if c.split:
+        parts.append(f"split={','.join(map(str, c.split))}")
+    if c.gap_ns or c.gaps_ns:
+        parts.append(f"gap={','.join(map(format_time, c.gaps_ns or (c.gap_ns,)))}")
+    if c.repeat != 1:
+        parts.append(f"repeat={c.repeat}")
+    if c.every_ns:
+        parts.append(f"every={format_time(c.every_ns)}")
+    return " ".join(parts)
+
+
+def _fill(fill: Fill) -> str:
+    text = f"{fill.kind}={fill.offset}"
+    if fill.kind in NUMBERS:
+        text += f":{fill.width}"
+    return text + (f":{fill.order}" if fill.width > 1 and fill.kind != DIGITS else "")
+
+
+def rule_text(c: words.ReplyOn) -> str:
+    """Return a rule as a project file has it in `replies`."""
+    return f"{match_text(c.match)} send {message_text(c.send)}"
+
+
+def match_text(match: Match) -> str:
+    """Return what a rule looks for."""
+    match match:
+        case Contains(payload, text):
+            return f"contains {text or 'hex ' + payload.hex(' ')}"
+        case Starts(payload, text):
+            return f"starts {text or 'hex ' + payload.hex(' ')}"
+        case Matches(pattern):
+            return f'regex "{pattern}"'
+        case FieldIs(type_name, path, value):
+            return f"field {type_name}.{path} = {value_text(value)}"
+
+
+def check_line(c: words.CheckOn) -> str:
+    parts = [f"peer {c.peer} check on size={c.size} every={format_time(c.every_ns)}"]
+    return " ".join(parts + [f"on {c.instance}"] * bool(c.instance))
+
+
+def try_splits_line(c: words.TrySplits) -> str:
+    parts = [f"peer {c.peer} try-splits {c.text or 'hex ' + c.payload.hex(' ')} on {c.instance}"]
+    if c.gap_ns:
+        parts.append(f"gap={format_time(c.gap_ns)}")
+    if c.differ != 0:
+        parts.append(f"differ={'any' if c.differ is None else c.differ}")
+    return " ".join(parts)
+
+
+def fault_line(c: words.FaultOn) -> str:
+    parts = ["fault", c.call]
+    if c.error is not None:
+        parts.append(c.error)
+    if c.on is not None:
+        parts += ["on", c.on]
+    if c.nth != 1:
+        parts.append(f"nth={c.nth}")
+    if c.times != 1:
+        parts.append(f"times={'forever' if c.times == words.FOREVER else c.times}")
+    return " ".join(parts)
+
+
+def wait_line(c: words.Wait) -> str:
+    limit = "" if c.within_ns == words.DEFAULT_LIMIT_NS else f" within {format_time(c.within_ns)}"
+    return f"wait {condition_text(c.condition)}{limit}"
+
+
+def expect_line(c: words.Expect) -> str:
+    limit = "" if c.within_ns is None else f" within {format_time(c.within_ns)}"
+    return f"expect {condition_text(c.condition)}{limit}"
+
+
+def condition_text(condition: words.Condition) -> str:
+    """Return a condition as `wait` and `expect` write it."""
+    match condition:
+        case words.PinsAre(instance, pins):
+            return f"{instance} {_pins(pins)}"
+        case words.PeerIs(peer, state):
+            return f"peer {peer} {state}"
+        case words.PeerReceived(peer, payload, text):
+            return f"peer {peer} received {text or 'hex ' + payload.hex(' ')}"
+        case words.DataIs(data, offset, payload, text):
+            return text or _bytes_of(data, offset, payload)
+        case words.MemberIs(data, path, value):
+            return f"{data}{'.' if path and not path.startswith('[') else ''}{path} {value_text(value)}"
+
+
+def value_text(value: Value) -> str:
+    """Return a member's value as the commands write it."""
+    match value:
+        case bool():
+            return str(value).upper()
+        case float() if not math.isfinite(value):
+            return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+        case str():
+            return value if _LITERAL.fullmatch(value) else quoted(value)
+        case _:
+            return repr(value)
+
 
 LONGEST_LINE: Final = 1_000_000
 LONGEST_SHOWN: Final = 60
@@ -150,7 +312,7 @@ _MENDED: Final = tuple(
     )
 )
 _PEER: Final = (
-    RecordRow(words.PeerSend, lines.send, lambda bench, c: bench.peers[c.peer].send(c, bench.now)),
+    RecordRow(words.PeerSend, send_line, lambda bench, c: bench.peers[c.peer].send(c, bench.now)),
     RecordRow(
         words.PeerPlay,
         lambda c: f"peer {c.peer} play {c.name}",
@@ -181,7 +343,7 @@ _PEER: Final = (
     ),
     RecordRow(
         words.ReplyOn,
-        lambda c: f"peer {c.peer} reply on {lines.rule_text(c)}",
+        lambda c: f"peer {c.peer} reply on {rule_text(c)}",
         lambda bench, c: bench.peers[c.peer].replies.add(c),
     ),
     RecordRow(
@@ -189,9 +351,9 @@ _PEER: Final = (
         lambda c: f"peer {c.peer} reply off{f' {c.number}' if c.number else ''}",
         lambda bench, c: bench.peers[c.peer].replies.remove(c.number, c.peer),
     ),
-    RecordRow(words.CheckOn, lines.check, lambda bench, c: bench.check_on(c)),
+    RecordRow(words.CheckOn, check_line, lambda bench, c: bench.check_on(c)),
     RecordRow(words.CheckOff, lambda c: f"peer {c.peer} check off", lambda bench, c: bench.check_off(c)),
-    RecordRow(words.TrySplits, lines.try_splits),
+    RecordRow(words.TrySplits, try_splits_line),
     # a test of splits in a scenario has ended with its step
     RecordRow(words.TryStop, lambda c: f"peer {c.peer} try-splits stop", lambda bench, c: ""),
 )
@@ -203,7 +365,7 @@ ROWS: Final = (
         "set",
         reader.read_set,
         completion.after_set,
-        (RecordRow(words.Set, lines.set_line, _set), _MENDED[0]),
+        (RecordRow(words.Set, set_line, _set), _MENDED[0]),
     ),
     CommandRow(
         "pulse",
@@ -225,7 +387,7 @@ ROWS: Final = (
         (
             RecordRow(
                 words.Write,
-                lines.write,
+                write_line,
                 lambda bench, c: bench.submit(commands.WriteData(c.data, c.offset, c.payload)),
             ),
         ),
@@ -235,7 +397,7 @@ ROWS: Final = (
         reader.read_fault,
         completion.after_fault,
         (
-            RecordRow(words.FaultOn, lines.fault, lambda bench, c: bench.arm_fault(c)),
+            RecordRow(words.FaultOn, fault_line, lambda bench, c: bench.arm_fault(c)),
             RecordRow(words.FaultClear, lambda c: "fault clear", lambda bench, c: bench.clear_faults()),
         ),
     ),
@@ -274,7 +436,7 @@ ROWS: Final = (
         read_expect,
         completion.after_expect,
         (
-            RecordRow(words.Expect, lines.expect),
+            RecordRow(words.Expect, expect_line),
             RecordRow(words.ExpectTrace, lambda c: f"expect {c.instance} trace {c.pattern}"),
         ),
     ),
@@ -284,7 +446,7 @@ ROWS: Final = (
         completion.after_create,
         (
             RecordRow(
-                words.Create, lines.create, lambda bench, c: bench.change(c, commands.CreateInstance(c.decl))
+                words.Create, create_line, lambda bench, c: bench.change(c, commands.CreateInstance(c.decl))
             ),
         ),
     ),
@@ -334,14 +496,14 @@ ROWS: Final = (
         (
             RecordRow(
                 words.FeedLine,
-                lines.feed,
+                feed_line,
                 lambda bench, c: bench.submit(commands.FeedBuffer(c.buffer, c.payload)),
             ),
         ),
     ),
     CommandRow("prefix", read_prefix, completion.after_mark, (_MARK,)),
     CommandRow("suffix", read_suffix, completion.after_mark, ()),
-    CommandRow("wait", read_wait, completion.nothing, (RecordRow(words.Wait, lines.wait),), at_prompt=False),
+    CommandRow("wait", read_wait, completion.nothing, (RecordRow(words.Wait, wait_line),), at_prompt=False),
 )
 COMMANDS: Final = {row.verb: row for row in ROWS}
 

@@ -1,20 +1,192 @@
-"""A bench command cut into words.
+"""A bench command cut into words, and what words give: pins, times, members, bytes (hex, text, udt ..).
 
 Rule: quotes and braces keep a word together; `#` behind a blank begins a comment (in T#1s it does not).
 """
 
 from __future__ import annotations
 
+import random
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from trcvtui.blocks.pins import Pin
-from trcvtui.errors import UserError, mistake
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.project.keys import kind_of
-from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, shown
+from trcvtui.project.names import expected_name
+from trcvtui.project.project import Project
+from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, shown, whole
+from trcvtui.udt.byte_text import parse_hex
+from trcvtui.udt.layout.coding import Value
+from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
+from trcvtui.udt.layout.values import decode_leaf, encode, encode_leaf
+from trcvtui.udt.literals import NAME
+
+# `name`, `st.arr[2].x`, `[1,2].y`, each with `=` behind it.
+_STEPS: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
+_PATH: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS})\s*=\s*")
+_EMPTY: Final = re.compile(r"\{\s*\}")
+_PLAIN: Final = re.compile(r"[^,{}'\"]*")
+_END: Final = re.compile(r"\s*([,}])")
+_QUOTED: Final = re.compile(r"""'((?:[^$']|\$.)*)'|"((?:[^\\"]|\\.)*)\"""", re.DOTALL)
+_IEC_ESCAPE: Final = re.compile(r"\$([0-9A-Fa-f]{2}|.)", re.DOTALL)
+_C_ESCAPE: Final = re.compile(r"\\(x[0-9A-Fa-f]{2}|.)", re.DOTALL)
+_NAMED: Final = {"r": "\r", "n": "\n", "l": "\n", "t": "\t", "p": "\f"}
+VALUES_FORM: Final = "members such as {speed=1.5, name='x', arr[0]=3}"
+
+
+def unquoted(text: str) -> str:
+    r"""Return the text inside IEC quotes ('$N' escapes) or double quotes ("\n" escapes), else the text."""
+    found = _QUOTED.fullmatch(text)
+    if found is None:
+        return text
+    if found[1] is not None:
+        return _IEC_ESCAPE.sub(lambda e: _named(e[1], e[1]), found[1])
+    return _C_ESCAPE.sub(lambda e: _named(e[1], e[1][1:]), found[2])
+
+
+def _named(letter: str, digits: str) -> str:
+    if len(digits) == 2:
+        return chr(int(digits, 16))
+    return _NAMED.get(letter.lower(), letter)
+
+
+def quoted(text: str) -> str:
+    """Return a text in IEC quotes, as `unquoted` reads it back (codes 0 to 255 outside ASCII as $hh)."""
+    parts = []
+    for character in text:
+        code = ord(character)
+        if character in "$'":
+            parts.append("$" + character)
+        elif code < 0x20 or 0x7F <= code <= 0xFF:
+            parts.append(f"${code:02X}")
+        else:
+            parts.append(character)
+    return f"'{''.join(parts)}'"
+
+
+def struct_bytes(layout: Layout, braces: str, where: str) -> bytes:
+    """Return the bytes of `{speed=1.5, st={x=1}}`, 0 where nothing is named; raise UserError."""
+    values = dict(members_of(braces, where))
+    return _told(where, lambda: encode(layout, values))
+
+
+def members_of(braces: str, where: str) -> list[tuple[str, str]]:
+    """Return `{speed=1.5, st={x=1}}` as paths and texts without quotes; raise UserError."""
+    members, end = _read_braces(braces, 0, where)
+    if end != len(braces):
+        raise mistake(where, shown(braces[end:]), VALUES_FORM)
+    return members
+
+
+def _read_braces(text: str, at: int, where: str) -> tuple[list[tuple[str, str]], int]:
+    if text[at : at + 1] != "{":
+        raise mistake(where, shown(text[at:]), VALUES_FORM)
+    empty = _EMPTY.match(text, at)
+    if empty is not None:
+        return [], empty.end()
+    members: list[tuple[str, str]] = []
+    while True:
+        path = _PATH.match(text, at + 1)  # behind { or ,
+        if path is None:
+            raise mistake(where, shown(text[at:]), VALUES_FORM)
+        inner, at = _read_value(text, path.end(), where)
+        members += [(_joined(path[1], name), value) for name, value in inner]
+        end = _END.match(text, at)
+        if end is None:
+            raise mistake(where, shown(text[at:]), ", or } behind a value")
+        if end[1] == "}":
+            return members, end.end()
+        at = end.end() - 1
+
+
+def _read_value(text: str, at: int, where: str) -> tuple[list[tuple[str, str]], int]:
+    if text[at : at + 1] == "{":
+        return _read_braces(text, at, where)
+    found = _QUOTED.match(text, at) or _PLAIN.match(text, at)
+    assert found is not None
+    return [("", unquoted(found[0].strip()))], found.end()
+
+
+def _joined(path: str, name: str) -> str:
+    return path + name if not name or name.startswith("[") else f"{path}.{name}"
+
+
+def leaf_bytes(layout: Layout, leaf: Leaf, text: str, where: str) -> bytes:
+    """Return the bytes of one value, such as 12.5, TRUE, T#5s or 'abc'."""
+    return _told(where, lambda: encode_leaf(layout, leaf, unquoted(text)))
+
+
+def leaf_value(layout: Layout, leaf: Leaf, payload: bytes) -> Value:
+    """Return the value of one leaf's bytes."""
+    return decode_leaf(layout, leaf, payload)
+
+
+def _told(where: str, act: Callable[[], bytes]) -> bytes:
+    """Let the problems of a value name the command that holds it."""
+    try:
+        return act()
+    except UserError as refused:
+        raise UserError(
+            Problem(f"{where}: {problem.where}", problem.found, problem.expected)
+            for problem in refused.problems
+        ) from None
+
+
+MOST_BYTES: Final = 16 * 1024 * 1024
+KEPT_BYTES: Final = 65536  # of what a peer has received: one job of the largest LEN
+ESCAPES: Final = {"r": b"\r", "n": b"\n", "t": b"\t", "0": b"\0", "\\": b"\\", '"': b'"', "'": b"'"}
+_PIECE: Final = re.compile(r"\\(?:x([0-9A-Fa-f]{2})|(.?))|([^\\]+)", re.DOTALL)
+
+
+def text_bytes(text: str, where: str = "text") -> bytes:
+    r"""Return the bytes of a text: UTF-8, with the escapes \r \n \t \0 \\ \" \' and \xNN."""
+    parts = []
+    for piece in _PIECE.finditer(text):
+        hexadecimal, letter, plain = piece.groups()
+        if plain is not None:
+            parts.append(plain.encode("utf-8", "surrogatepass"))
+        elif hexadecimal is not None:
+            parts.append(bytes.fromhex(hexadecimal))
+        elif letter in ESCAPES:
+            parts.append(ESCAPES[letter])
+        else:
+            raise mistake(where, f"'\\{letter}'", r"an escape: \r \n \t \0 \\ \" or \xNN")
+    return b"".join(parts)
+
+
+def random_bytes(count: int, seed: int) -> bytes:
+    """Return `count` bytes that depend on the seed alone."""
+    return random.Random(seed).randbytes(count)
+
+
+def file_bytes(path: Path, where: str) -> bytes:
+    """Return the bytes of a file of at most 16 MiB; raise UserError when it cannot be read or is empty."""
+    try:
+        content = read_bytes(path, MOST_BYTES)
+    except (OSError, ValueError) as failed:
+        raise mistake(where, f"{reason_of(failed)}: '{path}'", READABLE) from None
+    if len(content) > MOST_BYTES:
+        raise mistake(where, f"'{path}' with more than that", f"at most {MOST_BYTES} bytes")
+    if not content:
+        raise mistake(where, f"'{path}', which is empty", "at least one byte")
+    return content
+
+
+def chunks(payload: bytes, split: Iterable[int]) -> tuple[memoryview, ...]:
+    """Return the payload in pieces of the sizes of `split`, the rest as the last; no piece is empty."""
+    view = memoryview(payload)
+    pieces, start = [], 0
+    for size in split:
+        pieces.append(view[start : start + size])
+        start += size
+    pieces.append(view[start:])
+    return tuple(piece for piece in pieces if len(piece))
+
 
 _WORD: Final = re.compile(r"(?:(?:W#|WORD#)?16#|0x)?([0-9A-F]{1,4})", re.IGNORECASE)
 
@@ -186,3 +358,92 @@ class Words:
     def wrong(self, found: str, expected: str) -> UserError:
         """Return a mistake in this command."""
         return mistake(self.where, found, expected)
+
+
+SEED: Final = whole(0, (1 << 63) - 1)
+COUNT: Final = whole(1, MOST_BYTES)
+
+
+@dataclass(frozen=True, slots=True)
+class Payload:
+    """Bytes, and how the command wrote them."""
+
+    content: bytes
+    text: str
+
+
+def is_payload(word: str) -> bool:
+    """Return whether a word begins a form of payload."""
+    return word in FORMS
+
+
+def read_payload(words: Words, project: Project) -> Payload:
+    """Return the payload that the words from here to the last one give; raise UserError."""
+    start = words.place
+    form = words.next("hex, text, udt, file or random")
+    if form not in FORMS:
+        raise words.wrong(shown(form), expected_name(form, FORMS, "form of payload"))
+    content = FORMS[form](words, project)
+    return Payload(content, words.written(start))
+
+
+def _hex(words: Words, project: Project) -> bytes:
+    expected = "hex bytes such as 01 02 0A"
+    content = parse_hex(words.rest_text(expected), f"{words.where}: hex")
+    if not content:
+        raise words.wrong("no bytes", expected)
+    return content
+
+
+def _text(words: Words, project: Project) -> bytes:
+    written = words.next('a text such as "abc"')
+    words.finish()
+    if len(written) < 2 or written[0] != '"' or written[-1] != '"':
+        raise words.wrong(shown(written), 'a text in double quotes such as "abc"')
+    content = text_bytes(written[1:-1], f"{words.where}: text")
+    if not content:
+        raise words.wrong('""', "at least one character")
+    return content
+
+
+def _udt(words: Words, project: Project) -> bytes:
+    name = words.next("the name of a UDT")
+    if name.casefold() not in project.types.types:
+        raise words.wrong(shown(name), expected_name(name, project.types.names(), "UDT"))
+    braces = words.rest_text("members in braces such as {speed=1.5}")
+    layout = lay_out(project.types.named(name), project.rules_of(name), name)
+    content = struct_bytes(layout, braces, words.where)
+    if not content:
+        raise words.wrong(f"{name}, which has no bytes", "a UDT with members")
+    return content
+
+
+def _file(words: Words, project: Project) -> bytes:
+    name = words.next("the name of a file")
+    words.finish()
+    return file_bytes(project.base / _bare(name), f"{words.where}: file")
+
+
+def _bare(name: str) -> str:
+    return name[1:-1] if len(name) > 2 and name[0] == name[-1] and name[0] in "\"'" else name
+
+
+def _random(words: Words, project: Project) -> bytes:
+    count = value_of(COUNT, words.next("a number of bytes"), "", words.where)
+    seed = 0
+    if words:
+        key, _, text = words.next("seed=1").partition("=")
+        if key != "seed":
+            raise words.wrong(shown(key), "seed=1 or the end of the command")
+        seed = value_of(SEED, text, "seed=", words.where)
+    words.finish()
+    return random_bytes(count, seed)
+
+
+FORMS: Final[dict[str, Callable[[Words, Project], bytes]]] = {
+    "hex": _hex,
+    "text": _text,
+    "udt": _udt,
+    "file": _file,
+    "random": _random,
+}

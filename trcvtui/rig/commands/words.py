@@ -22,7 +22,7 @@ from trcvtui.project.project import (
     SequenceDecl,
 )
 from trcvtui.rig.commands.counters_and_checksums import Fill
-from trcvtui.rig.commands.trace_pattern import TracePattern
+from trcvtui.rig.commands.patterns import TracePattern
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout
 

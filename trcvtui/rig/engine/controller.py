@@ -21,9 +21,8 @@ from trcvtui.rig.bench.bench import KERNELS, Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import Trials
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.edit import port_text
+from trcvtui.rig.commands.edit import ends_of, free_port, port_text
 from trcvtui.rig.commands.edit import told as told_of
-from trcvtui.rig.commands.on_the_way import ends_of, free_port
 from trcvtui.rig.commands.table import parse_line, to_line
 from trcvtui.rig.commands.words import Mend
 from trcvtui.rig.engine.project_edits import ProjectEdits

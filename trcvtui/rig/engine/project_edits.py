@@ -25,7 +25,7 @@ from trcvtui.project.project import Edit, Edits, Project
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
 from trcvtui.project.text import with_change, with_constants, with_entries, with_files_from
 from trcvtui.rig import configs_path, demo_path
-from trcvtui.rig.commands.instances import after
+from trcvtui.rig.commands.reader import after
 from trcvtui.rig.commands.table import parse_line, to_line
 from trcvtui.rig.commands.words import MENDS, Mend
 from trcvtui.rig.scenario.recorded_session import SUFFIX, target

@@ -23,10 +23,8 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import pin_now
-from trcvtui.rig.commands.data import base_name, read_target
-from trcvtui.rig.commands.member_values import leaf_bytes, leaf_value
-from trcvtui.rig.commands.read_conditions import read_instance
-from trcvtui.rig.commands.tokens import Words, pin_value
+from trcvtui.rig.commands.conditions import base_name, read_instance, read_target
+from trcvtui.rig.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
 from trcvtui.rig.history.link_statistics import LinkStatistics
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.records import Facts

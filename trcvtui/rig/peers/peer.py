@@ -10,7 +10,7 @@ from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
 from trcvtui.plc.ledger import Event
 from trcvtui.project.project import PeerDecl
-from trcvtui.rig.commands.routine import Routine
+from trcvtui.rig.commands.peer import Routine
 from trcvtui.rig.commands.words import PeerPlay, PeerSend
 from trcvtui.rig.peers.queues import Inbox, PeerQueues, Replies
 from trcvtui.rig.peers.transports import DatagramTransport, StreamTransport

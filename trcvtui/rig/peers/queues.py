@@ -16,12 +16,11 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
-from trcvtui.rig.commands.check_frames import Checker
-from trcvtui.rig.commands.counters_and_checksums import filled
-from trcvtui.rig.commands.lines import rule_text
-from trcvtui.rig.commands.payload import KEPT_BYTES, chunks
-from trcvtui.rig.commands.reply import MOST_RULES
-from trcvtui.rig.commands.stream_pattern import StreamPattern
+from trcvtui.rig.commands.counters_and_checksums import Checker, filled
+from trcvtui.rig.commands.patterns import StreamPattern
+from trcvtui.rig.commands.peer import MOST_RULES
+from trcvtui.rig.commands.table import rule_text
+from trcvtui.rig.commands.tokens import KEPT_BYTES, chunks
 from trcvtui.rig.commands.words import Contains, FieldIs, Match, Matches, PeerSend, ReplyOn, Starts
 from trcvtui.rig.snapshots import ReplySnapshot
 from trcvtui.udt.layout.values import decode_leaves

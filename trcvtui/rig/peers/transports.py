@@ -12,7 +12,7 @@ from typing import Final
 from trcvtui.net.kernel import Accepted, Handle, Kernel, SocketOptions
 from trcvtui.net.results import WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.project.project import PeerDecl
-from trcvtui.rig.commands.payload import chunks
+from trcvtui.rig.commands.tokens import chunks
 from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.peers.queues import PeerQueues
 

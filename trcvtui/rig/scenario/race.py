@@ -30,7 +30,7 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.instances import after
+from trcvtui.rig.commands.reader import after
 from trcvtui.rig.commands.table import parse_line, parse_script
 from trcvtui.rig.scenario.recorded_session import partners_left_out
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario, start_steps

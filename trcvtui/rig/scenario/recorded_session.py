@@ -29,8 +29,8 @@ from trcvtui.project.text import with_files_from
 from trcvtui.rig import demo_path
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
+from trcvtui.rig.commands.patterns import ANY, Atom, Scan
 from trcvtui.rig.commands.table import to_line
-from trcvtui.rig.commands.trace_pattern import ANY, Atom, Scan
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000

@@ -18,9 +18,8 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import TEXT, Table
 from trcvtui.rig import configs_path
 from trcvtui.rig.bench.program import read_program
-from trcvtui.rig.commands.instances import after
-from trcvtui.rig.commands.library import check_library
-from trcvtui.rig.commands.routine import read_replies, read_routines
+from trcvtui.rig.commands.peer import check_library, read_replies, read_routines
+from trcvtui.rig.commands.reader import after
 from trcvtui.rig.commands.table import parse_script
 from trcvtui.rig.commands.words import (
     BenchCommand,

@@ -14,7 +14,7 @@ from typing import Any, Final
 from trcvtui.dialects.status_report import parse_code
 from trcvtui.errors import UserError
 from trcvtui.project.tables import read_toml
-from trcvtui.rig.commands.trace_pattern import parse_pattern
+from trcvtui.rig.commands.patterns import parse_pattern
 
 ROOT: Final = Path(__file__).parents[3]
 

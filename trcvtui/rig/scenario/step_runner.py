@@ -18,7 +18,7 @@ from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import SplitTrial
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.commands.trace_pattern import ANY, Run, Scan, TracePattern, collapse, matches
+from trcvtui.rig.commands.patterns import ANY, Run, Scan, TracePattern, collapse, matches
 
 MOST_RUNS_SINCE: Final = 100_000
 MOST_RUNS_TOLD: Final = 5000

@@ -1,4 +1,6 @@
-"""A pattern as a machine that takes a stream byte by byte and never goes back: a bounded cost a byte.
+"""Patterns: of the STATUS of every scan (`expect X trace ...`), and of the bytes in a stream (`regex`).
+
+The second is a machine that takes a stream byte by byte and never goes back: a bounded cost a byte.
 
 Why not `re` itself: it tries again from each start, so a few bytes of a peer keep `(a+)+b` running for hours,
 and what it finds depends on how the stream was cut. Here all ways of matching go on at once (Glushkov): a
@@ -8,8 +10,121 @@ place is one byte of the pattern, a state the set of places that may have come l
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, NamedTuple
+
+from trcvtui.errors import mistake
+
+# A trace comes as runs of equal scans. Rule: work grows with atoms x scans / 64. The places that the first
+# atoms can reach are the bits of one number, and each atom moves all of them at once, so no pattern can make
+# the match backtrack.
+
+Scan = tuple[int, bool]  # STATUS, ERROR
+Run = tuple[Scan, int]  # and how many scans of it follow each other
+
+MOST_REPEATS: Final = 1_000_000
+NOTATION: Final = "0001 7002+ 7006* 7006{3} 80A1! 80C3!+ ..."
+_ATOM: Final = re.compile(r"(?:16#)?([0-9A-Fa-f]{4})(!?)(\+|\*|\{[0-9]{1,7}\})?")
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """One word of a pattern: a scan (None: any) that comes `least` times, and more often when `more`."""
+
+    scan: Scan | None
+    least: int = 1
+    more: bool = False
+
+    def __str__(self) -> str:
+        """Return the word, such as `80C3!+`."""
+        if self.scan is None:
+            return "..."
+        status, error = self.scan
+        return f"{status:04X}{'!' * error}{self._times()}"
+
+    def _times(self) -> str:
+        if self.more:
+            return "+" if self.least else "*"
+        return "" if self.least == 1 else f"{{{self.least}}}"
+
+
+ANY: Final = Atom(None, 0, True)
+
+
+@dataclass(frozen=True, slots=True)
+class TracePattern:
+    """A parsed pattern."""
+
+    atoms: tuple[Atom, ...]
+
+    def __str__(self) -> str:
+        """Return the pattern in its own notation."""
+        return " ".join(map(str, self.atoms))
+
+
+def parse_pattern(text: str, where: str = "trace") -> TracePattern:
+    """Return the pattern of a text such as `0001 7001 7002+ 80A1! ...`; raise UserError for a wrong word."""
+    words = text.split()
+    if not words:
+        raise mistake(where, "no pattern", f"STATUS words such as {NOTATION}")
+    return TracePattern(tuple(_atom(word, where) for word in words))
+
+
+def _atom(word: str, where: str) -> Atom:
+    if word in ("...", "…"):
+        return ANY
+    found = _ATOM.fullmatch(word)
+    if found is None:
+        raise mistake(where, f"'{word}'", f"four hex digits and ! + * or {{n}}, such as {NOTATION}")
+    digits, mark, times = found.groups()
+    scan = (int(digits, 16), bool(mark))
+    match times:
+        case None:
+            return Atom(scan)
+        case "+":
+            return Atom(scan, 1, True)
+        case "*":
+            return Atom(scan, 0, True)
+        case _:
+            return _counted(scan, int(times[1:-1]), word, where)
+
+
+def _counted(scan: Scan, count: int, word: str, where: str) -> Atom:
+    if not 1 <= count <= MOST_REPEATS:
+        raise mistake(where, f"'{word}'", f"a count from {{1}} to {{{MOST_REPEATS}}}")
+    return Atom(scan, count)
+
+
+def matches(pattern: TracePattern, trace: Sequence[Run]) -> bool:
+    """Return whether the pattern describes the whole trace, scan by scan."""
+    length = sum(count for _, count in trace)
+    everywhere = (1 << length) - 1
+    places = {atom.scan: _places_of(atom.scan, trace) for atom in pattern.atoms if atom.scan is not None}
+    reached = 1  # bit n: the atoms so far can have used up exactly n scans
+    for atom in pattern.atoms:
+        here = everywhere if atom.scan is None else places[atom.scan]
+        for _ in range(atom.least):
+            reached = (reached & here) << 1
+            if not reached:
+                return False
+        if atom.more:
+            # A carry runs from each reached place through the run of matching scans behind it.
+            reached |= ((reached & here) + here) ^ here
+    return bool(reached >> length & 1)
+
+
+def _places_of(scan: Scan, trace: Sequence[Run]) -> int:
+    """Return the number whose bit n is set where scan n of the trace is this one."""
+    # Base 2 is read in linear time; the last scan is the highest bit.
+    return int("".join([("1" if each == scan else "0") * count for each, count in reversed(trace)]) or "0", 2)
+
+
+def collapse(trace: Iterable[Run]) -> str:
+    """Return a trace in the pattern's notation, equal scans counted: `0001 7002{25} 80A1! 7002{3}`."""
+    return " ".join(str(Atom(scan, count)) for scan, count in trace) or "no scan"
+
 
 MOST_PLACES: Final = 128  # a step looks at every place once at most
 MOST_NESTED: Final = 32

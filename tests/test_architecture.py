@@ -16,13 +16,7 @@ NAMED_TWICE = (
     "PlcRun",
     "PlcStop",
     "Reader",
-    "TReset",
-    "Taken",
-    "Tcon",
-    "Tdiscon",
     "Text",
-    "Trcv",
-    "Tsend",
 )
 
 

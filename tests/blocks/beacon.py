@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from trcvtui.blocks.block import Binding, NoJob
-from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Direction, Inputs, Pin
 from trcvtui.blocks.table import BlockRow
 

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition as Is
-from trcvtui.blocks.rules import NotConnected, Rules
+from trcvtui.blocks.rules import Course, NotConnected, Rules
 from trcvtui.blocks.status import Reach, StatusRow
-from trcvtui.blocks.status_sequence import Course
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import Policy
 

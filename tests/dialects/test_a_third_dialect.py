@@ -133,10 +133,6 @@ ALLOWED = {
     "udt/cli_input.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
     "udt/command.py": {": a Siemens source, laid out as "},
     "udt/sources/__init__.py": {"Siemens Openness"},
-    "udt/sources/xml_file.py": {
-        "<Document> (Siemens Openness), <project> (PLCopen) or <TcPlcObject> (TwinCAT)"
-    },
-    "udt/layout/profiles.py": {"baosky", "baosky-slot4", "baosky-pack4"},
     "udt/layout/rules.py": {"BAOSKY", "baosky", "baosky-slot4", "baosky-pack4", "BAOSKY_UNVERIFIED"},
 }
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.terminal import need
-from trcvtui.blocks.framing.frame import Ending
-from trcvtui.blocks.serial_events import FrameEnded
+from trcvtui.blocks.environment import FrameEnded
+from trcvtui.blocks.framing import Ending
 from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.project.file import load_project

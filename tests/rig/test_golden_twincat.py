@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import TWINCAT, failures, play
-from trcvtui.blocks.serial_events import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartDropped
+from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartDropped
 from trcvtui.blocks.status import Reach
 from trcvtui.dialects.twincat.errors import COM_ERRORS
 from trcvtui.rig.bench.bench import Bench

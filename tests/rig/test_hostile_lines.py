@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.blocks.framing.framer import KEPT_NOISE
-from trcvtui.blocks.serial.recording import MOST_BYTES
+from trcvtui.blocks.framing import KEPT_NOISE
+from trcvtui.blocks.serial.com_buffer import MOST_BYTES
 from trcvtui.net.serial_line import SIMULATED_LINE_BYTES, SimSerialPort
 from trcvtui.plc.ledger import KEPT_LINES
 from trcvtui.plc.serial_line_control import MOST_A_SCAN

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.plc.ledger import Outputs, StatusEdge
 from trcvtui.rig.scenario.report import JsonLines
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.framing.vectors import VECTORS, Vector
+from tests.blocks.framing_vectors import VECTORS, Vector
 from tests.rig.scenarios import failures, play
-from trcvtui.blocks.serial_events import FrameEnded, NoiseDropped
+from trcvtui.blocks.environment import FrameEnded, NoiseDropped
 from trcvtui.cli import main
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.scenario.runner import Runner, VirtualPace

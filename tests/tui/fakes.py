@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project

@@ -1,15 +1,95 @@
-"""The questionnaire: everything that a vendor may decide, as one frozen record."""
+"""The questionnaire: everything that a vendor may decide, as one frozen record, what shows when with it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.pins import Pin
-from trcvtui.blocks.status_sequence import Course
 from trcvtui.net.connection.config import Policy
+from trcvtui.net.connection.connection import LossKind
+from trcvtui.net.connection.set_up import SetUpStage
+
+# The defaults are the plain course; each answer is one row of the questionnaire (`rules.py`).
+
+# (stage, errno) -> condition; an errno of "" is every other one of that stage.
+SetUpConditions = Mapping[tuple[SetUpStage, str], Condition]
+
+PLAIN_SET_UP: Final[SetUpConditions] = {
+    (SetUpStage.SOCKET, ""): Condition.NO_SOCKET,
+    (SetUpStage.ADDRESS, ""): Condition.WRONG_LOCAL_ADDRESS,
+    (SetUpStage.REUSE, ""): Condition.REUSE_FAILED,
+    (SetUpStage.BIND, ""): Condition.BIND_FAILED,
+    (SetUpStage.POLL_ADD, ""): Condition.POLL_ADD_FAILED,
+    (SetUpStage.ACCEPT, ""): Condition.ACCEPT_FAILED,
+    (SetUpStage.CONNECT, ""): Condition.CONNECT_FAILED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What shows when. A tuple of conditions shows one a scan.
+
+    `job_begins`: the first scan of a connection that a job has been waiting for, which has what it takes from
+    then on; a job that will be refused shows `established`. None: "connected" as ever.
+    `established`: the same of a connection that no job waits for.
+    `waiting_req_sends`: a REQ that is still 1 when the connection comes up sends; False: an edge without a
+    connection is an error of its own.
+    `en_r_keeps_job`: a receive job that runs goes on when EN_R falls. `first_data_keeps_job`: with data.
+    `second_lags`: where two blocks want a connection, the one that is called second in the scan that brings
+    it up sees it one scan later, whichever of them has opened it.
+    `reset`, `reset_ends_send`: what COM_RST shows, and the error before it that ends a running send job.
+    `rebuilding`: what stands between an error and "connecting", when the block builds the connection again.
+    `let_go`: what a block shows whose connection another block has closed or reset.
+    `closes_together`: CONT that falls on two blocks of a connection at once is a close for both.
+    `idle_loss`: the error of a loss while no job runs; None: no error, but for a dead link.
+    `job_loss`: the error that ends a job, by kind of loss; a kind that is not named fails the job itself.
+    `still_asked`: the error of EN_R = 1 in the scan behind a loss that ended a job, and of a TRCV of its own
+    while its connection is being built again.
+    `teardown`: "closing" shows before the error of a loss that ends a job.
+    `silent_connect`: an attempt to connect that fails shows no error.
+    `reset_closes`: COM_RST closes the connection and its listener, and builds both anew.
+    `request_connects`: an edge of REQ or EN_R = 1 connects, too, and CONT says whether that outlives the job.
+    `faults_once`: a receive job that every call refuses shows its error once, else with each call.
+    `set_up`: the error of a set-up step.
+    """
+
+    job_begins: Condition | None = None
+    established: Condition | None = None
+    waiting_req_sends: bool = False
+    en_r_keeps_job: bool = False
+    first_data_keeps_job: bool = False
+    second_lags: bool = False
+    reset: tuple[Condition, ...] = (Condition.RESETTING, Condition.CLOSING, Condition.CLOSED)
+    reset_ends_send: Condition | None = None
+    rebuilding: tuple[Condition, ...] = ()
+    let_go: tuple[Condition, ...] = ()
+    closes_together: bool = False
+    idle_loss: Condition | None = None
+    job_loss: Mapping[LossKind, Condition] = field(
+        default_factory=lambda: {
+            LossKind.CLOSED_BY_PARTNER: Condition.PARTNER_CLOSED,
+            LossKind.LINK_DEAD: Condition.LINK_DEAD,
+        }
+    )
+    still_asked: Condition | None = None
+    teardown: bool = False
+    silent_connect: bool = False
+    reset_closes: bool = False
+    request_connects: bool = False
+    faults_once: bool = False
+    set_up: SetUpConditions = field(default_factory=lambda: PLAIN_SET_UP)
+
+    def of_set_up(self, stage: SetUpStage, error: str) -> Condition:
+        """Return the condition of a set-up step that failed with that errno."""
+        return self.set_up.get((stage, error)) or self.set_up[stage, ""]
+
+    def outlives_en_r(self, has_data: bool) -> bool:
+        """Return whether a receive job goes on although EN_R is 0."""
+        return self.en_r_keeps_job or (self.first_data_keeps_job and has_data)
 
 
 class NotConnected(Enum):

@@ -8,10 +8,10 @@ from typing import Final
 from trcvtui.blocks.block import Binding, Reader, new_block
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.serial.reception import Reception
-from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.serial.com_buffer import SerialBinding
+from trcvtui.blocks.serial.receiving import Reception
 from trcvtui.blocks.table import block_row
-from trcvtui.blocks.udp.udp_control import UdpBinding
+from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.plc.ledger import InputEdge, Outputs, PinValue, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_key, framer_snapshot

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.cause import Cause
-from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted
-from trcvtui.blocks.serial_events import SerialNote
+from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted, SerialNote
+from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import shown_by
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
 

@@ -15,10 +15,9 @@ from typing import Final, TypeVar
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.serial.recording import Recording
-from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.serial.com_buffer import Recording, SerialBinding
 from trcvtui.blocks.table import block_row
-from trcvtui.blocks.udp.udp_control import UdpBinding
+from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
 from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.resources import Resources

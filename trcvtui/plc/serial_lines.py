@@ -12,12 +12,9 @@ from functools import partial
 from typing import Final
 
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.environment import Environment, SerialNote
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer
-from trcvtui.blocks.serial.recording import Recording
-from trcvtui.blocks.serial.serial_binding import SerialBinding
-from trcvtui.blocks.serial_events import SerialNote
+from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer, Recording, SerialBinding
 from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import OVER_TCP, SerialPorts

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, Final
 
-from trcvtui.blocks.cause import Cause
 from trcvtui.blocks.data_area import DataArea
-from trcvtui.blocks.framing.marks import FrameMarks, Tally
-from trcvtui.blocks.serial.receive_data import MILLISECOND
-from trcvtui.blocks.serial.receive_string import text_of
-from trcvtui.blocks.serial.reception import Reception
-from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.framing import FrameMarks, Tally
+from trcvtui.blocks.outcome import Cause
+from trcvtui.blocks.serial.com_buffer import SerialBinding
+from trcvtui.blocks.serial.receiving import MILLISECOND, Reception, text_of
 from trcvtui.blocks.table import block_row as block_row
 from trcvtui.blocks.table import buffer_pins as buffer_pins
 from trcvtui.blocks.table import is_time as is_time

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from trcvtui.blocks.serial.recording import Recording
+from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.rig.history.pin_waveform import WaveformDelta

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from trcvtui.blocks.serial.recording import Recorder, Recording
+from trcvtui.blocks.serial.com_buffer import Recorder, Recording
 
 MILLISECOND = 1_000_000
 SCAN_NS = 10 * MILLISECOND

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.rig.framing_advice.framing_recordings import cut_up, every, recorded
-from trcvtui.blocks.framing.frame import Framing
-from trcvtui.blocks.serial.recording import MOST_BYTES, Recorder
+from trcvtui.blocks.framing import Framing
+from trcvtui.blocks.serial.com_buffer import MOST_BYTES, Recorder
 from trcvtui.rig.framing_advice.advice import MOST_PROPOSALS, advise
 from trcvtui.rig.framing_advice.proposal import MOST_BYTES_SHOWN, MOST_SHOWN, CutKind
 from trcvtui.rig.framing_advice.trial import LengthField, cut

@@ -20,8 +20,8 @@ from tests.tui.fakes import (
     written,
 )
 from tests.tui.looking import BOTH, SMALL, WIDE, looking
-from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.plc.ledger import BenchNote, Line
 
 

@@ -11,8 +11,8 @@ import pytest
 
 from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, receiving, showing
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
-from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.snapshots import Fired

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.tui.fakes import MS, SECOND, bench_project, edge
-from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.rig.commands.table import COMMANDS
 from trcvtui.tui.completion import complete, verbs
 from trcvtui.tui.formatting import age, bar, clip, moment, short_time, wrapped

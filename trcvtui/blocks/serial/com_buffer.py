@@ -1,17 +1,108 @@
-"""ComBuffer: the queue of bytes between a line and the blocks that read or write it.
-
-Rule: the end of a connection has its place among the bytes; nobody reads over it without being told.
-Bound: never more than `size` bytes; what has no room is dropped and counted (row 15).
-"""
+"""A ComBuffer: the queue of bytes between a line and the blocks on it; what came is recorded."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Final
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, NamedTuple
 
-from trcvtui.blocks.serial.recording import Recorder
-from trcvtui.blocks.serial_events import BytesArrived, BytesLost, LineHeld, SerialNote
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.environment import BytesArrived, BytesLost, Environment, LineHeld, SerialNote
+from trcvtui.blocks.table import BlockRow
+
+# Bound: the newest MOST_BYTES in MOST_CHUNKS chunks; chunks of one scan are one. A reader gets a frozen copy.
+
+MOST_BYTES: Final = 65_536
+MOST_CHUNKS: Final = 8192
+
+
+class Chunk(NamedTuple):
+    """Bytes that came in one scan, at `t_ns` of the run. `begins`: they are the first of a connection."""
+
+    t_ns: int
+    payload: bytes
+    begins: bool = False
+
+
+@dataclass(frozen=True)  # no slots: its size is asked for often, and worked out once
+class Recording:
+    """The chunks of one line, oldest first, as they stand at `until_ns`.
+
+    `source` is `sim`, `serial`, `tcp` or `cable`; `tick_ns` is how fine the times are: the interval of the
+    scans; `dropped` counts the older bytes that are not kept any more.
+    """
+
+    source: str
+    chunks: tuple[Chunk, ...]
+    until_ns: int = 0
+    tick_ns: int = 0
+    dropped: int = 0
+
+    @cached_property
+    def size(self) -> int:
+        """Return how many bytes are kept."""
+        return sum([len(chunk.payload) for chunk in self.chunks])
+
+    def first(self, most: int) -> Recording:
+        """Return the first chunks of it, `most` bytes of them; a chunk may be cut."""
+        kept: list[Chunk] = []
+        room = most
+        for chunk in self.chunks:
+            kept.append(chunk._replace(payload=chunk.payload[:room]))
+            room -= len(chunk.payload)
+            if room <= 0:
+                return Recording(self.source, tuple(kept), chunk.t_ns, self.tick_ns, self.dropped)
+        return self
+
+
+class Recorder:
+    """One line's recording. Bytes that had no room in the ComBuffer are in it too: the line has had them."""
+
+    def __init__(self) -> None:
+        self._chunks: deque[Chunk] = deque()
+        self._size = 0
+        self._dropped = 0
+        self._is_new = True
+
+    def add(self, payload: bytes, now: int) -> None:
+        """Keep what came."""
+        payload = payload[-MOST_BYTES:]
+        if not payload:
+            return
+        last = self._chunks[-1] if self._chunks else None
+        if last is not None and last.t_ns == now and not self._is_new:
+            self._chunks[-1] = last._replace(payload=last.payload + payload)
+        else:
+            self._chunks.append(Chunk(now, payload, self._is_new))
+        self._is_new = False
+        self._size += len(payload)
+        while self._size > MOST_BYTES or len(self._chunks) > MOST_CHUNKS:
+            self._shorten()
+
+    def end(self) -> None:
+        """What comes next is of another connection."""
+        self._is_new = True
+
+    def kept(self, source: str, until: int, tick: int) -> Recording:
+        """Return what is kept."""
+        return Recording(source, tuple(self._chunks), until, tick, self._dropped)
+
+    def _shorten(self) -> None:
+        """Drop the oldest chunk whole, so that what stays begins where a chunk did; the only one is cut."""
+        if len(self._chunks) == 1:
+            (last,) = self._chunks
+            over = self._size - MOST_BYTES
+            self._chunks[0] = last._replace(payload=last.payload[over:])
+        else:
+            over = len(self._chunks.popleft().payload)
+        self._size -= over
+        self._dropped += over
+
+
+# Rule: the end of a connection has its place among the bytes; nobody reads over it without being told.
+# Bound: never more than `size` bytes; what has no room is dropped and counted (row 15).
 
 ROOM: Final = 300  # ARRAY[0..300] OF BYTE: one place of a ring stays free
 MOST_ENDS: Final = 64
@@ -103,3 +194,20 @@ class ComBuffer:
     def _lose(self, size: int, reason: str) -> None:
         self.lost += size
         self._write(BytesLost(self.name, self.tail, size, reason))
+
+
+@dataclass(frozen=True, slots=True)
+class SerialBinding:
+    """`data`, `prefix` and `suffix` None: the pointer is 0. `priority` is that of its task."""
+
+    env: Environment
+    buffer: ComBuffer
+    data: DataArea | None
+    prefix: DataArea | None
+    suffix: DataArea | None
+    instance: str
+    priority: int = 1
+
+    def class_of(self, row: BlockRow) -> str:
+        """Return the class of a block on a ComBuffer."""
+        return row.serial

@@ -1,19 +1,18 @@
-"""SendData, SendString and SendByte: bytes into a ComBuffer, over several calls where it is full.
-
-Rule: a block sends as often as the program calls it, so each has EN, as its box has in FBD and LD. What has
-no room yet goes at the next calls (Busy); no prefix and no suffix is added.
-"""
+"""SendData, SendString, SendByte, ClearComBuffer: what goes into a ComBuffer, or is thrown away."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.block import NoJob
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.serial.receive_string import text_of
-from trcvtui.blocks.serial.serial_binding import SerialBinding
+from trcvtui.blocks.serial.com_buffer import SerialBinding
+from trcvtui.blocks.serial.receiving import text_of
+
+# Rule: a block sends as often as the program calls it, so each has EN, as its box has in FBD and LD. What has
+# no room yet goes at the next calls (Busy); no prefix and no suffix is added.
 
 NOT_CALLED: Final = Cause(Why.INPUT, "EN is 0", pin="EN", value=0)
 
@@ -122,3 +121,28 @@ class SendByte(Sending):
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
         """Return the byte."""
         return bytes([inputs.sendbyte])
+
+
+IDLE: Final = Outcome(Condition.NO_JOB, NOT_CALLED)
+EMPTIED: Final = Outcome(Condition.BUFFER_EMPTY, Cause(Why.INPUT, "EN is 1", pin="EN", value=1))
+
+
+class ClearComBuffer:
+    """One ClearComBuffer instance; it has no outputs."""
+
+    def __init__(self, bound: SerialBinding) -> None:
+        self.job = NoJob()
+        self._buffer = bound.buffer
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Empty the buffer while EN is 1; what a block has taken of a frame stays with the block."""
+        if not inputs.en:
+            return IDLE
+        self._buffer.empty(f"{type(self).__name__}")
+        return EMPTIED
+
+    def stop(self, reason: str) -> None:
+        """Nothing runs."""
+
+    def leave(self, reason: str) -> None:
+        """Be gone."""

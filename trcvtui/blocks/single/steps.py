@@ -7,11 +7,10 @@ from functools import lru_cache
 from typing import Final
 
 from trcvtui.blocks.block import Job
-from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.status_sequence import Course
-from trcvtui.blocks.tcp.loss_status import loss_cause
+from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.rules import Course
+from trcvtui.blocks.tcp.no_connection import loss_cause
 from trcvtui.net.connection.connection import ConnectionLoss, LossKind
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault

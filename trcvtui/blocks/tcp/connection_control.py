@@ -1,27 +1,127 @@
-"""What CONT and COM_RST do, scan by scan: the part of a _C block that it shares with every other.
-
-Rule 1: inputs are judged before the network is looked at (design 6, rows 14 and 24).
-Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
-"""
+"""What CONT and COM_RST do to a connection, scan by scan: the part that the _C blocks share."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum, auto
+from typing import Final
 
-from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.status_sequence import Course
-from trcvtui.blocks.tcp import disconnect_reset as closing
+from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.rules import Course
 from trcvtui.blocks.tcp.job_checks import in_use, rival_of
-from trcvtui.blocks.tcp.one_shot_cont import ContLevel
 from trcvtui.net.connection.connection import Connection, LossKind, State
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.set_up import SetUpStage, StepFault
+from trcvtui.net.results import Fault
+
+# CONT where a request connects, too (cont_mode manual): an edge of REQ, EN_R = 1, or CONT = 1 builds a
+# connection, which then stays. It ends at once when CONT falls while no job waits or runs, else after the
+# job; and after a job that had CONT = 0 when it counted: at the edge of REQ, for TRCV_C when the connection
+# was begun.
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """Why a connection is begun, why it ends, and that there is none."""
+
+    asked: Cause
+    ended: Cause
+    idle: Outcome
+
+
+def _idle(name: str, pin: str) -> Outcome:
+    return Outcome(Condition.NO_JOB, Cause(Why.INPUT, name, pin=pin, value=0), lasts=True)
+
+
+CONT_ROSE: Final = Cause(Why.INPUT, "CONT rose", pin="CONT", value=1)
+CONT_FELL: Final = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
+CONT_IS_0: Final = _idle("CONT is 0", "CONT")
+BY_REQ: Final = Told(
+    asked=Cause(Why.INPUT, "REQ rose without a connection", pin="REQ", value=1),
+    ended=Cause(Why.INPUT, "CONT was 0 when REQ rose", pin="CONT", value=0),
+    idle=_idle("CONT is 0 and REQ has not risen", "REQ"),
+)
+BY_EN_R: Final = Told(
+    asked=Cause(Why.INPUT, "EN_R is 1 without a connection", pin="EN_R", value=1),
+    ended=Cause(Why.INPUT, "CONT was 0 when the connection was begun", pin="CONT", value=0),
+    idle=_idle("CONT and EN_R are 0", "EN_R"),
+)
+
+
+class ContLevel:
+    """CONT of one instance. `told` None: the connection is wanted as long as the pin is 1."""
+
+    def __init__(self, told: Told | None) -> None:
+        self.begins, self.ends_by = CONT_ROSE, CONT_FELL
+        self.idle = told.idle if told else CONT_IS_0
+        self.is_due = False  # the connection ends as soon as no job needs it
+        self._told = told
+        self._is_single = False  # it serves one job
+        self._cont = self._is_wanted = False
+
+    def level(self, cont: bool, asks: bool, is_closing: bool) -> bool:
+        """Return whether the connection is wanted.
+
+        `asks`: a request waits for it, or a job runs on it; `is_closing`: what a close shows is not over.
+        """
+        if self._told is None:
+            return cont
+        fell, self._cont = self._cont and not cont, cont
+        if fell and self._is_wanted:
+            self.is_due, self.ends_by = True, CONT_FELL
+        if self.is_due and not asks:
+            self.is_due = self._is_wanted = False
+        elif (cont or asks) and not is_closing and not self._is_wanted:
+            self._is_wanted = True
+            self.begins = self._told.asked if asks else CONT_ROSE
+            self.count(cont)
+        return self._is_wanted
+
+    def count(self, cont: bool) -> None:
+        """Take CONT as it is now for the job that comes."""
+        self._is_single = not cont
+
+    def served(self) -> None:
+        """Say that the job has what it came for."""
+        if self._told is not None and self._is_single and not self.is_due:
+            self.is_due, self.ends_by = True, self._told.ended
+
+    def goes_on(self) -> None:
+        """Keep the connection: it is built anew, and the job that was to end it is gone."""
+        self.is_due = self._is_single = False
+
+
+# Disconnect and reset answer what they show, one outcome a scan; a call that failed is the only one shown.
+
+
+def show_disconnect(connection: Connection, cause: Cause) -> list[Outcome]:
+    """Close the connection and the listener: closing, closed by us."""
+    peer = str(connection.peer or "")
+    fault = connection.disconnect()
+    if fault is not None:
+        return [Outcome(_unless_poll_del(fault, Condition.DISCONNECT_FAILED), cause_of(fault, peer))]
+    return [Outcome(Condition.CLOSING, cause), Outcome(Condition.CLOSED, cause)]
+
+
+def show_reset(connection: Connection, cause: Cause, shown: Iterable[Condition]) -> list[Outcome]:
+    """Abort the connection with RST and show these; the listener stays."""
+    peer = str(connection.peer or "")
+    fault = connection.reset()
+    if fault is not None:
+        return [Outcome(_unless_poll_del(fault, Condition.RESET_FAILED), cause_of(fault, peer))]
+    return [Outcome(condition, cause) for condition in shown]
+
+
+def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
+    return Condition.POLL_DEL_FAILED if fault.call == "poll_del" else otherwise
+
+
+# Rule 1: inputs are judged before the network is looked at (design 6, rows 14 and 24).
+# Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
 
 
 class KeptOff:
@@ -290,7 +390,7 @@ class ConnectionPart:
         was_up = self._was_up()
         self.phase = Phase.IDLE
         self._connection.keeping.give_back(self._claim)
-        shown, *more = closing.disconnect(self._connection, cause)
+        shown, *more = show_disconnect(self._connection, cause)
         self._script.extend(more if was_up else ())
         return shown
 
@@ -321,9 +421,9 @@ class ConnectionPart:
         """Reset or close the connection; return what that shows, behind the error of a job."""
         first = (self._job_error,) if self._job_error else ()
         if not self._course.reset_closes:
-            return closing.reset(self._connection, cause, (*first, *self._course.reset))
+            return show_reset(self._connection, cause, (*first, *self._course.reset))
         self.phase, self._queued = Phase.STARTING, False
-        closed = closing.disconnect(self._connection, cause)[0]
+        closed = show_disconnect(self._connection, cause)[0]
         return [*(Outcome(condition, cause) for condition in first), closed]
 
 

@@ -1,18 +1,22 @@
-"""May a job start? The manual's questions to DATA, LEN and the CONNECT, in its order (design 6, row 16)."""
+"""May a job start? The questions to DATA, LEN, ADDR, CONNECT in the manual's order (design 6, row 16)."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
-from trcvtui.blocks.cause import Cause, Why, cause_of
+from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.data_area import DataArea, Elements
 from trcvtui.blocks.environment import Environment
-from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.rules import AreaRules
+from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim, DirectionClaims
+from trcvtui.net.connection.udp import UdpEndpoint
+from trcvtui.net.results import ANY_ADDRESS
 
 
 class Wish(NamedTuple):
@@ -137,3 +141,74 @@ def in_use(other: Claim, asking: Claim) -> Cause:
 
 
 _EMPTY = Outcome(Condition.DATA_EMPTY, Cause(Why.PARAMETER, "DATA has no byte", pin="DATA", value=0))
+
+TARGETS: Final = ("TADDR_Param",)
+SOURCES: Final = ("TADDR_Param", "TADDR_RCV_IP")
+
+
+def unfit(bound: Binding, needs_datagrams: bool, receives: bool = False) -> Outcome | None:
+    """Return why this block can never work on this connection; `needs_datagrams`: it is TUSEND or TURCV."""
+    is_udp = isinstance(bound.connection, UdpEndpoint)
+    if is_udp and bound.address is None:
+        return _wrong(Condition.OTHER_TRANSPORT, "the connection is UDP, and this block has no ADDR")
+    if is_udp and receives and bound.address is not None:
+        return wrong_structure(bound.address)
+    if needs_datagrams and not is_udp:
+        return _wrong(Condition.OTHER_TRANSPORT, "the connection is not UDP", "CONNECT")
+    return None
+
+
+def no_target(address: RemoteAddress) -> Outcome | None:
+    """Return why no datagram can go to this ADDR."""
+    wrong = wrong_structure(address, TARGETS)
+    if wrong is not None:
+        return wrong
+    if address.address == ANY_ADDRESS:
+        return _wrong(Condition.REMOTE_WRONG, "ADDR names no address")
+    if address.port == 0:
+        return _wrong(Condition.NEEDS_ADDR, "ADDR names no port")
+    return None
+
+
+def wrong_structure(address: RemoteAddress, taken: tuple[str, ...] = SOURCES) -> Outcome | None:
+    """Return why what stands at ADDR is of no use, whatever it says."""
+    written = address.description
+    if written is None:
+        return None
+    name, size = written.structure.name, len(written.data)
+    if name not in taken:
+        return _wrong(Condition.NO_DESCRIPTION, f"ADDR is a {name}, and {taken[0]} is expected")
+    if size != written.structure.size:
+        text = f"ADDR has {size} bytes, and {name} has {written.structure.size}"
+        return _wrong(Condition.PARAMETER_WRONG, text)
+    return None
+
+
+def _wrong(condition: Condition, name: str, pin: str = "ADDR") -> Outcome:
+    return Outcome(condition, Cause(Why.PARAMETER, name, pin=pin))
+
+
+TOLD: Final = Cause(Why.WAITING, "the error has been told; EN_R is 1, and LEN and DATA are as they were")
+
+
+class ToldOnce:
+    """What one instance has told; `quiet` is the condition that it falls back to."""
+
+    def __init__(self, is_once: bool, quiet: Condition) -> None:
+        self._is_once = is_once
+        self._quiet = Outcome(quiet, TOLD)
+        self._told: tuple[Condition, Inputs] | None = None
+
+    def shown(self, outcome: Outcome, inputs: Inputs) -> Outcome:
+        """Return what shows of an answer to EN_R = 1."""
+        if not self._is_once:
+            return outcome
+        now = (outcome.condition, inputs) if outcome.error else None
+        is_old, self._told = now is not None and now == self._told, now
+        if is_old:
+            return self._quiet
+        return Outcome(outcome.condition, outcome.cause) if outcome.error else outcome
+
+    def forget(self) -> None:
+        """EN_R is 0, or the connection has changed: the next error is a new one."""
+        self._told = None

@@ -11,15 +11,13 @@ from functools import lru_cache
 from typing import Final
 
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.cause import Cause, Why
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.addressed import unfit
-from trcvtui.blocks.tcp.job_checks import Wish, fits, refuse, reserve, rival_of
+from trcvtui.blocks.tcp.job_checks import Wish, fits, refuse, reserve, rival_of, unfit
 from trcvtui.blocks.tcp.job_checks import changed as area_changed
-from trcvtui.blocks.tcp.loss_status import shown
+from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.net.connection.connection import ConnectionLoss, LossKind
 from trcvtui.net.results import Datagram, Endpoint, WouldBlock
 
@@ -194,10 +192,11 @@ class ReceiveJob:
         """Look for a loss while no job runs."""
         return self._connection.check_loss(self.claim)
 
-    def shown(self, loss: ConnectionLoss) -> list[Outcome]:
+    def show_loss(self, loss: ConnectionLoss) -> list[Outcome]:
         """Return what a loss shows, one scan each, and end the job."""
         failed = Condition.RECEIVE_FAILED if self.running else None
-        outcomes = shown(loss, self._env.rules, self, failed, short_frame=bool(self.have and not self.adhoc))
+        is_short = bool(self.have and not self.adhoc)
+        outcomes = show_loss(loss, self._env.rules, self, failed, short_frame=is_short)
         still_asked = self._env.rules.course.still_asked
         if self.running and still_asked and loss.kind not in (LossKind.OURS, LossKind.REFUSED):
             outcomes.append(Outcome(still_asked, outcomes[-1].cause))

@@ -12,14 +12,12 @@ from functools import lru_cache
 from typing import Final
 
 from trcvtui.blocks.block import Binding
-from trcvtui.blocks.cause import FULL, Cause, Why, cause_of, full_cause
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
-from trcvtui.blocks.outcome import Outcome
+from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.addressed import no_target, unfit
-from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse, reserve, rival_of
-from trcvtui.blocks.tcp.loss_status import shown
+from trcvtui.blocks.tcp.job_checks import Wish, changed, no_target, refuse, reserve, rival_of, unfit
+from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
 from trcvtui.net.connection.connection import ConnectionLoss
 from trcvtui.net.connection.udp import UdpEndpoint
@@ -163,10 +161,10 @@ class SendJob:
         """Look for a loss while no job runs."""
         return self._connection.check_loss()
 
-    def shown(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
+    def show_loss(self, loss: ConnectionLoss, asked: bool) -> list[Outcome]:
         """Return what a loss shows, one scan each, and end the job; `asked`: REQ rose in this scan."""
         failed = Condition.SEND_FAILED if self.running or asked else None
-        outcomes = shown(loss, self._env.rules, self, failed)
+        outcomes = show_loss(loss, self._env.rules, self, failed)
         self.abandon("connection lost")
         return outcomes
 

@@ -11,8 +11,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import AreaRules, NotConnected, Rules
-from trcvtui.blocks.status_sequence import Course
+from trcvtui.blocks.rules import AreaRules, Course, NotConnected, Rules
 from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.blocks import ALL
 from trcvtui.dialects.siemens.status import STATUS

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.cause import TOOK_PART, Cause, Why
 from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import TOOK_PART, Cause, Why
 from trcvtui.blocks.table import block_row
 from trcvtui.rig.diagnosis import job, link, receive, serial
 from trcvtui.rig.diagnosis.evidence import Evidence

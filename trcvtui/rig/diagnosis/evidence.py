@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.outcome import Cause
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot

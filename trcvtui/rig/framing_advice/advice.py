@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
-from trcvtui.blocks.framing.frame import Framing
-from trcvtui.blocks.serial.recording import Recording
+from trcvtui.blocks.framing import Framing
+from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.rig.framing_advice.marks import (
     LONGEST_FRAME,
     USUAL_WIDTHS,

@@ -10,8 +10,8 @@ from dataclasses import replace
 from itertools import count as counted
 from typing import Final
 
-from trcvtui.blocks.framing.frame import Framing
-from trcvtui.blocks.serial.recording import Recording
+from trcvtui.blocks.framing import Framing
+from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import mistake
 from trcvtui.project.names import expected_name

@@ -10,7 +10,7 @@ from itertools import pairwise
 from math import isqrt, log2
 from typing import Final
 
-from trcvtui.blocks.serial.recording import Recording
+from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.rig.framing_advice.trial import KNOWN_STARTS, TEXT, LengthField, Placed
 
 LOOKED_AT: Final = 4096  # bytes in which marks are looked for

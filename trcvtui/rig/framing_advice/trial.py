@@ -9,9 +9,8 @@ from functools import cached_property
 from math import lgamma, log, log2
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.framing.frame import Ending, Frame, Framing
-from trcvtui.blocks.framing.framer import Framer
-from trcvtui.blocks.serial.recording import Chunk, Recording
+from trcvtui.blocks.framing import Ending, Frame, Framer, Framing
+from trcvtui.blocks.serial.com_buffer import Chunk, Recording
 
 PIECE: Final = 512  # bytes of one call: frames do not depend on it, and the framer copies less
 GOOD: Final = frozenset({Ending.SUFFIX, Ending.SIZE})

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final
 
-from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded
+from trcvtui.blocks.outcome import Cause, Why, cause_of
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.net.layers.layered_stream import DROPPED
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED

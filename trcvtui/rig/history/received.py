@@ -17,9 +17,15 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
-from trcvtui.blocks.environment import JobEnded
-from trcvtui.blocks.framing.frame import Ending
-from trcvtui.blocks.serial_events import BytesArrived, BytesLost, FrameEnded, NoiseDropped, PartDropped
+from trcvtui.blocks.environment import (
+    BytesArrived,
+    BytesLost,
+    FrameEnded,
+    JobEnded,
+    NoiseDropped,
+    PartDropped,
+)
+from trcvtui.blocks.framing import Ending
 from trcvtui.net.events import BytesDropped
 from trcvtui.plc.ledger import Event
 from trcvtui.project.project import Project

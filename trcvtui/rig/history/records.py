@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.outcome import Cause
 
 # -- windows ----------------------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
-from trcvtui.blocks.cause import Cause
+from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import block_row
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench

@@ -1,14 +1,57 @@
-"""The framer: bytes and time in, at most one frame a call out (receivedata.md 4, steps 5 to 9).
-
-Rule: frames do not depend on how the stream was cut: each search begins where the call before has left off.
-Bounds: the part is never longer than the size of a frame, the noise that is kept than KEPT_NOISE.
-"""
+"""Frames out of a stream of bytes: prefix, suffix, size, gap, and what ended each (receivedata.md)."""
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
 
-from trcvtui.blocks.framing.frame import Ending, Frame, Framing, Taken
+
+class Ending(StrEnum):
+    """What ended a frame."""
+
+    SUFFIX = "suffix"
+    SIZE = "size reached"
+    OVERRUN = "size reached without the suffix"
+    GAP = "gap"
+    ZERO = "byte 00 in a text"
+
+
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """How frames are cut. `size`: the most bytes of a frame; `timeout_ns`: the longest gap, 0: any.
+
+    `text`: frames are STRINGs. A byte 00 ends them, and a size that is reached is never a good end.
+    """
+
+    size: int
+    prefix: bytes = b""
+    suffix: bytes = b""
+    timeout_ns: int = 0
+    text: bool = False
+
+    def cuts_like(self, other: Framing) -> bool:
+        """Return whether only the timeout differs, if anything."""
+        mine = self.size, self.prefix, self.suffix, self.text
+        return mine == (other.size, other.prefix, other.suffix, other.text)
+
+
+class Frame(NamedTuple):
+    """A frame: its bytes, prefix and suffix among them, and what ended it."""
+
+    content: bytes
+    ending: Ending
+
+
+class FramerStep(NamedTuple):
+    """One call of a framer: how many bytes it took, and the frame that they complete."""
+
+    used: int
+    frame: Frame | None = None
+
+
+# Rule: frames do not depend on how the stream was cut: each search begins where the call before has left off.
+# Bounds: the part is never longer than the size of a frame, the noise that is kept than KEPT_NOISE.
 
 KEPT_NOISE: Final = 256
 
@@ -54,25 +97,25 @@ class Framer:
         self._has_prefix = False
         return part
 
-    def take(self, received: bytes, framing: Framing, now: int) -> Taken:
+    def take(self, received: bytes, framing: Framing, now: int) -> FramerStep:
         """Take bytes until none is left or a frame is complete; without any, look at the gap (row 6)."""
         self.had_false_start = False
         if not received:
-            return Taken(0, self._gap(framing, now))
+            return FramerStep(0, self._gap(framing, now))
         self._framing, self.last_byte = framing, now
         used = 0 if self._has_prefix else self._seek(received, framing)
         if not self._has_prefix:
-            return Taken(used)
+            return FramerStep(used)
         before = len(self._part)
         self._part += received[used : used + framing.size - before]
         used += len(self._part) - before
         found = self._end(before, framing)
         if found is None:
-            return Taken(used)
+            return FramerStep(used)
         end, ending = found
         used -= len(self._part) - end
         del self._part[end:]
-        return Taken(used, Frame(self.drop(), ending))
+        return FramerStep(used, Frame(self.drop(), ending))
 
     def _gap(self, framing: Framing, now: int) -> Frame | None:
         """Return what has come so far when nothing follows it for the timeout or longer (row 7)."""
@@ -117,3 +160,49 @@ def _longest_start(joined: bytes, head: bytes) -> int:
     """Return the length of the longest end of `joined` with which the prefix may begin."""
     longest = min(len(head) - 1, len(joined))
     return next((n for n in range(longest, 0, -1) if joined.endswith(head[:n])), 0)
+
+
+class FrameMarks(NamedTuple):
+    """A delivered frame: its bytes, how many of them are prefix and suffix, and what ended it."""
+
+    size: int
+    prefix: int
+    suffix: int
+    ending: Ending
+
+    @property
+    def is_good(self) -> bool:
+        """Return whether it ended as it should."""
+        return self.ending in (Ending.SUFFIX, Ending.SIZE)
+
+
+class Tally(NamedTuple):
+    """How many frames ended well, by a gap, without the suffix; how many parts were thrown away, and why."""
+
+    good: int = 0
+    gaps: int = 0
+    overruns: int = 0
+    parts: int = 0
+    reason: str = ""
+
+    def ended(self, ending: Ending) -> Tally:
+        """Return the tally with a frame more."""
+        if ending is Ending.GAP:
+            return self._replace(gaps=self.gaps + 1)
+        if ending is Ending.OVERRUN:
+            return self._replace(overruns=self.overruns + 1)
+        return self._replace(good=self.good + 1)
+
+    def dropped(self, reason: str) -> Tally:
+        """Return the tally with a part more that was thrown away."""
+        return self._replace(parts=self.parts + 1, reason=reason)
+
+
+NO_FRAMES = Tally()
+
+
+def marks_of(frame: Frame, framing: Framing) -> FrameMarks:
+    """Return where the marks of a frame lie; a frame that a gap ended may have but half a prefix."""
+    size = len(frame.content)
+    suffix = len(framing.suffix) if frame.ending is Ending.SUFFIX else 0
+    return FrameMarks(size, min(size, len(framing.prefix)), suffix, frame.ending)

@@ -1,58 +1,140 @@
-"""URECV_C: create a UDP socket and receive one datagram a job (manual 7.15.15)."""
+"""The jobs of blocks on a UDP_CONFIG: one datagram out, one datagram in."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
-from trcvtui.blocks.cause import Cause, Why, cause_of
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.environment import JobEnded, JobStarted
-from trcvtui.blocks.outcome import Outcome
-from trcvtui.blocks.pins import Inputs
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.environment import Environment, JobEnded, JobStarted, SendEnded, SendStarted
+from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
+from trcvtui.blocks.table import BlockRow
 from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse
-from trcvtui.blocks.tcp.not_connected import StandingRequest
-from trcvtui.blocks.udp.udp_control import UdpBinding, UdpPart
+from trcvtui.net.connection.config import RemoteAddress
+from trcvtui.net.connection.resources import Claim
+from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Datagram, Endpoint, Fault
 
 
-class UrecvC:
-    """One URECV_C instance."""
+@dataclass(frozen=True, slots=True)
+class UdpBinding:
+    """CONFIG, ADDR and DATA of one instance. `data` None: the pin is open; `priority` is that of its task."""
+
+    env: Environment
+    port: UdpEndpoint
+    address: RemoteAddress
+    data: DataArea | None
+    instance: str
+    priority: int = 1
+
+    def claim(self) -> Claim:
+        """Return this instance's claim on one direction of its UDP_CONFIG."""
+        return Claim(self.instance, None if self.env.rules.lock_across_tasks else self.priority)
+
+    def class_of(self, row: BlockRow) -> str:
+        """Return the class of a block on a UDP_CONFIG."""
+        return row.on_config
+
+
+class DatagramOut:
+    """One instance's send jobs: each is one datagram, copied from DATA at the edge."""
+
+    adhoc = False
 
     def __init__(self, bound: UdpBinding) -> None:
-        self.job = DatagramIn(bound)
-        self._part = UdpPart(bound.env, bound.port)
-        self._request = StandingRequest(bound.env.rules.not_connected)
+        self.number = 0
+        self.running = False
+        self.have = 0
+        self.need = 0
+        self.last_bytes: int | None = None
+        self.claim = bound.claim()
+        self._env = bound.env
+        self._shape: tuple[str, int] | None = None  # of DATA when the job began
+        self._data = bound.data
+        self._address = bound.address
+        self._port = bound.port
+        self._config = bound.port.config.name
+        self._instance = bound.instance
+        self._incarnation = self._first_offset = 0
+        self._peer = ""  # whom the datagram went to
 
-    def call(self, inputs: Inputs) -> Outcome:
-        """Answer one call: 0001, 7001, then 7006 and 7008 for each datagram as long as EN_R is 1."""
-        self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
-        outcome = self._part.call(inputs.cont)
-        if outcome is not None:
-            return self._while_not_ready(outcome)
-        self._request.answered()
-        if inputs.en_r:
-            return self.job.call(inputs.len)
-        self.job.abandon("EN_R fell")
-        self.job.let_go()
-        return READY
+    def begin(self, length: int) -> Outcome:
+        """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
+        rules = self._env.rules
+        wish = Wish(length, most=rules.max_datagram, needs_len=rules.area.datagram_needs_len)
+        refused = refuse(self._env, self._data, wish, self._port.sending, self.claim, self._config)
+        if refused is not None:
+            self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR
+            return refused
+        assert self._data is not None
+        self._shape = self._data.shape
+        payload = bytes(self._data.content[: length or self._data.size])
+        self._start(len(payload))
+        got = self._port.send_to(memoryview(payload), self._address, self._instance)
+        if isinstance(got, int):
+            self.have, self.last_bytes, self._peer = got, self._env.now, str(self._port.peer)
+            return _sending(got, self._peer)
+        self._end(done=False, reason="the datagram was not taken")
+        peer = self._port.where(self._address)
+        if isinstance(got, Fault) and got.error != "EAGAIN":
+            return Outcome(Condition.SEND_FAILED, cause_of(got, peer))
+        fault = got if isinstance(got, Fault) else FULL
+        cause = full_cause(fault, "the stack has no room for the datagram", self.need, peer)
+        return Outcome(Condition.SEND_BUFFER_FULL, cause)
 
-    def stop(self, reason: str) -> None:
-        """Drop the running job."""
-        self.job.abandon(reason)
+    def go_on(self) -> Outcome:
+        """Show in the next scan that the datagram went."""
+        data = self._data
+        if self._env.rules.area.must_stay and data is not None and data.shape != self._shape:
+            outcome = changed("DATA")
+            self.abandon(outcome.cause.name)
+            return outcome
+        self._end(done=True, reason="complete")
+        return _sent(self.need, self._peer)
+
+    def _start(self, need: int) -> None:
+        self.number += 1
+        self.running, self.have, self.need = True, 0, need
+        incarnation, offset = self._port.incarnation, self._port.bytes_sent
+        self._incarnation, self._first_offset = incarnation, offset
+        self._env.write(SendStarted(self._instance, self.number, self._config, incarnation, offset, need))
+
+    def abandon(self, reason: str) -> None:
+        """End a running job without DONE."""
+        if self.running:
+            self._end(done=False, reason=reason)
 
     def leave(self, reason: str) -> None:
-        """Be gone; the socket stays as it is."""
-        self.job.leave(reason)
+        """Be gone; the lock of a job may stay behind (rules) until the socket is closed."""
+        self.claim.is_orphan = self.running and self._env.rules.lock_outlives
+        self.abandon(reason)
+        if not self.claim.is_orphan:
+            self._port.sending.give_back(self.claim)  # also of a job that was to begin next
 
-    # -- 80A1: asked for data, no socket (design 6, row 3, with 0001 in the place of 7002) -----------
+    def partial(self) -> bytes:
+        """Return nothing: a send job collects no bytes."""
+        return b""
 
-    def _while_not_ready(self, outcome: Outcome) -> Outcome:
-        self.job.abandon(outcome.cause.name)
-        if outcome.condition is Condition.CREATED:
-            self._request.answered()
-        elif outcome.condition is Condition.CREATING and self._part.waits > 1 and self._request.is_told():
-            return _TOO_EARLY
-        return outcome
+    def _end(self, done: bool, reason: str) -> None:
+        self.running = False
+        self._env.resources.buffers.release()
+        if not self.claim.is_orphan:
+            self._port.sending.give_back(self.claim)
+        place = self._config, self._incarnation, self._first_offset
+        self._env.write(SendEnded(self._instance, self.number, *place, self.have, done, reason))
+
+
+@lru_cache(64)
+def _sending(size: int, peer: str) -> Outcome:
+    cause = Cause(Why.BYTES, "the stack has the datagram", have=size, need=size, peer=peer)
+    return Outcome(Condition.SENDING, cause)
+
+
+@lru_cache(64)
+def _sent(size: int, peer: str) -> Outcome:
+    cause = Cause(Why.BYTES, "the datagram is with the local stack", have=size, need=size, peer=peer)
+    return Outcome(Condition.SENT, cause)
 
 
 class DatagramIn:
@@ -190,13 +272,6 @@ class DatagramIn:
         self._env.resources.buffers.release()
         place = self._config, self._incarnation, self._first_offset
         self._env.write(JobEnded(self._instance, self.number, *place, size, done, reason))
-
-
-READY = Outcome(Condition.CREATED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
-_TOO_EARLY = Outcome(
-    Condition.NOT_CONNECTED,
-    Cause(Why.INPUT, "EN_R is 1 before the socket is there", pin="EN_R", value=1),
-)
 
 
 @lru_cache(1024)

@@ -1,7 +1,4 @@
-"""Reception: one framer on one ComBuffer, and what its frames and errors show (receivedata.md 4).
-
-Rule: Error, RxTimeout and the length stay until the next frame begins (step 11).
-"""
+"""ReceiveData, ReceiveString, ReceiveByte: frames, texts and bytes out of a ComBuffer (receivedata.md)."""
 
 from __future__ import annotations
 
@@ -9,14 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
-from trcvtui.blocks.cause import Cause, Why
+from trcvtui.blocks.block import NoJob
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.framing.frame import Ending, Frame, Framing
-from trcvtui.blocks.framing.framer import KEPT_NOISE, Framer
-from trcvtui.blocks.framing.marks import NO_FRAMES, FrameMarks, marks_of
-from trcvtui.blocks.outcome import Lamp, Outcome
-from trcvtui.blocks.serial.serial_binding import SerialBinding
-from trcvtui.blocks.serial_events import FrameEnded, NoiseDropped, PartDropped
+from trcvtui.blocks.data_area import DataArea
+from trcvtui.blocks.environment import FrameEnded, NoiseDropped, PartDropped
+from trcvtui.blocks.framing import KEPT_NOISE, NO_FRAMES, Ending, Frame, FrameMarks, Framer, Framing, marks_of
+from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
+from trcvtui.blocks.pins import Inputs
+from trcvtui.blocks.serial.com_buffer import SerialBinding
+
+# Rule: Error, RxTimeout and the length stay until the next frame begins (step 11).
 
 FRAMES: Final[Mapping[Ending, Condition]] = {
     Ending.SUFFIX: Condition.FRAME_RECEIVED,
@@ -154,3 +153,147 @@ class Reception:
         self._note_dropped(frame.content, reason)
         self._idle = Outcome(Condition.ZERO_CHARACTER, Cause(Why.BYTES, reason, have=size, need=self.need))
         return self._idle
+
+
+MILLISECOND = 1_000_000
+
+
+class ReceiveData:
+    """One ReceiveData instance."""
+
+    def __init__(self, bound: SerialBinding) -> None:
+        self.job = Reception(bound, self._deliver)
+        self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call, in the order of receivedata.md 4."""
+        if inputs.reset:
+            return self.job.reset()
+        wrong = self._wrong(inputs)
+        if wrong is not None:
+            return self.job.refuse(*wrong)
+        assert self._data is not None
+        framing = Framing(
+            inputs.sizereceivedata,
+            _pointed(self._prefix, inputs.lenprefix),
+            _pointed(self._suffix, inputs.lensuffix),
+            inputs.timeout * MILLISECOND,
+        )
+        return self.job.call(framing, self._data.shape)
+
+    def stop(self, reason: str) -> None:
+        """Throw the part of a frame away."""
+        self.job.drop(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone."""
+        self.job.drop(reason)
+
+    def _wrong(self, inputs: Inputs) -> tuple[Condition, Cause] | None:
+        """Return the first of errors 21, 22 and 20 that the inputs have (step 3)."""
+        if self._data is None:
+            return Condition.NULL_RECEIVE_POINTER, Cause(
+                Why.PARAMETER, "pReceiveData is 0", pin="pReceiveData"
+            )
+        size, room = inputs.sizereceivedata, self._data.size
+        if not 0 < size <= room:
+            name = "SizeReceiveData is not greater than 0" if size <= 0 else "the variable is smaller"
+            pin = "SizeReceiveData"
+            return Condition.RECEIVE_LENGTH_WRONG, Cause(Why.PARAMETER, name, pin=pin, have=room, need=size)
+        for name, area, length in (
+            ("pPrefix", self._prefix, inputs.lenprefix),
+            ("pSuffix", self._suffix, inputs.lensuffix),
+        ):
+            room = area.size if area is not None else 0
+            if length > room:
+                cause = Cause(Why.PARAMETER, f"{name} points to less", pin=name, have=room, need=length)
+                return Condition.NULL_POINTER, cause
+        return None
+
+    def _deliver(self, content: bytes) -> None:
+        """Bytes behind the frame keep their old values (step 10)."""
+        assert self._data is not None
+        self._data.write(0, content)
+
+
+def _pointed(area: DataArea | None, length: int) -> bytes:
+    return bytes(area.content[:length]) if area is not None else b""
+
+
+TEXTS: Final = {
+    Ending.SUFFIX: Condition.FRAME_RECEIVED,
+    Ending.GAP: Condition.FRAME_GAP,
+    Ending.OVERRUN: Condition.STRING_OVERRUN,
+}
+
+
+class ReceiveString:
+    """One ReceiveString instance."""
+
+    longest = 80
+
+    def __init__(self, bound: SerialBinding) -> None:
+        self.job = Reception(bound, self._deliver, TEXTS)
+        self._data, self._prefix, self._suffix = bound.data, bound.prefix, bound.suffix
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call."""
+        if inputs.reset:
+            return self.job.reset()
+        if self._data is None or self._data.size < 2:
+            cause = Cause(Why.PARAMETER, "ReceivedString is no STRING", pin="ReceivedString")
+            return self.job.refuse(Condition.NULL_RECEIVE_POINTER, cause)
+        longest = min(self.longest, self._data.size - 1)  # one byte is the 00 behind the text
+        timeout = inputs.timeout * MILLISECOND
+        framing = Framing(longest, text_of(self._prefix), text_of(self._suffix), timeout, text=True)
+        return self.job.call(framing, self._data.shape)
+
+    def stop(self, reason: str) -> None:
+        """Throw the part of a text away."""
+        self.job.drop(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone."""
+        self.job.drop(reason)
+
+    def _deliver(self, content: bytes) -> None:
+        assert self._data is not None
+        self._data.write(0, content + b"\0")
+
+
+class ReceiveString255(ReceiveString):
+    """One ReceiveString255 instance: only the length differs."""
+
+    longest = 255
+
+
+def text_of(area: DataArea | None) -> bytes:
+    """Return the characters of a STRING, up to its byte 00; of no STRING: none."""
+    return bytes(area.content).partition(b"\0")[0] if area is not None else b""
+
+
+EMPTY: Final = Cause(Why.WAITING, "no byte waits")
+TAKEN: Final = Cause(Why.BYTES, "a byte was taken", have=1, need=1)
+
+
+class ReceiveByte:
+    """One ReceiveByte instance; ReceivedByte keeps its value until the next byte."""
+
+    def __init__(self, bound: SerialBinding) -> None:
+        self.job = NoJob()
+        self._buffer = bound.buffer
+        self._empty = Outcome(Condition.BUFFER_EMPTY, EMPTY)
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call."""
+        if not self._buffer.look():
+            return self._empty
+        byte = self._buffer.take(1)[0]
+        self._empty = Outcome(Condition.BUFFER_EMPTY, EMPTY, byte=byte)
+        return Outcome(Condition.FRAME_RECEIVED, TAKEN, lamp=Lamp.DONE, byte=byte)
+
+    def stop(self, reason: str) -> None:
+        """Nothing runs."""
+
+    def leave(self, reason: str) -> None:
+        """Be gone."""

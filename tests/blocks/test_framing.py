@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.framing.vectors import VECTORS, Call, Vector
-from trcvtui.blocks.framing.frame import Ending, Frame, Framing
-from trcvtui.blocks.framing.framer import KEPT_NOISE, Framer
+from tests.blocks.framing_vectors import VECTORS, Call, Vector
+from trcvtui.blocks.framing import KEPT_NOISE, Ending, Frame, Framer, Framing
 
 MS = 1_000_000
 OF_THE_BLOCK = ("V35", "V36", "V37")  # what pointers and sizes are is checked before the framer is asked

@@ -1,4 +1,4 @@
-"""The vectors V01 to V40 of receivedata.md 7, read from the table as it stands there (vectors.txt)."""
+"""The vectors V01 to V40 of receivedata.md 7, read from the table as it stands there."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-TABLE = Path(__file__).with_name("vectors.txt")
+TABLE = Path(__file__).with_name("framing_vectors.txt")
 CYCLE_MS = 10
 
 

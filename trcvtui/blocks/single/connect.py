@@ -1,0 +1,298 @@
+"""TCON, TDISCON, T_RESET, T_DIAG as single instructions (siemens.md 1.10, 2.3, 2.6)."""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from typing import Final
+
+from trcvtui.blocks.block import Binding, NoJob
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.pins import Inputs
+from trcvtui.blocks.single.steps import IDLE, NO_ENDPOINT, REQ_ROSE
+from trcvtui.blocks.tcp.connection_control import established, set_up_failed, show_disconnect, show_reset
+from trcvtui.blocks.tcp.job_checks import changed, in_use, rival_of
+from trcvtui.blocks.tcp.no_connection import loss_cause
+from trcvtui.net.connection.connection import Connection, LossKind, State
+from trcvtui.net.connection.description import Description
+from trcvtui.net.connection.set_up import SetUpStage, StepFault
+
+IS_THERE: Final = Cause(Why.INPUT, "REQ rose, and the connection is there", pin="REQ", value=1)
+STILL_CLOSED: Final = Cause(Why.OTHER_BLOCK, "TDISCON is still closing the connection")
+
+
+class SingleTcon:
+    """One TCON instance. What it has once established it builds again after each loss (siemens.md 4.4)."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = NoJob()
+        self._env = bound.env
+        self._connection = bound.connection
+        self._claim = bound.claim()
+        self._req = False
+        self._is_building = False
+        self._incarnation = 0  # the newest one that it has seen
+        self._keeps = False  # established by this instance: the endpoint is there until TDISCON or T_RESET
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; an attempt that fails ends the job."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        if self._connection.state is State.CLOSED:
+            self._keeps = False
+        if self._is_building:
+            return self._go_on()
+        if rose:
+            return self._begin()
+        if self._keeps:
+            return self._look_after()
+        return IDLE
+
+    def stop(self, reason: str) -> None:
+        """Forget the attempt."""
+        self._is_building = self._keeps = False
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+        self._connection.keeping.give_back(self._claim)
+
+    def _begin(self) -> Outcome:
+        rival = rival_of(self._env, self._connection, self._claim)
+        if rival is not None:
+            return Outcome(Condition.CONNECT_IN_USE, in_use(rival, self._claim))
+        if self._connection.set_up.is_closing:
+            return Outcome(Condition.NOT_NOW, STILL_CLOSED)
+        if self._connection.state is not State.CLOSED:
+            return self._refused()
+        fault = self._connection.open()
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        self._is_building = True
+        self._connection.keeping.hold(self._claim)
+        return Outcome(Condition.STARTED, REQ_ROSE)
+
+    def _refused(self) -> Outcome:
+        """Return why there can be no endpoint, while a _C block asks for it in vain, or that it is there."""
+        failed = self._connection.set_up.judge_description()
+        if failed is not None:
+            return set_up_failed(self._connection, failed, self._env.rules.course)
+        return Outcome(Condition.ENDPOINT_THERE, IS_THERE)
+
+    def _go_on(self) -> Outcome:
+        if self._connection.set_up.is_withdrawn or self._connection.state is State.CLOSED:  # TDISCON, CONT
+            self._end()
+            self._connection.disconnect()
+            return Outcome(Condition.RESET_IN_JOB, Cause(Why.OTHER_BLOCK, "closed before it was established"))
+        failed = self._connection.step(self._env.scan, self._env.now)
+        if failed is not None and self._is_silent(failed):
+            return _BUILDING
+        if failed is not None:
+            self._end()
+            shown = set_up_failed(self._connection, failed, self._env.rules.course)
+            self._connection.disconnect()
+            return shown
+        if not self._connection.is_up:
+            return _BUILDING
+        self._end()
+        self._keeps, self._incarnation = True, self._connection.incarnation
+        return Outcome(Condition.FINISHED, established(self._connection))
+
+    def _end(self) -> None:
+        self._is_building = False
+        self._connection.keeping.give_back(self._claim)
+
+    def _is_silent(self, failed: StepFault) -> bool:
+        return self._env.rules.course.silent_connect and failed.stage is SetUpStage.CONNECT
+
+    def _look_after(self) -> Outcome:
+        """Build a lost connection again; a partner who refuses us has let this attempt fail."""
+        loss = self._connection.lost(self._incarnation) or self._connection.check_loss()
+        course = self._env.rules.course
+        if loss is not None and loss.fault and loss.kind is LossKind.REFUSED and not course.silent_connect:
+            self._keeps = False
+            self._connection.disconnect()
+            return Outcome(course.of_set_up(SetUpStage.CONNECT, loss.fault.error), loss_cause(loss, self.job))
+        if self._connection.is_up:
+            self._incarnation = self._connection.incarnation
+        else:
+            self._connection.step(self._env.scan, self._env.now)
+        return _KEEPING
+
+
+_BUILDING = Outcome(Condition.RUNNING, Cause(Why.WAITING, "no partner yet"))
+_KEEPING = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "established; REQ has not risen", pin="REQ"))
+
+STILL_BUILT: Final = Cause(Why.OTHER_BLOCK, "the connection is still being built")
+
+
+class SingleTdiscon:
+    """One TDISCON instance."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = NoJob()
+        self._connection = bound.connection
+        self._req = False
+        self._script: deque[Outcome] = deque()
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing to close is 80A3, not built yet 80C4."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        if self._script:
+            shown = self._script.popleft()
+            self._connection.set_up.is_closing = bool(self._script)
+            return shown
+        return self._begin() if rose else IDLE
+
+    def stop(self, reason: str) -> None:
+        """Forget what was still to be shown."""
+        self._script.clear()
+        self._connection.set_up.is_closing = False
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+        self.stop(reason)
+
+    def _begin(self) -> Outcome:
+        if self._connection.state is State.CLOSED:
+            return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
+        set_up = self._connection.set_up
+        if not set_up.has_been_up:  # its TCON ends with this, a _C block goes on
+            set_up.is_withdrawn = True
+            return Outcome(Condition.NOT_NOW, STILL_BUILT)
+        fault = self._connection.queue_job()
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        ended = show_disconnect(self._connection, REQ_ROSE)
+        if ended[0].error:
+            return ended[0]
+        set_up.is_closing = True
+        self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
+        return Outcome(Condition.STARTED, REQ_ROSE)
+
+
+class SingleTReset:
+    """One T_RESET instance. The endpoint stays; whoever keeps the connection builds it again."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = NoJob()
+        self._course = bound.env.rules.course
+        self._connection = bound.connection
+        self._req = False
+        self._script: deque[Outcome] = deque()
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; nothing established is 0001 with DONE."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        if self._script:
+            return self._script.popleft()
+        return self._begin() if rose else IDLE
+
+    def stop(self, reason: str) -> None:
+        """Forget what was still to be shown."""
+        self._script.clear()
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+
+    def _begin(self) -> Outcome:
+        if self._connection.state is State.CLOSED:
+            return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
+        if not self._connection.is_up:
+            return Outcome(Condition.NOTHING_TO_RESET, REQ_ROSE)
+        fault = self._connection.queue_job()
+        if fault is not None:
+            return Outcome(Condition.QUEUE_FULL, cause_of(fault))
+        ended = show_reset(self._connection, REQ_ROSE, (Condition.STARTED,))
+        if not ended[0].error:
+            running, finished = Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)
+            self._script.extend([running, finished])
+        return ended[0]
+
+
+# InterfaceId, ID, ConnectionType, ActiveEstablished, State, Kind, SentBytes, ReceivedBytes.
+RESULT_LAYOUT: Final = struct.Struct(">HHBBBBII")
+INTERFACE: Final = 64  # the usual hardware identifier of a CPU's port
+FIRST_ID: Final = 1
+TCP: Final = 11
+PROGRAMMED: Final = 3
+DOWN, TRYING, WAITING, ESTABLISHED = 1, 2, 3, 4
+COUNTER: Final = 0xFFFFFFFF
+
+
+class TDiag:
+    """One T_DIAG instance."""
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = NoJob()
+        self._connection = bound.connection
+        self._result = bound.data
+        self._shape: tuple[str, int] | None = None
+        self._req = False
+        self._script: deque[Outcome] = deque()
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; RESULT is written with DONE."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        if self._script:
+            return self._go_on()
+        return self._begin() if rose else IDLE
+
+    def stop(self, reason: str) -> None:
+        """Forget what was still to be shown."""
+        self._script.clear()
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+
+    def _begin(self) -> Outcome:
+        if self._result is None or self._result.size < RESULT_LAYOUT.size:
+            have = self._result.size if self._result is not None else 0
+            need = RESULT_LAYOUT.size
+            short = Cause(Why.PARAMETER, "RESULT is too small", pin="RESULT", have=have, need=need)
+            return Outcome(Condition.RESULT_WRONG, short)
+        if self._connection.state is State.CLOSED:
+            return Outcome(Condition.ENDPOINT_GONE, NO_ENDPOINT)
+        self._shape = self._result.shape
+        self._script.extend([Outcome(Condition.RUNNING, REQ_ROSE), Outcome(Condition.FINISHED, REQ_ROSE)])
+        return Outcome(Condition.STARTED, REQ_ROSE)
+
+    def _go_on(self) -> Outcome:
+        assert self._result is not None
+        if self._result.shape != self._shape:
+            self._script.clear()
+            return changed("RESULT")
+        shown = self._script.popleft()
+        if shown.condition is Condition.FINISHED:
+            self._result.write(0, _status(self._connection))
+        return shown
+
+
+def _status(connection: Connection) -> bytes:
+    return RESULT_LAYOUT.pack(
+        *_described(connection.config.description),
+        connection.config.active,
+        _state(connection),
+        PROGRAMMED,
+        connection.bytes_sent & COUNTER,
+        connection.bytes_received & COUNTER,
+    )
+
+
+def _described(description: Description | None) -> tuple[int, int, int]:
+    """Return InterfaceId, ID and ConnectionType; a CONNECT that is no description is the first of TCP."""
+    if description is None:
+        return INTERFACE, FIRST_ID, TCP
+    number = description.number
+    return (
+        number("InterfaceId") or INTERFACE,
+        number("ID") or number("id"),
+        number("ConnectionType") or number("connection_type"),
+    )
+
+
+def _state(connection: Connection) -> int:
+    if connection.is_up:
+        return ESTABLISHED
+    if connection.state is State.CONNECTED:
+        return DOWN  # lost, and somebody still reads what came before
+    return TRYING if connection.config.active else WAITING

@@ -1,0 +1,230 @@
+"""TSEND, TRCV, TUSEND, TURCV as single instructions (siemens.md 1.10, 2.4, 2.5, 2.7)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from trcvtui.blocks.block import Binding
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.outcome import Cause, Outcome, Why
+from trcvtui.blocks.pins import Inputs
+from trcvtui.blocks.single.steps import IDLE, end_of_job, no_socket, shown_as
+from trcvtui.blocks.tcp.job_checks import ToldOnce, no_target, wrong_structure
+from trcvtui.blocks.tcp.no_connection import LinkView, not_connected
+from trcvtui.blocks.tcp.receive_job import ReceiveJob
+from trcvtui.blocks.tcp.send_job import SendJob
+from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
+from trcvtui.net.connection.connection import ConnectionLoss, State
+
+
+class SingleTsend:
+    """One TSEND instance."""
+
+    needs_datagrams = False
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = SendJob(bound, self.needs_datagrams)
+        self._course = bound.env.rules.course
+        self._connection = bound.connection
+        self._link = LinkView(bound.connection)
+        self._req = False
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with DONE; an edge without a connection is 80A1."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        loss = self._link.lost()
+        if loss is not None and self.job.running:
+            return self._lost(loss)
+        if loss is not None:
+            self._link.end([])  # nobody was asked to send
+        self._link.is_new(self.job.claim)
+        if self.job.running:
+            return self._shown(self.job.go_on(), Condition.RUNNING)
+        if not rose:
+            return IDLE
+        if not self._link.is_known():
+            return not_connected("REQ", "REQ rose without a connection", self._connection)
+        return self._shown(self.job.begin(inputs), Condition.STARTED)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+        self.job.leave(reason)
+
+    def _shown(self, got: Outcome | ConnectionLoss, sending: Condition) -> Outcome:
+        if isinstance(got, ConnectionLoss):
+            return self._lost(got)
+        return shown_as(sending, got) if got.condition is Condition.SENDING else got
+
+    def _lost(self, loss: ConnectionLoss) -> Outcome:
+        self._link.end([])
+        shown = end_of_job(loss, self.job, self._course, Condition.SEND_FAILED)
+        self.job.abandon("connection lost")
+        return shown
+
+
+class TusendOnConnect(SingleTsend):
+    """One TUSEND instance on a CONNECT of UDP."""
+
+    needs_datagrams = True
+
+
+class SingleTrcv:
+    """One TRCV instance."""
+
+    needs_datagrams = False
+
+    def __init__(self, bound: Binding) -> None:
+        self.job = ReceiveJob(bound, self.needs_datagrams)
+        self._course = bound.env.rules.course
+        self._connection = bound.connection
+        self._link = LinkView(bound.connection)
+        self._complaint: Outcome | None = None
+        self._told = ToldOnce(self._course.faults_once, Condition.NO_JOB)
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a connection 80A1 or 80C4."""
+        loss = self._link.lost(self.job.claim)
+        if loss is not None and self.job.running:
+            return self._lost(loss)
+        if loss is not None:
+            self._link.end([])  # nobody was asked to receive
+        self._link.is_new(self.job.claim)
+        if not inputs.en_r and not self.job.outlives_en_r():
+            self.job.abandon("EN_R fell")
+            self.job.let_go()
+            self._told.forget()
+            return _EN_R_IS_0
+        shown = self._receive(inputs) if self._link.is_known() else self._no_link()
+        return self._told.shown(shown, inputs)
+
+    def would_read(self, inputs: Inputs, waits: bool) -> bool:
+        """Return whether this instance receives on the connection when its turn comes; see `Reader`."""
+        return self.job.would_read(inputs, waits)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the connection stays as it is."""
+        self.job.leave(reason)
+
+    def _receive(self, inputs: Inputs) -> Outcome:
+        was_running = self.job.running
+        got = self.job.call(inputs)
+        if isinstance(got, ConnectionLoss):
+            return self._lost(got)
+        if got.condition not in (Condition.RECEIVING, Condition.RECEIVING_PART):
+            return got
+        return shown_as(Condition.RUNNING if was_running else Condition.STARTED, got)
+
+    def _lost(self, loss: ConnectionLoss) -> Outcome:
+        self._link.end([])
+        shown = end_of_job(loss, self.job, self._course, Condition.RECEIVE_FAILED)
+        self.job.abandon("connection lost")
+        return shown
+
+    def _no_link(self) -> Outcome:
+        """Return 80A1, or 80C4 while somebody builds the connection again."""
+        now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
+        if self._connection.state is not State.CLOSED and self._course.still_asked:
+            now = replace(now, condition=self._course.still_asked)
+        known = self._complaint
+        if known is None or (known.cause, known.condition) != (now.cause, now.condition):
+            self._complaint = known = replace(now, lasts=True)
+        return known
+
+
+class TurcvOnConnect(SingleTrcv):
+    """One TURCV instance on a CONNECT of UDP."""
+
+    needs_datagrams = True
+
+
+_EN_R_IS_0: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
+
+
+# The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
+
+
+class Tusend:
+    """One TUSEND instance."""
+
+    def __init__(self, bound: UdpBinding) -> None:
+        self.job = DatagramOut(bound)
+        self._env = bound.env
+        self._port = bound.port
+        self._address = bound.address
+        self._req = False
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 0000 with DONE; an edge without a socket is 80A1."""
+        rose, self._req = inputs.req and not self._req, inputs.req
+        self._port.step(self._env.scan, self._env.now)
+        if self.job.running:
+            return self.job.go_on()
+        if not rose:
+            return IDLE if self._port.is_open else _NO_SOCKET
+        return self._begin(inputs.len)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the socket stays as it is."""
+        self.job.leave(reason)
+
+    def _begin(self, length: int) -> Outcome:
+        if not self._port.is_open:
+            return no_socket(self._port, "REQ", "REQ rose without a socket")
+        began = no_target(self._address) or self.job.begin(length)
+        return shown_as(Condition.STARTED, began) if began.condition is Condition.SENDING else began
+
+
+_NO_SOCKET = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"))
+
+
+# The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
+
+
+class Turcv:
+    """One TURCV instance."""
+
+    def __init__(self, bound: UdpBinding) -> None:
+        self.job = DatagramIn(bound)
+        self._env = bound.env
+        self._port = bound.port
+        self._unfit = wrong_structure(bound.address)
+        self._course = bound.env.rules.course
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a socket 80A1."""
+        self._port.step(self._env.scan, self._env.now)
+        if not inputs.en_r and not (self.job.running and self._course.outlives_en_r(self.job.have > 0)):
+            self.job.abandon("EN_R fell")
+            self.job.let_go()
+            return _NOT_ASKED
+        if not self._port.is_open:
+            return no_socket(self._port, "EN_R", "EN_R is 1 without a socket")
+        was_running = self.job.running
+        got = self._unfit or self.job.call(inputs.len)
+        if got.condition is not Condition.RECEIVING:
+            return got
+        return shown_as(Condition.RUNNING if was_running else Condition.STARTED, got)
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the socket stays as it is."""
+        self.job.leave(reason)
+
+
+_NOT_ASKED: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0))

@@ -1,0 +1,194 @@
+"""USEND_C and URECV_C: they create the UDP socket that they work on (manual 7.15.14, 7.15.15)."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from trcvtui.blocks.conditions import Condition
+from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
+from trcvtui.blocks.pins import Inputs
+from trcvtui.blocks.rules import PLAIN_SET_UP
+from trcvtui.blocks.tcp.no_connection import StandingRequest
+from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
+from trcvtui.net.connection.set_up import StepFault
+from trcvtui.net.connection.udp import UdpEndpoint
+
+
+class UdpPart:
+    """Show a socket's life on STATUS; `call` answers None when the job may decide."""
+
+    def __init__(self, env: Environment, port: UdpEndpoint) -> None:
+        self.cont = False
+        self.waits = 0  # how many scans of "creating" have been shown since creating began
+        self._env = env
+        self._port = port
+        self._incarnation = 0  # of the socket that this block works on, 0: of none
+        self._held_back: Outcome | None = None
+        self._script: deque[Outcome] = deque()
+        self._is_late = False  # CONT rose while a close was still shown
+
+    def call(self, cont: bool) -> Outcome | None:
+        """Answer for this scan, or None while the socket is there."""
+        rose, fell = cont and not self.cont, self.cont and not cont
+        self.cont = cont
+        if fell and not self._is_late:
+            return self._close()
+        if self._script:  # a close that has begun ends first (row 26)
+            self._is_late = cont
+            return self._script.popleft()
+        if cont and (rose or self._is_late):
+            return self._start()
+        self._is_late = False
+        return self._hold() if cont else NO_JOB
+
+    def _start(self) -> Outcome:
+        self._is_late = False
+        if self._port.is_open:
+            return self._ready("another block has created the socket")
+        self.waits = 1
+        return Outcome(Condition.CREATING, Cause(Why.INPUT, "CONT rose", pin="CONT", value=1))
+
+    def _hold(self) -> Outcome | None:
+        if self._incarnation and self._is_there():
+            held, self._held_back = self._held_back, None
+            return held
+        if self._incarnation:
+            self._incarnation, self._held_back, self.waits = 0, None, 1
+            return _CLOSED_BY_ANOTHER
+        failed = self._port.step(self._env.scan, self._env.now)
+        if failed is not None:
+            return _failed(failed)
+        if self._port.is_open:
+            return self._ready("the socket is there")
+        self.waits += 1
+        return _WAITING
+
+    def _is_there(self) -> bool:
+        return self._port.is_open and self._port.incarnation == self._incarnation
+
+    def _ready(self, reason: str) -> Outcome:
+        self._incarnation = self._port.incarnation
+        return Outcome(Condition.CREATED, Cause(Why.SEQUENCE, reason, detail=f"at {self._port.local}"))
+
+    def hold_back(self, outcome: Outcome) -> None:
+        """Show the first "created" one scan later: another code takes this scan."""
+        if outcome.condition is Condition.CREATED:
+            self._held_back = outcome
+
+    def _close(self) -> Outcome:
+        was_there = self._incarnation != 0 and self._is_there()
+        self._incarnation, self._held_back = 0, None
+        self._script.clear()
+        fault = self._port.close()
+        if fault is not None:
+            failed = Condition.POLL_DEL_FAILED if fault.call == "poll_del" else Condition.DISCONNECT_FAILED
+            return Outcome(failed, cause_of(fault))
+        cause = Cause(Why.INPUT, "CONT fell", pin="CONT", value=0)
+        if was_there:
+            self._script.append(Outcome(Condition.CLOSED, cause))
+        return Outcome(Condition.CLOSING, cause)
+
+
+def _failed(failed: StepFault) -> Outcome:
+    return Outcome(PLAIN_SET_UP[failed.stage, ""], cause_of(failed.fault))
+
+
+NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)
+_WAITING = Outcome(Condition.CREATING, Cause(Why.WAITING, "before the next attempt"))
+_CLOSED_BY_ANOTHER = Outcome(
+    Condition.CREATING, Cause(Why.OTHER_BLOCK, "another block has closed the socket; it is made anew")
+)
+
+
+class UsendC:
+    """One USEND_C instance."""
+
+    def __init__(self, bound: UdpBinding) -> None:
+        self.job = DatagramOut(bound)
+        self._part = UdpPart(bound.env, bound.port)
+        self._req = False
+        self._asked = False  # an edge that came before the socket, not yet told
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 0001, 7001, then 7005 and 7009 for each edge."""
+        req_rose = inputs.req and not self._req
+        self._req = inputs.req
+        outcome = self._part.call(inputs.cont)
+        if outcome is not None:
+            return self._while_not_ready(inputs, outcome, req_rose)
+        if self.job.running:
+            return self.job.go_on()
+        return self.job.begin(inputs.len) if req_rose else NO_REQ
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the socket stays as it is."""
+        self.job.leave(reason)
+
+    def _while_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
+        """Tell an edge that came too early in the second 0001, or instead of the first 7001 (row 4)."""
+        self.job.abandon(outcome.cause.name)
+        self._asked = (self._asked or req_rose) and inputs.cont
+        in_time = outcome.condition is Condition.CREATING and self._part.waits > 1
+        if not self._asked or not (in_time or outcome.condition is Condition.CREATED):
+            return outcome
+        self._asked = False
+        self._part.hold_back(outcome)
+        return Outcome(
+            Condition.NOT_CONNECTED,
+            Cause(Why.INPUT, "REQ rose before the socket was there", pin="REQ", value=1),
+        )
+
+
+NO_REQ = Outcome(Condition.CREATED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
+
+
+class UrecvC:
+    """One URECV_C instance."""
+
+    def __init__(self, bound: UdpBinding) -> None:
+        self.job = DatagramIn(bound)
+        self._part = UdpPart(bound.env, bound.port)
+        self._request = StandingRequest(bound.env.rules.not_connected)
+
+    def call(self, inputs: Inputs) -> Outcome:
+        """Answer one call: 0001, 7001, then 7006 and 7008 for each datagram as long as EN_R is 1."""
+        self._request.see(inputs, cont_rose=inputs.cont and not self._part.cont)
+        outcome = self._part.call(inputs.cont)
+        if outcome is not None:
+            return self._while_not_ready(outcome)
+        self._request.answered()
+        if inputs.en_r:
+            return self.job.call(inputs.len)
+        self.job.abandon("EN_R fell")
+        self.job.let_go()
+        return EN_R_IS_0
+
+    def stop(self, reason: str) -> None:
+        """Drop the running job."""
+        self.job.abandon(reason)
+
+    def leave(self, reason: str) -> None:
+        """Be gone; the socket stays as it is."""
+        self.job.leave(reason)
+
+    # -- 80A1: asked for data, no socket (design 6, row 3, with 0001 in the place of 7002) -----------
+
+    def _while_not_ready(self, outcome: Outcome) -> Outcome:
+        self.job.abandon(outcome.cause.name)
+        if outcome.condition is Condition.CREATED:
+            self._request.answered()
+        elif outcome.condition is Condition.CREATING and self._part.waits > 1 and self._request.is_told():
+            return _TOO_EARLY
+        return outcome
+
+
+EN_R_IS_0 = Outcome(Condition.CREATED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
+_TOO_EARLY = Outcome(
+    Condition.NOT_CONNECTED,
+    Cause(Why.INPUT, "EN_R is 1 before the socket is there", pin="EN_R", value=1),
+)

@@ -78,6 +78,7 @@ pictures: $(READY)
 
 atlas: $(READY)
 	$(BIN)/python docs/make_status.py
+	$(BIN)/python docs/make_keys.py
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

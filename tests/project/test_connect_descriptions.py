@@ -15,9 +15,9 @@ from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.results import Endpoint
+from trcvtui.project.descriptions import db_bytes, either_way, parse_selector
 from trcvtui.project.file import read_project
 from trcvtui.project.keys import keys_of
-from trcvtui.project.layers import db_bytes, either_way, parse_selector
 from trcvtui.project.project import PeerDecl
 
 EXAMPLE = "00 40 00 01 0b 01 c0 a8 00 0a 07 d0 00 00"

@@ -12,7 +12,7 @@ from trcvtui.net.connection.description import Description, DescriptionField, Fi
 from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
 from trcvtui.net.layers.tls import TlsSettings
-from trcvtui.project.layers import UNSAFE
+from trcvtui.project.descriptions import UNSAFE
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
 

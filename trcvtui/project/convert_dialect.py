@@ -20,7 +20,8 @@ from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project.descriptions import LOOPBACK
-from trcvtui.project.keys import around_of, read_table
+from trcvtui.project.key_rows import around_of
+from trcvtui.project.keys import read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import Table
 from trcvtui.udt.layout.layout import lay_out

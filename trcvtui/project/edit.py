@@ -19,10 +19,10 @@ from trcvtui.project.file import (
     find_shared_ends,
     joined_up,
 )
+from trcvtui.project.key_rows import around_of
 from trcvtui.project.keys import (
     EDITED,
     TABLES,
-    around_of,
     entries_of,
     entry_of,
     forms_of,

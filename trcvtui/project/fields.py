@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from trcvtui.blocks.table import block_row
-from trcvtui.project.keys import TABLES, Ask, free_name, table_row
+from trcvtui.project.key_rows import Ask
+from trcvtui.project.keys import TABLES, free_name, table_row
 from trcvtui.project.project import Project
 
 

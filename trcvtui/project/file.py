@@ -18,7 +18,8 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect, SwitchValue
 from trcvtui.dialects.switches import read_switches
 from trcvtui.errors import Problem, UserError
-from trcvtui.project.keys import SIM, TABLES, TOP, UDT, Around, read_table, sharing, table_row
+from trcvtui.project.key_rows import Around
+from trcvtui.project.keys import SIM, TABLES, TOP, UDT, read_table, sharing, table_row
 from trcvtui.project.names import expected_name, is_identifier, parse_reference
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task
 from trcvtui.project.tables import LINT, TEXT, Given, Table, read_toml, shown

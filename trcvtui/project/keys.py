@@ -8,23 +8,19 @@ Rule 2: a key that would only say its default is left out, except where a reader
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from operator import attrgetter
-from pathlib import Path
-from typing import Any, Final, NamedTuple
+from dataclasses import replace
+from typing import Any, Final
 
 from trcvtui.blocks.pins import Direction, Pin
-from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.table import block_row, buffer_pins, is_time, known_blocks, pointer_pins
+from trcvtui.blocks.table import block_row, buffer_pins, is_time, pointer_pins
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.net.connection.description import CONNECTIONS
 from trcvtui.net.layers.iso_on_tcp import OWN_SIZE_CODE, IsoSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
-from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project import descriptions
-from trcvtui.project.layers import (
+from trcvtui.project.descriptions import (
     HOST,
     LONGEST_MESSAGE,
     NUMBER,
@@ -34,6 +30,20 @@ from trcvtui.project.layers import (
     certificate_of,
     tls_of_peer,
 )
+from trcvtui.project.key_rows import (
+    Around,
+    Ask,
+    Key,
+    Keys,
+    KeyValue,
+    Offer,
+    Refers,
+    Refusal,
+    TableRow,
+    Values,
+    fixed,
+    nothing,
+)
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import (
     DEFAULT_EVERY_NS,
@@ -41,7 +51,6 @@ from trcvtui.project.project import (
     SERIAL,
     SIMULATED,
     CertificateDecl,
-    Certificates,
     ComBufferDecl,
     DataDecl,
     Declaration,
@@ -95,223 +104,12 @@ from trcvtui.project.tables import (
 from trcvtui.udt.layout.layout import Layout, lay_out
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUTS, LayoutChoice, LayoutRules
 from trcvtui.udt.sources import parse_type
-from trcvtui.udt.type_set import NO_TYPES, TypeSet
+from trcvtui.udt.type_set import NO_TYPES
 from trcvtui.udt.types import ELEMENTARY, Type
 
-KeyValue = bool | int | float | str | list[str]
-Keys = list[tuple[str, KeyValue]]
-Refusal = tuple[str, str]  # what was found, what was expected
 FREE_PORT: Final = Endpoint("127.0.0.1", 0)
 BOOLS: Final = ("false", "true")
 LOCALHOST: Final = "127.0.0.1"
-
-
-# -- what a row says -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class Around:
-    """What the entries of one project are read in; `types` None: a file of UDTs cannot be read."""
-
-    dialect: Dialect
-    rules: Rules
-    layout: LayoutRules
-    base: Path = Path()
-    types: TypeSet | None = NO_TYPES
-    certificates: Certificates = field(default_factory=dict)
-    first_task: str = "MAIN"
-
-    @property
-    def blocks(self) -> tuple[str, ...]:
-        """Return the blocks of the dialect that have pins."""
-        return known_blocks(self.dialect.blocks)
-
-
-def around_of(project: Project) -> Around:
-    """Return what one more entry of a project is read in."""
-    p = project
-    return Around(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
-
-
-class Values(dict[str, Any]):
-    """What has been read of one table, by key, None where it is missing or wrong; `number`: its place."""
-
-    def __init__(self, table: Table, around: Around, number: int) -> None:
-        super().__init__()
-        self.table = table
-        self.around = around
-        self.number = number
-        self.by_row: list[tuple[Key, Any]] = []
-
-
-Offer = Callable[[Project, str], tuple[str, ...]]  # of a project, and of a block for an instance
-
-
-def _nothing(project: Project, block: str) -> tuple[str, ...]:
-    return ()
-
-
-def _fixed(*texts: str) -> Offer:
-    return lambda project, block: texts
-
-
-@dataclass(frozen=True, slots=True)
-class Ask:
-    """What a form and completion offer: hint, known values, and the value that stands there first.
-
-    `where`: in which project, for which block. `is_bare`: it stands without its key in a line. `is_quoted`:
-    its text may have blanks. `is_of_change`: only what is there already is asked for it.
-    """
-
-    hint: str | Callable[[Project, str], str]
-    choices: Offer = _nothing
-    first: str | Callable[[Project, str], str] = ""
-    where: Callable[[Project, str], bool] = lambda project, block: True
-    is_bare: bool = False
-    is_quoted: bool = False
-    is_of_change: bool = False
-
-
-class Refers(NamedTuple):
-    """Whose name a key has, of these kinds of names (`file.Declared`); `by_at`: as `@NAME`.
-
-    `words` stand for themselves, with `or_none` also "". `what` says in a message what the names are.
-    """
-
-    what: str
-    kinds: tuple[str, ...]
-    by_at: bool = False
-    words: tuple[str, ...] = ()
-    or_none: bool = False
-
-
-def _always(table: Table, around: Around) -> bool:
-    return True
-
-
-@dataclass(frozen=True, slots=True)
-class Key:
-    """One key. Without a `kind` it is read together with another one.
-
-    `of`: where the declaration keeps the value, as `local.port`. `writes`: another way to it; None: left out.
-    `default`: the value where the key is missing. `is_said`: it is written though it is the default.
-    `only`: whether the table may have it here, or why not. `reads`: reads it and those that belong to it.
-    `help`: one sentence.
-    """
-
-    name: str
-    kind: Kind[Any] | None
-    help: str
-    of: str = ""
-    default: Any = None
-    ask: Ask | None = None
-    refers: Refers | None = None
-    writes: Callable[[Any], Any] | None = None
-    is_needed: bool = False
-    is_said: bool = False
-    only: Callable[[Table, Around], bool | Refusal] = _always
-    reads: Callable[[Values], None] | None = None
-
-    def read(self, values: Values) -> None:
-        """Read the key, where it belongs to this table."""
-        if self.reads is not None:
-            self.reads(values)
-            return
-        table, allowed = values.table, self.only(values.table, values.around)
-        if self.kind is None or not allowed:
-            return
-        if isinstance(allowed, tuple):
-            if table.has(self.name):
-                table.know(self.name)
-                table.wrong(self.name, *allowed)
-            return
-        found = table.must(self.name, self.kind) if self.is_needed else table.read(self.name, self.kind)
-        value = self.default if found is None and not self.is_needed else found
-        values[self.name] = value
-        values.by_row.append((self, value))
-
-    def written(self, decl: Declaration) -> KeyValue | None:
-        """Return the value as TOML has it, None where the key is left out."""
-        if self.writes is not None:
-            value = self.writes(decl)
-        else:
-            value = attrgetter(self.of)(decl) if self.of else None
-        if value is None or self.kind is None or (value == self.default and not self.is_said):
-            return None
-        found: KeyValue = self.kind.write(value)
-        return found
-
-
-def _no_keys(decl: Any) -> Keys:
-    return []
-
-
-def _finish(values: Values) -> None:
-    values.table.finish()
-
-
-@dataclass(frozen=True, slots=True)
-class TableRow:
-    """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
-
-    `field`: where the entries stand in a Project. `what`: what a sentence calls one; `title`: what a form
-    does. `first_name`: how the names begin that are proposed. `makes`: the class, or what makes one of the
-    values. `shares`: kinds that share their names with it. `asks_first`: what a form begins with.
-    `head`, `tail`: keys that have no row.
-    """
-
-    kind: str
-    field: str
-    makes: Callable[..., Any]
-    help: str
-    keys: tuple[Key, ...]
-    what: str = ""
-    title: str = ""
-    first_name: str = ""
-    called: str = "name"
-    also: Callable[[Values], dict[str, Any] | None] = lambda values: {}
-    finish: Callable[[Values], None] = _finish
-    shares: tuple[str, ...] = ()
-    asks_first: tuple[str, ...] = ()
-    head: Callable[[Any], Keys] = _no_keys
-    tail: Callable[[Any], Keys] = _no_keys
-
-    def read(self, table: Table, around: Around, number: int = 1) -> Any:
-        """Return the declaration of a table, None where a key is missing or wrong that it needs."""
-        values = Values(table, around, number)
-        for key in self.keys:
-            key.read(values)
-        self.finish(values)
-        also = self.also(values)
-        if also is None or any(value is None for key, value in values.by_row if key.is_needed):
-            return None
-        return self.makes(**_arguments(values) | also)
-
-    def written(self, decl: Any) -> Keys:
-        """Return the keys of a declaration but for its name."""
-        found = [(k.name, k.written(decl)) for k in self.keys if k.name != self.called]
-        keys: Keys = [(name, value) for name, value in found if value is not None]
-        return [*self.head(decl), *keys, *self.tail(decl)]
-
-
-PARTS: Final[dict[str, Callable[..., Any]]] = {
-    "local": Endpoint,
-    "choice": LayoutChoice,
-    "serial": SerialSettings,
-}
-
-
-def _arguments(values: Values) -> dict[str, Any]:
-    """Return what the rows give to the class; a part such as `local.port` goes into its own class."""
-    arguments: dict[str, Any] = {}
-    parts: dict[str, dict[str, Any]] = {}
-    for key, value in values.by_row:
-        head, _, tail = key.of.partition(".")
-        if tail:
-            parts.setdefault(head, {})[tail] = value
-        elif head:
-            arguments[head] = value
-    return arguments | {head: PARTS[head](**part) for head, part in parts.items()}
 
 
 def _named(what: str) -> Key:
@@ -359,7 +157,7 @@ def _last(offer: Offer) -> Callable[[Project, str], str]:
 
 
 def _truth(hint: str, first: str = "", **more: Any) -> Ask:
-    return Ask(hint, _fixed(*BOOLS), first, **more)
+    return Ask(hint, fixed(*BOOLS), first, **more)
 
 
 def _number(with_key: bool = False) -> Offer:
@@ -379,88 +177,50 @@ def _local_port(config: ConnectConfig) -> int | None:
 
 
 _CONNECT: Final = TableRow(
-    "connect",
-    "connects",
-    ConnectConfig,
+    "connect", "connects", ConnectConfig,
     "A connection: one TCP_CONNECTCONFIG; what is left out is 0, as in the record.",
     (
         _named("CONNECT"),
-        Key(
-            "ActiveEstablished", TRUTH, "Whether the PLC connects, or waits for a partner.", "active", False,
-            Ask("true: the PLC connects", _fixed(*BOOLS), "false"), is_said=True,
-        ),
-        Key(
-            "LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
-            ANY_ADDRESS, Ask("an address of this machine", first=LOCALHOST),
-        ),
-        Key(
-            "LocalPort", PORT, "The port on this side; 0 takes a free one.", "local.port", 0,
-            Ask("0: a free one", first="0"), writes=_local_port, is_said=True,
-        ),
-        Key(
-            "RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 lets anybody in.", "remote_address",
-            ANY_ADDRESS, Ask("0.0.0.0: anybody"),
-        ),
-        Key(
-            "RemotePort", PORT_OR_NAME, "The partner's port, or @NAME: where that one listens.",
-            "remote_port", 0, Ask("a port, or @NAME", _at("peer", "connect")), _PEER_OR_CONNECT,
-        ),
-        Key(
-            "SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
-            False, _truth("true: Nagle off"),
-        ),
-        Key(
-            "KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
-            "keep_alive_interval_s", 0, Ask("seconds, 0: 10 s"),
-        ),
+        Key("ActiveEstablished", TRUTH, "Whether the PLC connects, or waits for a partner.", "active", False,
+            Ask("true: the PLC connects", fixed(*BOOLS), "false"), is_said=True),
+        Key("LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
+            ANY_ADDRESS, Ask("an address of this machine", first=LOCALHOST)),
+        Key("LocalPort", PORT, "The port on this side; 0 takes a free one.", "local.port", 0,
+            Ask("0: a free one", first="0"), writes=_local_port, is_said=True),
+        Key("RemoteAddress", ADDRESS, "The partner's address; 0.0.0.0 lets anybody in.", "remote_address",
+            ANY_ADDRESS, Ask("0.0.0.0: anybody")),
+        Key("RemotePort", PORT_OR_NAME, "The partner's port, or @NAME: where that one listens.",
+            "remote_port", 0, Ask("a port, or @NAME", _at("peer", "connect")), _PEER_OR_CONNECT),
+        Key("SendDelayOpt", TRUTH, "Whether small pieces are sent at once (Nagle off).", "send_delay_opt",
+            False, _truth("true: Nagle off")),
+        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
+            "keep_alive_interval_s", 0, Ask("seconds, 0: 10 s")),
     ),
-    "CONNECT",
-    "a connection (CONNECT)",
-    "C",
-    shares=("udp_config", "peer", "combuffer"),
+    "CONNECT", "a connection (CONNECT)", "C", shares=("udp_config", "peer", "combuffer"),
 )  # fmt: skip
 
 _UDP_CONFIG: Final = TableRow(
-    "udp_config",
-    "udp_configs",
-    UdpConfig,
-    "Where a PLC receives datagrams.",
+    "udp_config", "udp_configs", UdpConfig, "Where a PLC receives datagrams.",
     (
         _named("UDP_CONFIG"),
-        Key(
-            "LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
-            ANY_ADDRESS, Ask("0.0.0.0", first=LOCALHOST),
-        ),
-        Key(
-            "LocalPort", PORT, "The port that it receives on; 0 takes a free one.", "local.port", 0,
-            Ask("0", first="0"), is_said=True,
-        ),
+        Key("LocalAddress", ADDRESS, "The address of this machine that it uses.", "local.address",
+            ANY_ADDRESS, Ask("0.0.0.0", first=LOCALHOST)),
+        Key("LocalPort", PORT, "The port that it receives on; 0 takes a free one.", "local.port", 0,
+            Ask("0", first="0"), is_said=True),
     ),
-    "UDP_CONFIG",
-    "a UDP_CONFIG",
-    "U",
-    shares=("connect", "peer", "combuffer"),
+    "UDP_CONFIG", "a UDP_CONFIG", "U", shares=("connect", "peer", "combuffer"),
 )  # fmt: skip
 
 _ADDR: Final = TableRow(
-    "addr",
-    "addrs",
-    AddrParam,
-    "An ADDR_PARAM: where datagrams go, and whom they came from.",
+    "addr", "addrs", AddrParam, "An ADDR_PARAM: where datagrams go, and whom they came from.",
     (
         _named("ADDR"),
-        Key(
-            "RemoteAddress", ADDRESS, "The partner's address.", "remote_address", ANY_ADDRESS,
-            Ask("0.0.0.0", first=LOCALHOST),
-        ),
-        Key(
-            "RemotePort", UDP_PORT_OR_NAME, "The partner's port, or @NAME.", "remote_port", 0,
-            Ask("or @NAME"), _PEER_OR_UDP,
-        ),
+        Key("RemoteAddress", ADDRESS, "The partner's address.", "remote_address", ANY_ADDRESS,
+            Ask("0.0.0.0", first=LOCALHOST)),
+        Key("RemotePort", UDP_PORT_OR_NAME, "The partner's port, or @NAME.", "remote_port", 0,
+            Ask("or @NAME"), _PEER_OR_UDP),
     ),
-    "ADDR",
-    "an ADDR of UDP",
-    "A",
+    "ADDR", "an ADDR of UDP", "A",
 )  # fmt: skip
 
 
@@ -484,32 +244,32 @@ def _field_keys() -> Iterable[Key]:
     """Return the fields that a form asks for; the description reads them with `type`."""
     ends, numbers = _at("peer", "connect"), _number()
     newer: tuple[tuple[str, str, Offer, bool], ...] = (
-        ("ID", "1 to 4095", _nothing, False),
-        ("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP", _nothing, False),
-        ("ActiveEstablished", "true: the PLC connects", _fixed(*BOOLS), False),
-        ("RemoteAddress", "0.0.0.0: anybody", _nothing, False),
-        ("RemoteQDN", "TCON_QDN: a name with a dot at its end", _nothing, False),
+        ("ID", "1 to 4095", nothing, False),
+        ("ConnectionType", "11 TCP, 12 ISO, 13 by name, 19 UDP", nothing, False),
+        ("ActiveEstablished", "true: the PLC connects", fixed(*BOOLS), False),
+        ("RemoteAddress", "0.0.0.0: anybody", nothing, False),
+        ("RemoteQDN", "TCON_QDN: a name with a dot at its end", nothing, False),
         ("RemotePort", "a port, or @NAME", ends, False),
-        ("LocalPort", "passive: 1 to 49151", _nothing, False),
-        ("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", _nothing, True),
-        ("RemoteTSelector", "that of the partner", _nothing, True),
+        ("LocalPort", "passive: 1 to 49151", nothing, False),
+        ("LocalTSelector", "TCON_IP_RFC: 16#E002, E0.02 or TCP-1", nothing, True),
+        ("RemoteTSelector", "that of the partner", nothing, True),
     )
     secure: tuple[tuple[str, str, Offer, bool], ...] = (
-        ("ActivateSecureConn", "SEC: true is TLS", _fixed(*BOOLS), False),
+        ("ActivateSecureConn", "SEC: true is TLS", fixed(*BOOLS), False),
         ("TLSServerCertRef", "the number of a certificate", numbers, False),
         ("TLSClientCertRef", "the number of a certificate", numbers, False),
     )
     older: tuple[tuple[str, str, Offer, str], ...] = (
-        ("ActiveEstablished", "no type: true, the PLC connects", _fixed(*BOOLS), "false"),
-        ("RemoteAddress", "no type: 0.0.0.0, anybody", _nothing, ""),
+        ("ActiveEstablished", "no type: true, the PLC connects", fixed(*BOOLS), "false"),
+        ("RemoteAddress", "no type: 0.0.0.0, anybody", nothing, ""),
         ("RemotePort", "no type: a port, or @NAME", ends, ""),
-        ("LocalPort", "no type: 0, a free one", _nothing, ""),
-        ("id", "TCON_Param: 1 to 4095", _nothing, ""),
-        ("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP", _nothing, ""),
-        ("active_est", "TCON_Param: true, the PLC connects", _fixed(*BOOLS), ""),
-        ("rem_staddr", "TCON_Param: 4 bytes of the address", _nothing, ""),
-        ("local_tsap_id", "TCON_Param: port or TSAP in hex", _nothing, ""),
-        ("rem_tsap_id", "TCON_Param: port or TSAP in hex", _nothing, ""),
+        ("LocalPort", "no type: 0, a free one", nothing, ""),
+        ("id", "TCON_Param: 1 to 4095", nothing, ""),
+        ("connection_type", "TCON_Param: 17 TCP, 18 ISO, 19 UDP", nothing, ""),
+        ("active_est", "TCON_Param: true, the PLC connects", fixed(*BOOLS), ""),
+        ("rem_staddr", "TCON_Param: 4 bytes of the address", nothing, ""),
+        ("local_tsap_id", "TCON_Param: port or TSAP in hex", nothing, ""),
+        ("rem_tsap_id", "TCON_Param: port or TSAP in hex", nothing, ""),
     )
     refers = {"RemotePort": _PEER_OR_CONNECT}
 
@@ -518,11 +278,9 @@ def _field_keys() -> Iterable[Key]:
 
     for name, hint, choices, is_quoted in newer:
         yield row(name, Ask(hint, choices, where=_is_newer, is_quoted=is_quoted))
-    yield Key(
-        "IsoPort", PORT_OR_NAME, "The port in the place of 102, which not every user may open.",
-        default=descriptions.ISO_PORT, ask=Ask("of the bench, in place of 102", ends, where=_is_newer),
-        refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True,
-    )  # fmt: skip
+    yield Key("IsoPort", PORT_OR_NAME, "The port in the place of 102, which not every user may open.",
+              default=descriptions.ISO_PORT, ask=Ask("of the bench, in place of 102", ends, where=_is_newer),
+              refers=_PEER_OR_CONNECT, writes=descriptions.iso_port_of, is_said=True)  # fmt: skip
     for name, hint, choices, is_quoted in secure:
         yield row(name, Ask(hint, choices, where=_is_newer, is_quoted=is_quoted))
     for name, hint, choices, first in older:
@@ -557,39 +315,24 @@ _DESCRIBED_CONNECT: Final = replace(
     help="A connection description, by fields or as the bytes of the DB; keys of the bench beside it.",
     keys=(
         _named("CONNECT"),
-        Key(
-            "type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
-            ask=Ask("none: plain TCP in what it takes", lambda project, block: structures_of(project)),
-        ),
-        Key(
-            "bytes", None, "The bytes of the DB in hex, in the place of the fields.",
-            ask=Ask("hex of the DB in place of the fields", is_quoted=True),
-        ),
-        Key(
-            "LocalAddress", ADDRESS, "The address of the interface that InterfaceId means.",
+        Key("type", None, "The structure, such as TCON_IP_v4.", reads=_read_description,
+            ask=Ask("none: plain TCP in what it takes", lambda project, block: structures_of(project))),
+        Key("bytes", None, "The bytes of the DB in hex, in the place of the fields.",
+            ask=Ask("hex of the DB in place of the fields", is_quoted=True)),
+        Key("LocalAddress", ADDRESS, "The address of the interface that InterfaceId means.",
             ask=Ask("of the bench, for InterfaceId", first=LOCALHOST),
-            writes=lambda c: None if c.any_local else c.local.address,
-        ),
-        Key(
-            "ListenPort", PORT, "The port that is really listened on, in the place of LocalPort.",
-            ask=Ask("of the bench, 0: a free one"), writes=descriptions.listen_port_of,
-        ),
+            writes=lambda c: None if c.any_local else c.local.address),
+        Key("ListenPort", PORT, "The port that is really listened on, in the place of LocalPort.",
+            ask=Ask("of the bench, 0: a free one"), writes=descriptions.listen_port_of),
         *_field_keys(),
-        Key(
-            "DnsAnswer", descriptions.DNS_ANSWER, "What the name in RemoteQDN means.",
-            writes=descriptions.dns_answer_of,
-        ),
-        Key(
-            "verify", VERIFY, "The only way to switch the check of a certificate off.",
-            writes=descriptions.verify_of,
-        ),
-        Key(
-            "KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
-            default=0, writes=lambda c: c.keep_alive_interval_s,
-        ),
+        Key("DnsAnswer", descriptions.DNS_ANSWER, "What the name in RemoteQDN means.",
+            writes=descriptions.dns_answer_of),
+        Key("verify", VERIFY, "The only way to switch the check of a certificate off.",
+            writes=descriptions.verify_of),
+        Key("KeepAliveTimeInterval", UINT, "Seconds between probes of a silent partner; 0 means 10.",
+            default=0, writes=lambda c: c.keep_alive_interval_s),
     ),
-    also=_described,
-    head=lambda c: descriptions.head_as_bytes(c),
+    also=_described, head=lambda c: descriptions.head_as_bytes(c),
 )  # fmt: skip
 
 
@@ -603,25 +346,19 @@ def _addr_arguments(values: Values) -> dict[str, Any] | None:
 
 
 _DESCRIBED_ADDR: Final = replace(
-    _ADDR,
-    help="A TADDR_Param, by its fields or as bytes.",
+    _ADDR, help="A TADDR_Param, by its fields or as bytes.",
     keys=(
         _named("ADDR"),
         Key("type", None, "The structure; TADDR_Param where none is named.", reads=_read_addr_structure),
         Key("bytes", None, "The bytes of the DB in hex, in the place of the fields."),
-        Key(
-            "rem_ip_addr", None, "The partner's address; a receiver writes it.",
-            ask=Ask("0.0.0.0: a receiver writes it", first=LOCALHOST),
-        ),
-        Key(
-            "rem_port_nr", None, "The partner's port, or @NAME.",
-            ask=Ask("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP,
-        ),
+        Key("rem_ip_addr", None, "The partner's address; a receiver writes it.",
+            ask=Ask("0.0.0.0: a receiver writes it", first=LOCALHOST)),
+        Key("rem_port_nr", None, "The partner's port, or @NAME.",
+            ask=Ask("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP),
         Key("reserved", None, "The two bytes behind them."),
         Key("RemotePort", None, "@NAME beside the bytes.", refers=_PEER_OR_UDP),
     ),
-    also=_addr_arguments,
-    head=lambda a: descriptions.addr_keys(a),
+    also=_addr_arguments, head=lambda a: descriptions.addr_keys(a),
 )  # fmt: skip
 
 
@@ -644,66 +381,34 @@ def _lines(project: Project, block: str) -> tuple[str, ...]:
     return ("", *ports, *(name for name, row in rows if row.builds and row.sends))
 
 
-def _of_port(name: str) -> Callable[[ComBufferDecl], Any]:
-    return lambda b: getattr(b.serial, name) if b.serial is not None and b.source == SERIAL else None
-
-
 _COMBUFFER: Final = TableRow(
-    "combuffer",
-    "combuffers",
-    ComBufferDecl,
-    "A ComBuffer of TwinCAT: bytes between a line and the blocks.",
+    "combuffer", "combuffers", ComBufferDecl, "A ComBuffer of TwinCAT: bytes between a line and the blocks.",
     (
         _named("ComBuffer"),
-        Key(
-            "source", TEXT, "Where bytes come from: sim, serial, an instance of TRCV_C, another ComBuffer.",
+        Key("source", TEXT, "Where bytes come from: sim, serial, an instance of TRCV_C, another ComBuffer.",
             "source", SIMULATED, Ask("where bytes come from", _sources, SIMULATED),
-            Refers("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL)),
-        ),
-        Key(
-            "port", PORT_NAME, "The port of a serial source: a device, socket://, rfc2217://.", "serial.port",
-            ask=Ask("serial: a device, socket://"), only=_is_serial, is_needed=True, writes=_of_port("port"),
-        ),
-        Key(
-            "baud", BAUD, "Bits a second.", "serial.baud", 9600, Ask("serial: 9600"), only=_is_serial,
-            writes=_of_port("baud"), is_said=True,
-        ),
-        Key(
-            "parity", PARITY, "The parity bit of each byte.", "serial.parity", "none",
-            Ask("serial: none", _fixed("none", "even", "odd", "mark", "space")), only=_is_serial,
-            writes=_of_port("parity"),
-        ),
-        Key(
-            "stop_bits", STOP_BITS, "Stop bits of each byte.", "serial.stop_bits", 1.0,
-            Ask("serial: 1", _fixed("1", "1.5", "2")), only=_is_serial, writes=_of_port("stop_bits"),
-        ),
-        Key(
-            "data_bits", DATA_BITS, "Bits of each byte.", "serial.data_bits", 8,
-            Ask("serial: 8", _fixed("8", "7", "6", "5")), only=_is_serial, writes=_of_port("data_bits"),
-        ),
-        Key(
-            "handshake", HANDSHAKE, "Who holds the sender up.", "serial.handshake", "none",
-            Ask("serial: none", _fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial,
-            writes=_of_port("handshake"),
-        ),
-        Key(
-            "line", TEXT, "What sends what is written into it: a ComBuffer with a port, or a TSEND_C.",
+            Refers("source", ("stream_in", "combuffer"), words=(SIMULATED, SERIAL))),
+        Key("port", PORT_NAME, "The port of a serial source: a device, socket://, rfc2217://.", "serial.port",
+            ask=Ask("serial: a device, socket://"), only=_is_serial, is_needed=True),
+        Key("baud", BAUD, "Bits a second.", "serial.baud", 9600, Ask("serial: 9600"),
+            only=_is_serial, is_said=True),
+        Key("parity", PARITY, "The parity bit of each byte.", "serial.parity", "none",
+            Ask("serial: none", fixed("none", "even", "odd", "mark", "space")), only=_is_serial),
+        Key("stop_bits", STOP_BITS, "Stop bits of each byte.", "serial.stop_bits", 1.0,
+            Ask("serial: 1", fixed("1", "1.5", "2")), only=_is_serial),
+        Key("data_bits", DATA_BITS, "Bits of each byte.", "serial.data_bits", 8,
+            Ask("serial: 8", fixed("8", "7", "6", "5")), only=_is_serial),
+        Key("handshake", HANDSHAKE, "Who holds the sender up.", "serial.handshake", "none",
+            Ask("serial: none", fixed("none", "rts/cts", "dsr/dtr", "xon/xoff")), only=_is_serial),
+        Key("line", TEXT, "What sends what is written into it: a ComBuffer with a port, or a TSEND_C.",
             "line", "", Ask("what sends what is written", _lines),
-            Refers('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out")),
-        ),
-        Key(
-            "size", QUEUE_SIZE, "Bytes that have room; 0: what suits the source.", "size", 0,
-            Ask("bytes that have room, 300"),
-        ),
-        Key(
-            "per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; 0: all.", "per_cycle", 0,
-            Ask("bytes a scan, 0: all"),
-        ),
+            Refers('TSEND_C, or ComBuffer with source = "serial"', ("port", "stream_out"))),
+        Key("size", QUEUE_SIZE, "Bytes that have room; none: what suits the source.", "size", 0,
+            Ask("bytes that have room, 300")),
+        Key("per_cycle", QUEUE_SIZE, "Bytes that leave in a scan; none: all.", "per_cycle", 0,
+            Ask("bytes a scan, 0: all")),
     ),
-    "ComBuffer",
-    "a ComBuffer",
-    "B",
-    shares=("connect", "udp_config", "peer"),
+    "ComBuffer", "a ComBuffer", "B", shares=("connect", "udp_config", "peer"),
 )  # fmt: skip
 
 
@@ -717,11 +422,11 @@ def _chosen(name: str, kind: Kind[Any], help_: str, ask: Ask | None = None) -> K
 _CHOICE: Final = (
     _chosen(
         "layout", LAYOUT, "The layout of its own; none: the PLC's.",
-        Ask("none: the PLC's own", _fixed(*LAYOUTS), is_of_change=True),
+        Ask("none: the PLC's own", fixed(*LAYOUTS), is_of_change=True),
     ),
     _chosen(
         "byte_order", BYTE_ORDER, "The byte order of its own; none: that of the layout.",
-        Ask("none: that of the layout", _fixed(*BYTE_ORDERS), is_of_change=True),
+        Ask("none: that of the layout", fixed(*BYTE_ORDERS), is_of_change=True),
     ),
     _chosen("text", TEXT_FORM, "How a STRING lies."),
     _chosen("pointer_size", POINTER_SIZE, "The bytes of a pointer."),
@@ -757,27 +462,16 @@ def _placed(type_: Type, rules: LayoutRules, name: str, place: str) -> Layout:
 
 
 _DATA: Final = TableRow(
-    "data",
-    "data",
-    DataDecl,
-    "A global variable, to which the DATA of blocks points.",
+    "data", "data", DataDecl, "A global variable, to which the DATA of blocks points.",
     (
         _named("variable"),
-        Key(
-            "type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
-            ask=Ask("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True,
-        ),
-        Key(
-            "optimized", TRUTH, "Whether it stands in a block that the PLC orders by itself.", "optimized",
-            False, only=lambda table, around: around.rules.area.symbolic_alone,
-        ),
+        Key("type", TEXT, "An IEC type, or a UDT of a [[udt]] file.", "type_name",
+            ask=Ask("an IEC type or a UDT", first="ARRAY[0..99] OF BYTE", is_bare=True), is_needed=True),
+        Key("optimized", TRUTH, "Whether it stands in a block that the PLC orders by itself.", "optimized",
+            False, only=lambda table, around: around.rules.area.symbolic_alone),
         *_CHOICE,
     ),
-    "DATA variable",
-    "a DATA variable",
-    "rx",
-    also=_laid_out,
-    shares=("instance",),
+    "DATA variable", "a DATA variable", "rx", also=_laid_out, shares=("instance",),
 )  # fmt: skip
 
 
@@ -827,12 +521,10 @@ def _link_of(key: str) -> Callable[[InstanceDecl], str | None]:
 
 def _links() -> Iterable[Key]:
     """Return the keys of what a block works on; one of them is read."""
-    yield Key(
-        "config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
-        ask=Ask("of a UDP block", _names("udp_config"), where=_has_any("udp_configs")),
-        refers=Refers("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
-        only=_on_config,
-    )  # fmt: skip
+    yield Key("config", TEXT, "The UDP_CONFIG of a block of UDP.", "connect",
+              ask=Ask("of a UDP block", _names("udp_config"), where=_has_any("udp_configs")),
+              refers=Refers("UDP_CONFIG", ("udp_config",)), writes=_link_of("config"), is_needed=True,
+              only=_on_config)  # fmt: skip
     for pin in buffer_pins():
         yield Key(
             pin, TEXT, "The ComBuffer of a block of TwinCAT.", "connect",
@@ -866,11 +558,9 @@ def _marks() -> Iterable[Key]:
     """Return the variables of prefix and suffix, by what each block calls its pin."""
     for pin in pointer_pins():
         mark = pin.removeprefix("p").lower()
-        yield Key(
-            pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
-            ask=Ask(f"{mark}, none: 0", _names("data", or_none=True), where=_asks_mark(pin)),
-            refers=Refers("DATA", ("data",)), writes=_mark_of(pin), only=_has_mark(pin),
-        )  # fmt: skip
+        yield Key(pin, TEXT, f"The variable of the {mark}; none: the pointer is 0.", default="",
+                  ask=Ask(f"{mark}, none: 0", _names("data", or_none=True), where=_asks_mark(pin)),
+                  refers=Refers("DATA", ("data",)), writes=_mark_of(pin), only=_has_mark(pin))  # fmt: skip
 
 
 def _data_hint(project: Project, block: str) -> str:
@@ -935,50 +625,33 @@ _ADDR_OF_INSTANCE: Final = Key(
     only=_may_have_addr,
 )  # fmt: skip
 _INSTANCE: Final = TableRow(
-    "instance",
-    "instances",
-    InstanceDecl,
+    "instance", "instances", InstanceDecl,
     "A block instance; every key that stands not here is an input pin of its block.",
     (
         _named("instance"),
-        Key(
-            "block", TEXT, "The block.", "block", is_needed=True,
-            ask=Ask("a block", lambda project, block: project.dialect.blocks, lambda project, block: block),
-        ),
-        Key(
-            "connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
+        Key("block", TEXT, "The block.", "block", is_needed=True,
+            ask=Ask("a block", lambda project, block: project.dialect.blocks, lambda project, block: block)),
+        Key("connect", TEXT, "The CONNECT that it works on.", "connect", is_needed=True,
             ask=Ask(_or_made("a CONNECT"), _names("connect"), _last(_names("connect")),
                     lambda project, block: not block_row(block).on_buffer),
-            refers=Refers("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect"),
-        ),
+            refers=Refers("CONNECT", ("connect",)), writes=_link_of("connect"), only=_on_link("connect")),
         *_links(),
         replace(_ADDR_OF_INSTANCE, is_needed=True, only=_needs_addr),
-        replace(
-            _ADDR_OF_INSTANCE, ask=Ask("of a UDP block", _names("addr"), where=_has_any("addrs")),
-            writes=lambda i: None,
-        ),
-        Key(
-            "data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
+        replace(_ADDR_OF_INSTANCE, ask=Ask("of a UDP block", _names("addr"), where=_has_any("addrs")),
+                writes=lambda i: None),
+        Key("data", TEXT, "The variable that its DATA points to; none leaves the pin open.", "data",
             ask=Ask(_data_hint, _names("data"), _last(_names("data")),
                     lambda project, block: bool((row := block_row(block)).data_pin) or not row.on_buffer),
-            refers=Refers("DATA", ("data",)),
-        ),
+            refers=Refers("DATA", ("data",))),
         *_marks(),
-        Key(
-            "task", TEXT, "The task that calls it; the first one where none is named.", is_said=True,
+        Key("task", TEXT, "The task that calls it; the first one where none is named.", is_said=True,
             ask=Ask("a task", lambda project, block: tuple([task.name for task in project.tasks]),
                     lambda project, block: project.tasks[0].name),
-            refers=Refers("task", ("task",)), writes=lambda i: i.task,
-        ),
+            refers=Refers("task", ("task",)), writes=lambda i: i.task),
         Key("inputs", None, "Initial values of input pins, by the pin's name.",
             ask=Ask(_inputs_hint, is_bare=True)),
     ),
-    "instance",
-    "an instance",
-    also=_instance,
-    finish=_read_inputs,
-    shares=("data",),
-    tail=_inputs_of,
+    "instance", "an instance", also=_instance, finish=_read_inputs, shares=("data",), tail=_inputs_of,
 )  # fmt: skip
 
 
@@ -1064,78 +737,49 @@ def _peer(values: Values) -> dict[str, Any]:
 
 
 _PEER: Final = TableRow(
-    "peer",
-    "peers",
-    PeerDecl,
-    "A partner of our own, and what it does by itself.",
+    "peer", "peers", PeerDecl, "A partner of our own, and what it does by itself.",
     (
         _named("peer"),
         Key("udp", TRUTH, "Whether it sends and receives datagrams.", "udp", False,
             _truth("true: datagrams, no active")),
-        Key(
-            "active", TRUTH, "Whether it connects; none: where it has a remote.", is_said=True, only=_of_tcp,
-            ask=Ask("true: it connects to remote", _fixed(*BOOLS[::-1]),
+        Key("active", TRUTH, "Whether it connects; none: where it has a remote.", is_said=True, only=_of_tcp,
+            ask=Ask("true: it connects to remote", fixed(*BOOLS[::-1]),
                     lambda project, block: "true" if project.links() else "false"),
-            writes=lambda p: None if p.udp else p.active,
-        ),
-        Key(
-            "remote", END_OR_NAME, "Where it connects to; @C1: where C1 listens.", "end", is_needed=True,
+            writes=lambda p: None if p.udp else p.active),
+        Key("remote", END_OR_NAME, "Where it connects to; @C1: where C1 listens.", "end", is_needed=True,
             ask=Ask("address:port, or @NAME", _ENDS, _last(_ENDS)),
             refers=Refers("CONNECT", ("connect",), by_at=True), only=_connects,
-            writes=lambda p: p.end if p.active else None,
-        ),
-        Key(
-            "local", ENDPOINT, "Where it listens; of one that connects: its own end.", "source",
-            ask=Ask("where it listens, 127.0.0.1:0"), only=_dials,
-        ),
-        Key(
-            "local", ENDPOINT, "Where it listens.", "end", FREE_PORT, only=_waits,
-            writes=lambda p: None if p.active else p.end,
-        ),
-        Key(
-            "remote", UDP_END_OR_NAME, "Where it sends datagrams; none: to whoever was heard last.", "remote",
-            refers=Refers("UDP_CONFIG", ("udp_end",), by_at=True), only=_is_udp,
-        ),
-        Key(
-            "reconnect", DELAY, "How long after a close it connects again; none: never.", "reconnect_ns", 0,
-            Ask("after so long, such as T#1s"), only=_of_active,
-        ),
-        Key(
-            "says", MESSAGES, "Messages that it sends in turn, written as after `send`.", "says", (),
-            Ask("a message, such as hex 01 02", is_quoted=True),
-        ),
+            writes=lambda p: p.end if p.active else None),
+        Key("local", ENDPOINT, "Where it listens; of one that connects: its own end.", "source",
+            ask=Ask("where it listens, 127.0.0.1:0"), only=_dials),
+        Key("local", ENDPOINT, "Where it listens.", "end", FREE_PORT, only=_waits,
+            writes=lambda p: None if p.active else p.end),
+        Key("remote", UDP_END_OR_NAME, "Where it sends datagrams; none: to whoever was heard last.", "remote",
+            refers=Refers("UDP_CONFIG", ("udp_end",), by_at=True), only=_is_udp),
+        Key("reconnect", DELAY, "How long after a close it connects again; none: never.", "reconnect_ns", 0,
+            Ask("after so long, such as T#1s"), only=_of_active),
+        Key("says", MESSAGES, "Messages that it sends in turn, written as after `send`.", "says", (),
+            Ask("a message, such as hex 01 02", is_quoted=True)),
         Key("every", INTERVAL, "How often it says one.", "every_ns", DEFAULT_EVERY_NS, Ask("T#1s")),
         Key("replies", RULES, "Rules by which it answers, written as after `reply on`.", "replies", ()),
         *[replace(key, ask=None) for key in _CHOICE],
-        Key(
-            "iso", TRUTH, "Whether it speaks ISO-on-TCP.", default=False, only=_is_tcp,
+        Key("iso", TRUTH, "Whether it speaks ISO-on-TCP.", default=False, only=_is_tcp,
             ask=_truth("true: it speaks ISO-on-TCP", where=_describes),
-            writes=lambda p: isinstance(p.session, IsoSettings),
-        ),
-        Key(
-            "local_tsap", TSAP, "Its own TSAP.", default=b"", only=_ISO, writes=_of_iso("local"),
-            ask=Ask("its own: 16#E001, E0.01 or TCP-1", where=_describes, is_quoted=True),
-        ),
-        Key(
-            "remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_of_iso("remote"),
-            ask=Ask("that of the PLC", where=_describes, is_quoted=True),
-        ),
+            writes=lambda p: isinstance(p.session, IsoSettings)),
+        Key("local_tsap", TSAP, "Its own TSAP.", default=b"", only=_ISO, writes=_of_iso("local"),
+            ask=Ask("its own: 16#E001, E0.01 or TCP-1", where=_describes, is_quoted=True)),
+        Key("remote_tsap", TSAP, "The TSAP of the PLC.", default=b"", only=_ISO, writes=_of_iso("remote"),
+            ask=Ask("that of the PLC", where=_describes, is_quoted=True)),
         Key("tpdu", TPDU, "The TPDU size that it asks for.", default=OWN_SIZE_CODE, only=_ISO,
             writes=_of_iso("size_code")),
-        Key(
-            "tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_of_tls("tls"),
-            ask=_truth("true: it speaks TLS", where=_describes),
-        ),
-        Key(
-            "certificate", NUMBER, "The number of its own certificate, one with a key.", only=_TLS,
+        Key("tls", TRUTH, "Whether it speaks TLS.", default=False, only=_is_tcp, writes=_of_tls("tls"),
+            ask=_truth("true: it speaks TLS", where=_describes)),
+        Key("certificate", NUMBER, "The number of its own certificate, one with a key.", only=_TLS,
             ask=Ask("the number of its own, with a key", _number(with_key=True), where=_describes),
-            writes=_of_tls("certificate"),
-        ),
-        Key(
-            "authority", NUMBER, "The number of the certificate that it trusts.", only=_TLS,
+            writes=_of_tls("certificate")),
+        Key("authority", NUMBER, "The number of the certificate that it trusts.", only=_TLS,
             ask=Ask("the number of whom it trusts", _number(), where=_describes),
-            writes=_of_tls("authority"),
-        ),
+            writes=_of_tls("authority")),
         Key("client_certificate", TRUTH, "Whether it asks for a certificate of a client.", default=False,
             only=_TLS, writes=_of_tls("client_certificate")),
         Key("server_name", HOST, "The name that the partner's certificate must bear.", only=_TLS,
@@ -1143,68 +787,45 @@ _PEER: Final = TableRow(
         Key("verify", VERIFY, "The only way to switch the check of a certificate off.", only=_TLS,
             writes=_of_tls("verify")),
     ),
-    "peer",
-    "a peer",
-    "P",
-    also=_peer,
-    asks_first=("active", "remote", "local"),
+    "peer", "a peer", "P", also=_peer, asks_first=("active", "remote", "local"),
     shares=("connect", "udp_config", "combuffer"),
 )  # fmt: skip
 
 _MESSAGE: Final = TableRow(
-    "message",
-    "messages",
-    MessageDecl,
-    "A message of the library: `peer P1 send message NAME`.",
+    "message", "messages", MessageDecl, "A message of the library: `peer P1 send message NAME`.",
     (
         _named("message"),
-        Key(
-            "text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
-            ask=Ask("as after `send`: hex 01 02 split=1", is_bare=True),
-        ),
-        Key(
-            "peer", TEXT, "The peer whose alone it is; none: everybody's.", "peer", "",
-            Ask("one peer's alone, or nobody's", _names("peer")), Refers("peer", ("peer",), or_none=True),
-        ),
+        Key("text", TEXT, "What is sent, written as after `send`.", "text", is_needed=True,
+            ask=Ask("as after `send`: hex 01 02 split=1", is_bare=True)),
+        Key("peer", TEXT, "The peer whose alone it is; none: everybody's.", "peer", "",
+            Ask("one peer's alone, or nobody's", _names("peer")), Refers("peer", ("peer",), or_none=True)),
     ),
-    "message",
-    "a message of the library",
-    "message",
-    asks_first=("peer",),
+    "message", "a message of the library", "message", asks_first=("peer",),
 )  # fmt: skip
 
 _SEQUENCE: Final = TableRow(
-    "sequence",
-    "sequences",
-    SequenceDecl,
+    "sequence", "sequences", SequenceDecl,
     "Messages one after the other over one connection: `peer P1 play NAME`.",
     (
         _named("sequence"),
-        Key(
-            "steps", STEPS, "Names of messages, and pauses such as T#100ms between them.", "steps",
-            ask=Ask("message names and pauses: hello T#100ms bye", is_bare=True), is_needed=True,
-        ),
+        Key("steps", STEPS, "Names of messages, and pauses such as T#100ms between them.", "steps",
+            ask=Ask("message names and pauses: hello T#100ms bye", is_bare=True), is_needed=True),
     ),
-    "sequence",
-    "a sequence of messages",
-    "sequence",
+    "sequence", "a sequence of messages", "sequence",
 )  # fmt: skip
 
 
 # -- the rest --------------------------------------------------------------------------------------------
 
 _TASK: Final = TableRow(
-    "task",
-    "tasks",
-    Task,
-    "A task: it calls its instances; without one there is MAIN with 10 ms.",
+    "task", "tasks", Task, "A task: it calls its instances; without one there is MAIN with 10 ms.",
     (
         _named("task"),
         Key("interval", INTERVAL, "How often it calls them.", "interval_ns", DEFAULT_INTERVAL_NS),
         Key("priority", PRIORITY, "The smallest number goes first.", "priority", 1),
     ),
     "task",
-)
+)  # fmt: skip
 
 
 def _finish_unnamed(values: Values) -> None:
@@ -1213,27 +834,19 @@ def _finish_unnamed(values: Values) -> None:
 
 
 _CERTIFICATE: Final = TableRow(
-    "certificate",
-    "certificates",
-    certificate_of,
+    "certificate", "certificates", certificate_of,
     "A certificate of the CPU's certificate manager; without a key it is one to trust.",
     (
         Key("number", NUMBER, "Its number, by which others refer to it.", "number", is_needed=True),
         Key("file", FILE, "Its PEM file.", "file", ask=Ask("a PEM file"), is_needed=True),
         Key("key", TEXT, "The PEM file of its key.", "key", "", Ask("of one's own: its PEM file")),
     ),
-    "certificate",
-    "a certificate of TLS",
-    called="number",
-    also=lambda values: {"table": values.table, "base": values.around.base},
-    finish=_finish_unnamed,
-)
+    "certificate", "a certificate of TLS", called="number",
+    also=lambda values: {"table": values.table, "base": values.around.base}, finish=_finish_unnamed,
+)  # fmt: skip
 
 SIM: Final = TableRow(
-    "sim",
-    "sim",
-    SimDecl,
-    "The simulated network.",
+    "sim", "sim", SimDecl, "The simulated network.",
     (
         Key("addresses", ADDRESSES, "Addresses of the PLC besides loopback.", "addresses", ()),
         Key("not_ethernet", ADDRESSES, "Which of them are no Ethernet ports.", "not_ethernet", ()),
@@ -1242,26 +855,20 @@ SIM: Final = TableRow(
         Key("fragment", TRUTH, "Whether bytes come in pieces.", "fragment", False),
         Key("names", NAMES, "What its DNS server knows; none: there is no server.", "names"),
     ),
-)
+)  # fmt: skip
 TOP: Final = TableRow(
-    "",
-    "",
-    dict,
-    "What stands above all tables.",
+    "", "", dict, "What stands above all tables.",
     (
         Key("dialect", None, "Whose PLC it is."),
         Key("model", None, "The model, which says how many connections it has."),
         Key("start", TEXT, "Bench commands before scan 1.", "start", ""),
         Key("program", TEXT, "What the PLC's program does by itself while scans pass.", "program", ""),
     ),
-)
+)  # fmt: skip
 UDT: Final = TableRow(
-    "udt",
-    "udt_files",
-    dict,
-    "A file of UDTs.",
+    "udt", "udt_files", dict, "A file of UDTs.",
     (Key("file", FILE, "The file, beside the project.", "file", is_needed=True),),
-)
+)  # fmt: skip
 
 # In the order in which a file's kinds are listed in messages.
 TABLES: Final[dict[str, TableRow]] = {

@@ -247,7 +247,10 @@ def addresses_by_name(value: Any) -> tuple[tuple[str, str], ...] | None:
 
 
 NAMES: Final[Kind[tuple[tuple[str, str], ...]]] = Kind(
-    'names and addresses such as { "plc2.line.local." = "10.0.0.7" }', addresses_by_name, lambda text: None
+    'names and addresses such as { "plc2.line.local." = "10.0.0.7" }',
+    addresses_by_name,
+    lambda text: None,
+    write=dict,
 )
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.project.keys import KeyValue, entry_of, forms_of, kind_name
+from trcvtui.project.key_rows import KeyValue
+from trcvtui.project.keys import entry_of, forms_of, kind_name
 from trcvtui.project.project import Declaration, Edit
 from trcvtui.project.tables import parse_toml
 

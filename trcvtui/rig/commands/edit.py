@@ -27,17 +27,8 @@ from trcvtui.project.edit import (
     with_edits,
     with_entry,
 )
-from trcvtui.project.keys import (
-    EDITED,
-    TABLES,
-    KeyValue,
-    forms_of,
-    free_name,
-    keys_of,
-    kind_name,
-    list_keys,
-    names_of,
-)
+from trcvtui.project.key_rows import KeyValue
+from trcvtui.project.keys import EDITED, TABLES, forms_of, free_name, keys_of, kind_name, list_keys, names_of
 from trcvtui.project.names import expected_name
 from trcvtui.project.project import (
     DataDecl,

@@ -1,0 +1,67 @@
+"""Write `docs/project-file.md`: every key of a project file, from its rows: `make atlas`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+from trcvtui.project.key_rows import Key, TableRow
+from trcvtui.project.keys import DESCRIBED, SIM, TABLES, TOP, UDT
+
+PAGE: Final = Path(__file__).parent / "project-file.md"
+HEAD: Final = """# The keys of a project file
+
+A project file is TOML. Each `[[kind]]` is one more entry of its kind; a key that is left out has its default.
+`--set connect.C1.LocalPort=2000` says a key in the place of the file; `add`, `set` and `save project` take
+the same keys. A key with * must be there, where the table may have it.
+
+This page is made from `trcvtui/project/keys.py`.
+"""
+TAIL: Final = """
+## `[options]`, `[constants]`
+
+`[options]` has the switches of the dialect, the points that its manual leaves open. `[constants]` has whole
+numbers that the UDTs use, such as `"GVL.MAX" = 10`.
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    return HEAD + "".join(line + "\n" for line in _lines()) + TAIL
+
+
+def _lines() -> Iterator[str]:
+    yield from _table("Above all tables", TOP)
+    for kind, row in TABLES.items():
+        yield from _table(f"`[[{kind}]]`", row)
+        if kind in DESCRIBED:
+            yield from _table(f"`[[{kind}]]` of a Siemens dialect", DESCRIBED[kind])
+    yield from _table("`[[udt]]`", UDT)
+    yield from _table("`[sim]`", SIM)
+
+
+def _table(title: str, row: TableRow) -> Iterator[str]:
+    yield from ("", f"## {title}", "", row.help, "", "| key | says | takes |", "| --- | --- | --- |")
+    for name, rows in _by_name(row.keys).items():
+        says = " · ".join(dict.fromkeys(key.help for key in rows))
+        takes = "; or ".join(dict.fromkeys(_takes(key) for key in rows))
+        yield f"| `{name}`{'*' * any(key.is_needed for key in rows)} | {says} | {takes} |"
+
+
+def _takes(key: Key) -> str:
+    if key.kind is None:
+        return ""
+    is_name = key.refers is not None and not key.refers.by_at and not key.refers.words
+    return f"the name of a {key.refers.what}" if key.refers and is_name else key.kind.expected
+
+
+def _by_name(rows: Iterable[Key]) -> dict[str, list[Key]]:
+    found: dict[str, list[Key]] = {}
+    for key in rows:
+        found.setdefault(key.name, []).append(key)
+    return found
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

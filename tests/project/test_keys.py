@@ -1,0 +1,163 @@
+"""A key is one row: it is read, judged, written, asked for in the form, completed and told on its page."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from hypothesis import given
+
+from tests.properties.drawn_projects import projects
+from tests.rig.test_project_save import driven, say
+from trcvtui.dialects.switches import format_value
+from trcvtui.errors import UserError
+from trcvtui.net.connection.config import UdpConfig
+from trcvtui.project.edit import difference
+from trcvtui.project.fields import fields_of
+from trcvtui.project.file import load_project, read_project
+from trcvtui.project.key_rows import Ask, Key, fixed
+from trcvtui.project.keys import DESCRIBED, EDITED, OFFERED, SIM, TABLES, entries_of, entry_of
+from trcvtui.project.project import Project
+from trcvtui.project.tables import of_text
+from trcvtui.tui.completion import complete
+
+ROOT = Path(__file__).parents[2]
+CONFIGS = sorted(file for file in (ROOT / "configs").rglob("*.toml") if file.parent.name != "tls")
+WORDS = ("short", "long")
+
+
+@dataclass(frozen=True, slots=True)
+class NotedUdpConfig(UdpConfig):
+    """A UDP_CONFIG with a note."""
+
+    note: str = ""
+
+
+NOTE = Key(
+    "note",
+    of_text(" or ".join(WORDS), lambda text: text if text in WORDS else None),
+    "How long a talk is expected.",
+    "note",
+    "",
+    Ask("how long a talk is expected", fixed(*WORDS)),
+)
+
+
+def make_keys() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("make_keys", ROOT / "docs" / "make_keys.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Add the key in one place; return a project with it."""
+    row = TABLES["udp_config"]
+    noted = replace(row, makes=NotedUdpConfig, keys=(*row.keys, NOTE))
+    monkeypatch.setitem(TABLES, "udp_config", noted)
+    path = tmp_path / "b.toml"
+    path.write_text('dialect = "baosky"\n[[udp_config]]\nname = "U1"\nnote = "short"\n', encoding="utf-8")
+    return path
+
+
+def notes(path: Path) -> list[Any]:
+    return [getattr(config, "note", None) for config in load_project(path).udp_configs]
+
+
+def test_a_made_up_key_is_read(file: Path) -> None:
+    assert notes(file) == ["short"]
+
+
+def test_a_made_up_key_is_judged(file: Path) -> None:
+    file.write_text(file.read_text().replace("short", "huge"))
+    with pytest.raises(UserError) as caught:
+        load_project(file)
+    assert caught.value.lines() == [f"{file}: udp_config U1: note: found 'huge', expected short or long"]
+
+
+def test_a_made_up_key_can_be_set_from_outside(file: Path) -> None:
+    project = load_project(file, ["udp_config.U1.note=long"])
+    assert getattr(project.udp_configs[0], "note", None) == "long"
+
+
+def test_a_made_up_key_is_added_changed_and_saved(file: Path) -> None:
+    for driver in driven(file):
+        for line in ("add udp_config U2 note=long", "set U1 note=long", "save project"):
+            assert say(driver, line).answers[-1].error == ""
+    assert notes(file) == ["long", "long"]
+    assert file.read_text().count('note = "long"') == 2
+
+
+def test_a_made_up_key_left_at_its_default_is_not_written(file: Path) -> None:
+    decl = NotedUdpConfig("U1")
+    assert "note" not in dict(entry_of(decl))
+
+
+def test_a_made_up_key_stands_in_the_form_and_is_completed(file: Path) -> None:
+    project = load_project(file)
+    field = next(field for field in fields_of("udp_config", project) if field.key == "note")
+    assert (field.hint, field.choices) == ("how long a talk is expected", WORDS)
+    assert complete("add udp_config U2 no", project) == "add udp_config U2 note=short"
+    assert complete("set U1 no", project) == "set U1 note=short"
+
+
+def test_a_made_up_key_stands_on_the_page(file: Path) -> None:
+    assert "| `note` | How long a talk is expected. | short or long |" in make_keys().page()
+
+
+def test_the_page_is_what_the_rows_say() -> None:
+    is_in_step = (ROOT / "docs" / "project-file.md").read_text(encoding="utf-8") == make_keys().page()
+    assert is_in_step, "docs/project-file.md is out of step with trcvtui/project/keys.py: run `make atlas`"
+
+
+def test_every_row_says_what_it_is_for_and_where_its_value_goes() -> None:
+    for row in (*TABLES.values(), *DESCRIBED.values(), SIM):
+        assert row.help.endswith("."), row.kind
+        names = {field.name for field in fields(row.makes)} if isinstance(row.makes, type) else None
+        for key in row.keys:
+            assert key.help, f"{row.kind}.{key.name}"
+            if key.of and names is not None:
+                assert key.of.partition(".")[0] in names, f"{row.kind}.{key.name}"
+    assert set(EDITED) == set(OFFERED) == set(TABLES) - {"task"}
+
+
+# -- read, written, read --------------------------------------------------------------------------------
+
+
+def written(project: Project) -> dict[str, Any]:
+    """Return the document of a project, by its rows alone."""
+    switches = {switch.name: switch for switch in project.dialect.switches}
+    return {
+        "dialect": project.dialect.name,
+        "model": project.model,
+        "options": {name: format_value(switches[name], value) for name, value in project.options.items()},
+        "start": project.start,
+        "program": project.program,
+        "constants": dict(project.constants),
+        "udt": [{"file": str(file)} for file in project.udt_files],
+        "sim": dict(SIM.written(project.sim)),
+        **{kind: [dict(entry_of(decl)) for decl in entries_of(kind, project)] for kind in TABLES},
+    }
+
+
+def assert_comes_back(project: Project, base: Path) -> None:
+    again = read_project(written(project), "again.toml", base)
+    assert difference(project, again) == ()
+    for name in ("tasks", "options", "rules", "model", "sim", "start", "program", "constants"):
+        assert getattr(again, name) == getattr(project, name), name
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=[str(path.relative_to(ROOT)) for path in CONFIGS])
+def test_a_project_that_is_written_is_read_as_it_was(path: Path) -> None:
+    assert_comes_back(load_project(path), Path())
+
+
+@given(projects())
+def test_a_drawn_project_that_is_written_is_read_as_it_was(document: dict[str, Any]) -> None:
+    assert_comes_back(read_project(document, "drawn.toml", Path()), Path())

@@ -1,0 +1,234 @@
+"""A row of a key: how it is read and judged, where its value stands, how it is written, what a form asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from trcvtui.blocks.rules import Rules
+from trcvtui.blocks.table import known_blocks
+from trcvtui.dialects.dialect import Dialect
+from trcvtui.net.results import Endpoint
+from trcvtui.net.serial_line import SerialSettings
+from trcvtui.project.project import Certificates, Declaration, Project
+from trcvtui.project.tables import Kind, Table
+from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules
+from trcvtui.udt.type_set import NO_TYPES, TypeSet
+
+KeyValue = bool | int | float | str | list[str]
+Keys = list[tuple[str, KeyValue]]
+Refusal = tuple[str, str]  # what was found, what was expected
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """What the entries of one project are read in; `types` None: a file of UDTs cannot be read."""
+
+    dialect: Dialect
+    rules: Rules
+    layout: LayoutRules
+    base: Path = Path()
+    types: TypeSet | None = NO_TYPES
+    certificates: Certificates = field(default_factory=dict)
+    first_task: str = "MAIN"
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """Return the blocks of the dialect that have pins."""
+        return known_blocks(self.dialect.blocks)
+
+
+def around_of(project: Project) -> Around:
+    """Return what one more entry of a project is read in."""
+    p = project
+    return Around(p.dialect, p.rules, p.layout, p.base, p.types, p.certificates, p.tasks[0].name)
+
+
+class Values(dict[str, Any]):
+    """What has been read of one table, by key, None where it is missing or wrong; `number`: its place."""
+
+    def __init__(self, table: Table, around: Around, number: int) -> None:
+        super().__init__()
+        self.table = table
+        self.around = around
+        self.number = number
+        self.by_row: list[tuple[Key, Any]] = []
+
+
+Offer = Callable[[Project, str], tuple[str, ...]]  # of a project, and of a block for an instance
+
+
+def nothing(project: Project, block: str) -> tuple[str, ...]:
+    return ()
+
+
+def fixed(*texts: str) -> Offer:
+    return lambda project, block: texts
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What a form and completion offer: hint, known values, and the value that stands there first.
+
+    `where`: in which project, for which block. `is_bare`: it stands without its key in a line. `is_quoted`:
+    its text may have blanks. `is_of_change`: only what is there already is asked for it.
+    """
+
+    hint: str | Callable[[Project, str], str]
+    choices: Offer = nothing
+    first: str | Callable[[Project, str], str] = ""
+    where: Callable[[Project, str], bool] = lambda project, block: True
+    is_bare: bool = False
+    is_quoted: bool = False
+    is_of_change: bool = False
+
+
+class Refers(NamedTuple):
+    """Whose name a key has, of these kinds of names (`file.Declared`); `by_at`: as `@NAME`.
+
+    `words` stand for themselves, with `or_none` also "". `what` says in a message what the names are.
+    """
+
+    what: str
+    kinds: tuple[str, ...]
+    by_at: bool = False
+    words: tuple[str, ...] = ()
+    or_none: bool = False
+
+
+def _always(table: Table, around: Around) -> bool:
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key. Without a `kind` it is read together with another one.
+
+    `of`: where the declaration keeps the value, as `local.port`. `writes`: another way to it; None: left out.
+    `default`: the value where the key is missing. `is_said`: it is written though it is the default.
+    `only`: whether the table may have it here, or why not. `reads`: reads it and those that belong to it.
+    `help`: one sentence.
+    """
+
+    name: str
+    kind: Kind[Any] | None
+    help: str
+    of: str = ""
+    default: Any = None
+    ask: Ask | None = None
+    refers: Refers | None = None
+    writes: Callable[[Any], Any] | None = None
+    is_needed: bool = False
+    is_said: bool = False
+    only: Callable[[Table, Around], bool | Refusal] = _always
+    reads: Callable[[Values], None] | None = None
+
+    def read(self, values: Values) -> None:
+        """Read the key, where it belongs to this table."""
+        if self.reads is not None:
+            self.reads(values)
+            return
+        table, allowed = values.table, self.only(values.table, values.around)
+        if self.kind is None or not allowed:
+            return
+        if isinstance(allowed, tuple):
+            if table.has(self.name):
+                table.know(self.name)
+                table.wrong(self.name, *allowed)
+            return
+        found = table.must(self.name, self.kind) if self.is_needed else table.read(self.name, self.kind)
+        value = self.default if found is None and not self.is_needed else found
+        values[self.name] = value
+        values.by_row.append((self, value))
+
+    def written(self, decl: Declaration) -> KeyValue | None:
+        """Return the value as TOML has it, None where the key is left out."""
+        if self.writes is not None:
+            value = self.writes(decl)
+        else:
+            value = _value(decl, self.of)
+        if value is None or self.kind is None or (value == self.default and not self.is_said):
+            return None
+        found: KeyValue = self.kind.write(value)
+        return found
+
+
+def _value(decl: Any, of: str) -> Any:
+    """Return what stands at `local.port`, None where there is no such part."""
+    for name in of.split(".") if of else ("",):
+        decl = getattr(decl, name, None)
+    return decl
+
+
+def _no_keys(decl: Any) -> Keys:
+    return []
+
+
+def finish_table(values: Values) -> None:
+    values.table.finish()
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """One kind of table, `[[kind]]`: its keys, and the declaration that they make.
+
+    `field`: where the entries stand in a Project. `what`: what a sentence calls one; `title`: what a form
+    does. `first_name`: how the names begin that are proposed. `makes`: the class, or what makes one of the
+    values. `shares`: kinds that share their names with it. `asks_first`: what a form begins with.
+    `head`, `tail`: keys that have no row.
+    """
+
+    kind: str
+    field: str
+    makes: Callable[..., Any]
+    help: str
+    keys: tuple[Key, ...]
+    what: str = ""
+    title: str = ""
+    first_name: str = ""
+    called: str = "name"
+    also: Callable[[Values], dict[str, Any] | None] = lambda values: {}
+    finish: Callable[[Values], None] = finish_table
+    shares: tuple[str, ...] = ()
+    asks_first: tuple[str, ...] = ()
+    head: Callable[[Any], Keys] = _no_keys
+    tail: Callable[[Any], Keys] = _no_keys
+
+    def read(self, table: Table, around: Around, number: int = 1) -> Any:
+        """Return the declaration of a table, None where a key is missing or wrong that it needs."""
+        values = Values(table, around, number)
+        for key in self.keys:
+            key.read(values)
+        self.finish(values)
+        also = self.also(values)
+        if also is None or any(value is None for key, value in values.by_row if key.is_needed):
+            return None
+        return self.makes(**_arguments(values) | also)
+
+    def written(self, decl: Any) -> Keys:
+        """Return the keys of a declaration but for its name."""
+        found = [(k.name, k.written(decl)) for k in self.keys if k.name != self.called]
+        keys: Keys = [(name, value) for name, value in found if value is not None]
+        return [*self.head(decl), *keys, *self.tail(decl)]
+
+
+PARTS: Final[dict[str, Callable[..., Any]]] = {
+    "local": Endpoint,
+    "choice": LayoutChoice,
+    "serial": SerialSettings,
+}
+
+
+def _arguments(values: Values) -> dict[str, Any]:
+    """Return what the rows give to the class; a part such as `local.port` goes into its own class."""
+    arguments: dict[str, Any] = {}
+    parts: dict[str, dict[str, Any]] = {}
+    for key, value in values.by_row:
+        head, _, tail = key.of.partition(".")
+        if tail:
+            parts.setdefault(head, {})[tail] = value
+        elif head:
+            arguments[head] = value
+    return arguments | {head: PARTS[head](**part) for head, part in parts.items()}

@@ -6,6 +6,7 @@ from trcvtui.errors import UserError
 from trcvtui.project.project import Project
 
 SCAN_CONTROL = ("hold", "go")
+PROMPT = "prompt"
 
 
 def fault_of(line: str, project: Project) -> str:
@@ -15,9 +16,11 @@ def fault_of(line: str, project: Project) -> str:
     if line.strip() in SCAN_CONTROL:
         return ""
     try:
-        parse_line(line, project, "prompt")
+        parse_line(line, project, PROMPT)
     except UserError as error:
-        return error.problems[0].message
+        wrong = error.problems[0]
+        place = wrong.where[len(PROMPT) + 2 :]  # `connect C3: LocalPort`: a form marks that field
+        return f"{place}: {wrong.message}" if place else wrong.message
     return ""
 
 

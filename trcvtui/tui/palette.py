@@ -148,7 +148,7 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
 def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:
     name = plain(bench.scene.selected)
     for pin in bench.main.block.drawing().inputs:
-        title = f"{'PinPulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
+        title = f"{'Pulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
         about = f"{name}: {pin.text}" + (f" · key {pin.letter}" if pin.letter else "")
         yield SystemCommand(title, about, partial(bench.main.block.press, pin.letter))
 

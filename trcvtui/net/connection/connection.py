@@ -293,13 +293,16 @@ class Connection:
         return None
 
     def _become_connected(self, got: Accepted) -> None:
-        self.handle, self.peer = got.handle, got.peer
+        self._begin_incarnation(got.handle, got.peer)
+        self._dead_link.begin(got.handle)
+        self._note(What.CONNECTED)
+
+    def _begin_incarnation(self, handle: Handle, peer: Endpoint | None) -> None:
+        self.handle, self.peer = handle, peer
         self.state = State.CONNECTED
         self.incarnation += 1
         self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
-        self._local = self._kernel.local_end(got.handle)
-        self._dead_link.begin(got.handle)
-        self._note(What.CONNECTED)
+        self._local = self._kernel.local_end(handle)
 
     def _failed(self, failed: StepFault, now: int) -> StepFault:
         self.set_up.free_attempt()
@@ -355,7 +358,7 @@ class Connection:
         assert self.handle is not None
         got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK and self.pending_loss is not None:
-            self._kernel.renew(self.handle)  # what doomed it came after the poll, bytes perhaps before that
+            self._kernel.renew(self.handle)  # the loss came after the poll, bytes perhaps before that
             got = self._kernel.recv(self.handle, into)
         if got is WOULD_BLOCK:
             return WOULD_BLOCK if self.pending_loss is None else self._read_out(self.pending_loss)
@@ -420,7 +423,7 @@ class Connection:
         return loss
 
     def end_if_loss_pending(self) -> bool:
-        """Release a doomed connection that nobody reads any more; return whether it was one."""
+        """Release a lost connection that nobody reads any more; return whether it was one."""
         if self.pending_loss is None or self._others_read(None):
             return False
         self._lose(self.pending_loss)
@@ -479,15 +482,18 @@ class Connection:
         assert self.handle is not None
         got = self._kernel.send(self.handle, data)
         if isinstance(got, int):
-            self.sends += 1
-            offset = self.bytes_sent
-            self.bytes_sent = offset + got
             self._resources.unsettled[self._name] = None
-            self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got, instance))
+            self._gave(got, instance)
             return got
         if isinstance(got, Fault):
             return got if got.error == "EAGAIN" else self._found(self._loss_of(got))
         return WOULD_BLOCK
+
+    def _gave(self, size: int, instance: str) -> None:
+        self.sends += 1
+        offset = self.bytes_sent
+        self.bytes_sent = offset + size
+        self._write(BytesSent(self._name, self.incarnation, self.sends, offset, size, instance))
 
     def unacknowledged(self) -> int | None:
         """Return how many bytes of ours the partner's stack has not acknowledged; None: nobody knows."""

@@ -16,7 +16,6 @@ from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import Claim, Resources
 from trcvtui.net.connection.set_up import SetUp, SetUpStage, StepFault
 from trcvtui.net.events import (
-    BytesSent,
     ConnectionEvent,
     What,
 )
@@ -144,11 +143,7 @@ class UdpEndpoint(Connection):
         return self._failed(failed, now)
 
     def _become_connected(self, got: Accepted) -> None:
-        self.handle, self.peer = got.handle, None
-        self.state = State.CONNECTED
-        self.incarnation += 1
-        self.bytes_received = self.recvs = self.bytes_sent = self.sends = 0
-        self._local = self._kernel.local_end(got.handle)
+        self._begin_incarnation(got.handle, None)
         self._note(What.LISTENING, detail="UDP")
 
     def close(self) -> Fault | None:
@@ -196,10 +191,8 @@ class UdpEndpoint(Connection):
         end = to.target(self._resolve)
         got = end if isinstance(end, Fault) else self._kernel.send_to(self.handle, data, end)
         if isinstance(got, int) and isinstance(end, Endpoint):
-            self.sends += 1
-            offset, self.peer = self.bytes_sent, end
-            self.bytes_sent = offset + got
-            self._write(BytesSent(self._name, self.incarnation, self.sends, offset, got, instance))
+            self.peer = end
+            self._gave(got, instance)
         return got
 
     def where(self, to: RemoteAddress) -> str:

@@ -176,7 +176,7 @@ def test_no_code_outside_the_dialects_names_a_vendor() -> None:
 @pytest.mark.slow
 def test_nothing_outside_the_dialects_imports_one_vendor() -> None:
     modules = {path.stem for path in (PACKAGE / "dialects").iterdir()}
-    shared = {"__init__", "dialect", "switches", "status_report", "status_page"}
+    shared = {"__init__", "dialect", "status_report"}
     imports = {
         node.module.split(".")[2]
         for path in PACKAGE.rglob("*.py")

@@ -9,7 +9,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.switches import defaults, format_value, read_switches
+from trcvtui.dialects.dialect import defaults, format_value, read_switches
 from trcvtui.net.connection.config import Policy
 
 

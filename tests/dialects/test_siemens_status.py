@@ -10,7 +10,7 @@ import pytest
 from trcvtui.blocks.conditions import ERROR, Condition
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects import DIALECTS
-from trcvtui.dialects.siemens.blocks import ALL
+from trcvtui.dialects.siemens.states import ALL
 from trcvtui.dialects.siemens.status import STATUS
 
 ROOT = Path(__file__).parents[2]

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.status_page import as_page
-from trcvtui.dialects.status_report import Explained, explain, with_scenarios
+from trcvtui.dialects.status_report import Explained, as_page, explain, with_scenarios
 
 
 def page(one: Explained) -> list[str]:

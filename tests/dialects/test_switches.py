@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from trcvtui.dialects.baosky.rules import BAOSKY
-from trcvtui.dialects.switches import defaults, expected_of, format_value, read_switches
+from trcvtui.dialects.dialect import defaults, expected_of, format_value, read_switches
 
 
 def read(**raw: object) -> object:

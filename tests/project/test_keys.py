@@ -13,7 +13,7 @@ from hypothesis import given
 
 from tests.properties.drawn_projects import projects
 from tests.rig.test_project_save import driven, say
-from trcvtui.dialects.switches import format_value
+from trcvtui.dialects.dialect import format_value
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import UdpConfig
 from trcvtui.project.edit import difference

@@ -13,7 +13,7 @@ from tests.rig.scenarios import LEGACY, SIEMENS, failures, play
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
-from trcvtui.dialects.siemens.legacy import OWN_ROWS
+from trcvtui.dialects.siemens.rules import OWN_ROWS
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import load_scenario

@@ -9,7 +9,7 @@ import pytest
 from tests.rig.scenarios import TWINCAT, failures, play
 from trcvtui.blocks.environment import BytesLost, FrameEnded, LineHeld, NoiseDropped, PartDropped
 from trcvtui.blocks.status import Reach
-from trcvtui.dialects.twincat.errors import COM_ERRORS
+from trcvtui.dialects.twincat.rules import COM_ERRORS
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import load_scenario

@@ -7,9 +7,8 @@ from itertools import groupby
 import pytest
 
 from tests.rig.scenarios import CONFIGS
-from trcvtui.dialects.siemens.legacy import S7_1200_LEGACY
-from trcvtui.dialects.siemens.rules import S7_1200, S7_1500, SWITCHES
-from trcvtui.dialects.switches import defaults, format_value
+from trcvtui.dialects.dialect import defaults, format_value
+from trcvtui.dialects.siemens.rules import S7_1200, S7_1200_LEGACY, S7_1500, SWITCHES
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.table import parse_script

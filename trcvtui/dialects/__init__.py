@@ -9,8 +9,7 @@ from typing import Final
 
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect
-from trcvtui.dialects.siemens.legacy import S7_1200_LEGACY
-from trcvtui.dialects.siemens.rules import S7_1200, S7_1500
+from trcvtui.dialects.siemens.rules import S7_1200, S7_1200_LEGACY, S7_1500
 from trcvtui.dialects.twincat.rules import TWINCAT
 
 DIALECTS: Final[dict[str, Dialect]] = {

@@ -10,8 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from trcvtui.blocks.table import known_blocks
-from trcvtui.dialects.dialect import Dialect, SwitchValue
-from trcvtui.dialects.switches import format_value, read_switches
+from trcvtui.dialects.dialect import Dialect, SwitchValue, format_value, read_switches
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import Description

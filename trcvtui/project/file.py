@@ -15,8 +15,7 @@ from typing import Any, Final
 
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects import DIALECTS
-from trcvtui.dialects.dialect import Dialect, SwitchValue
-from trcvtui.dialects.switches import read_switches
+from trcvtui.dialects.dialect import Dialect, SwitchValue, read_switches
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.key_rows import Around
 from trcvtui.project.keys import SIM, TABLES, TOP, UDT, read_table, sharing, table_row

@@ -10,7 +10,7 @@ from typing import Final
 
 from trcvtui.blocks.rules import NotConnected, Rules
 from trcvtui.dialects.baosky.status import STATUS
-from trcvtui.dialects.baosky.udp import UDP_STATUS
+from trcvtui.dialects.baosky.udp_status import UDP_STATUS
 from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import Policy
 

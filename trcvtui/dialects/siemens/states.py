@@ -1,8 +1,4 @@
-"""Siemens STATUS words without ERROR: 0000 to 7006 of the blocks in versions from 3.0 (siemens.md 1, 2).
-
-Causes and checks speak to the person at the cabinet; `ss`, `nc`, `ip` and `tcpdump` are meant for the machine
-that runs the bench.
-"""
+"""The Siemens blocks in groups that share a row; STATUS without ERROR: 0000 to 7006 (siemens.md 1, 2)."""
 
 from __future__ import annotations
 
@@ -10,7 +6,23 @@ from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.status import Reach, StatusRow
-from trcvtui.dialects.siemens.blocks import ALL, BOTH_C, RCV_C, SEND_C, SINGLE
+
+SEND_C: Final = ("TSEND_C",)
+RCV_C: Final = ("TRCV_C",)
+BOTH_C: Final = SEND_C + RCV_C
+TCON: Final = ("TCON",)
+SET_UP: Final = BOTH_C + TCON  # these build a connection
+SEND: Final = (*SEND_C, "TSEND")
+RECEIVE: Final = (*RCV_C, "TRCV")
+UDP: Final = ("TUSEND", "TURCV")
+JOBS: Final = SEND + RECEIVE + UDP  # these move bytes
+CLOSE: Final = ("TDISCON", "T_RESET")
+SINGLE: Final = TCON + CLOSE + ("T_DIAG", "TSEND", "TRCV") + UDP
+ALL: Final = BOTH_C + SINGLE
+
+
+# Causes and checks speak to the person at the cabinet; `ss`, `nc`, `ip` and `tcpdump` are meant for the
+# machine that runs the bench.
 
 STATES: Final = (
     StatusRow(

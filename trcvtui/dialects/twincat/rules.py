@@ -1,7 +1,4 @@
-"""Beckhoff TwinCAT: the blocks of Tc2_SerialCom, behind a TRCV_C where the bytes come over TCP.
-
-Beckhoff has no TRCV_C: it stands here for whatever brings a stream, and answers as Baosky's.
-"""
+"""Beckhoff TwinCAT, Tc2_SerialCom: rules and ComError_t (receivedata.md 2.3); streams come by TRCV_C."""
 
 from __future__ import annotations
 
@@ -9,11 +6,189 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
+from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.status import StatusRow
+from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
-from trcvtui.dialects.twincat.errors import COM_ERRORS, SERIAL
+
+DATA: Final = ("ReceiveData",)
+STRINGS: Final = ("ReceiveString", "ReceiveString255")
+RECEIVE: Final = DATA + STRINGS
+SEND: Final = ("SendData", "SendByte", "SendString")
+SERIAL: Final = ("ReceiveData", "ReceiveByte", *STRINGS, *SEND, "ClearComBuffer")
+MANUAL: Final = "receivedata.md 2.3"
+OF_HARDWARE: Final = "it is about a terminal or a serial interface, which this bench does not have"
+
+
+def _row(
+    code: int,
+    name: str,
+    condition: Condition,
+    blocks: tuple[str, ...],
+    title: str,
+    causes: tuple[str, ...],
+    checks: tuple[str, ...],
+    unsure: str = "",
+) -> StatusRow:
+    title = f"{code} COMERROR_{name}: {title}"
+    return StatusRow(code, condition, blocks, True, title, causes, checks, Reach.LOGIC, MANUAL, unsure=unsure)
+
+
+def _of_hardware(code: int, name: str, title: str) -> StatusRow:
+    causes = ("SerialLineControl or the configuration of a terminal",)
+    checks = ("the terminal's settings and its ComBuffer", "ErrorID of SerialLineControl")
+    title = f"{code} COMERROR_{name}: {title}"
+    return StatusRow(
+        code, None, SERIAL, True, title, causes, checks, Reach.NEVER, MANUAL, unreached=OF_HARDWARE
+    )
+
+
+NO_ERROR: Final = StatusRow(
+    0,
+    Condition.NOT_CALLED,
+    SERIAL,
+    False,
+    "0 COMERROR_NOERROR: no error",
+    (
+        "the block waits for bytes, has some, or has delivered a frame",
+        "RxTimeout = 1: a gap has ended the frame, which is no error",
+    ),
+    (
+        "DataReceived, StringReceived or ByteReceived: 1 for one scan",
+        "a good frame with a suffix: DataReceived = 1, RxTimeout = 0 and Error = 0 together",
+    ),
+    Reach.LOGIC,
+    "receivedata.md 2.1, 3",
+    also=(
+        Condition.NO_JOB,
+        Condition.FRAME_AWAITED,
+        Condition.FRAME_PART,
+        Condition.FRAME_RECEIVED,
+        Condition.FRAME_GAP,
+        Condition.BUFFER_EMPTY,
+        Condition.SENDING,
+        Condition.SENT,
+    ),
+)
+
+COM_ERRORS: Final = (
+    NO_ERROR,
+    _row(
+        1,
+        "PARAMETERCHANGED",
+        Condition.PARAMETER_CHANGED,
+        RECEIVE + SEND,
+        "an input changed while busy",
+        (
+            "prefix, suffix, size or target changed in the middle of a frame; what was there is thrown away",
+            "a send block: length or variable changed before all bytes were in the ComBuffer",
+        ),
+        (
+            "History of the pins and of the variables of prefix and suffix",
+            "change them while busy is 0, or with Reset = 1",
+        ),
+        "which inputs count, and that the part is thrown away, is a decision",
+    ),
+    _row(
+        2,
+        "TXBUFFOVERRUN",
+        Condition.SEND_OVERRUN,
+        SEND,
+        "the data are larger than the send buffer",
+        ("Length is larger than a ComBuffer, about 300 bytes",),
+        ("send in pieces", "size of the ComBuffer in the project"),
+    ),
+    _row(
+        10,
+        "STRINGOVERRUN",
+        Condition.STRING_OVERRUN,
+        STRINGS,
+        "the string was full before its end was seen",
+        (
+            "the sender's text is longer than the string: 80 or 255 characters",
+            "the suffix is another: CR LF, CR alone, LF alone",
+            "no suffix and no Timeout: the end is never seen",
+        ),
+        ("the bytes of the frame in hex: what do they end with?", "ReceiveString255, or ReceiveData"),
+        "that StringReceived is 1 with it is taken from ReceiveData",
+    ),
+    _row(
+        11,
+        "ZEROCHARINVALID",
+        Condition.ZERO_CHARACTER,
+        STRINGS,
+        "a byte 00 in a text",
+        ("the sender sends binary data, or ends its texts with 00",),
+        ("the bytes in hex", "ReceiveData takes any bytes; a suffix may be 00 there"),
+        "the moment of it, and that the part is thrown away, is a decision",
+    ),
+    _row(
+        20,
+        "INVALIDPOINTER",
+        Condition.NULL_POINTER,
+        (*DATA, "SendData", "SendString"),
+        "a pointer to prefix, suffix or send data is 0",
+        (
+            "LenPrefix or LenSuffix is greater than 0, and no variable is there",
+            "the length is larger than the variable (here: memory behind it is nothing)",
+        ),
+        ("pPrefix and pSuffix := ADR(variable), the lengths := SIZEOF(variable)",),
+    ),
+    _row(
+        21,
+        "INVALIDRXPOINTER",
+        Condition.NULL_RECEIVE_POINTER,
+        RECEIVE,
+        "pReceiveData is 0",
+        ("the instance has no data",),
+        ("pReceiveData := ADR(variable)",),
+    ),
+    _row(
+        22,
+        "INVALIDRXLENGTH",
+        Condition.RECEIVE_LENGTH_WRONG,
+        DATA,
+        "SizeReceiveData is wrong",
+        (
+            "SizeReceiveData is 0 or less",
+            "it is larger than the variable (a real PLC would write over what lies behind)",
+        ),
+        ("SizeReceiveData := SIZEOF(variable)",),
+    ),
+    _row(
+        23,
+        "DATASIZEOVERRUN",
+        Condition.DATA_OVERRUN,
+        DATA,
+        "size reached, suffix not seen",
+        (
+            "the sender's frame is longer than SizeReceiveData",
+            "the suffix is another: CR LF, CR alone, LF alone",
+            "a frame began in the middle: the rest of it comes as the next frame",
+            "prefix and suffix together are longer than SizeReceiveData",
+        ),
+        (
+            "DataReceived is 1 with it: look at the end of the data in hex",
+            "SizeReceiveData, LenSuffix and the suffix's bytes",
+        ),
+        "an older manual says 10 in its place",
+    ),
+    _of_hardware(24, "INVALIDPROCESSDATASIZE", "wrong size of the process data"),
+    _of_hardware(257, "MODENOTSUPPORTED", "mode not supported"),
+    _of_hardware(258, "INVALIDCHANNELNUMBER", "wrong channel number"),
+    _of_hardware(4097, "INVALIDBAUDRATE", "wrong baud rate"),
+    _of_hardware(4098, "INVALIDNUMDATABITS", "wrong number of data bits"),
+    _of_hardware(4099, "INVALIDNUMSTOPBITS", "wrong number of stop bits"),
+    _of_hardware(4100, "INVALIDPARITY", "wrong parity"),
+    _of_hardware(4101, "INVALIDHANDSHAKE", "wrong handshake"),
+    _of_hardware(4102, "INVALIDNUMREGISTERS", "wrong number of registers"),
+    _of_hardware(4103, "INVALIDREGISTER", "wrong register"),
+    _of_hardware(4104, "TIMEOUT", "the hardware did not answer; not RxTimeout"),
+)
+
+
+# Beckhoff has no TRCV_C: it stands here for whatever brings a stream, and answers as Baosky's.
 
 STREAMS: Final = ("TRCV_C", "TSEND_C")
 

@@ -14,10 +14,10 @@ from typing import Final, Self
 
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.clock import now_ns
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import TIMING_FILE, Engine
-from trcvtui.rig.picture import Picture, PictureRequest
 
 LOOK_S: Final = 0.05
 MOST_LOOKS: Final = 400
@@ -91,9 +91,9 @@ class PacedEngine:
         return Count(now_ns(), seen.t_ns, seen.scan, sum(each), each)
 
     def _snapshot(self) -> Snapshot:
-        self._channel.send(PictureRequest(most_lines=0))
+        self._channel.send(UpdateRequest(most_lines=0))
         picture = self._channel.recv()
-        assert isinstance(picture, Picture)
+        assert isinstance(picture, BenchUpdate)
         return picture.snapshot
 
 

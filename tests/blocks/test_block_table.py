@@ -20,10 +20,10 @@ from trcvtui.project.fields import fields_of
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.text import with_entries
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.history.pin_waveform import Waveform, WaveformCache
 from trcvtui.rig.history.waveform_text import row_names
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.rig.st_call import st_text
 from trcvtui.tui.completion import complete
@@ -124,7 +124,7 @@ def test_it_is_called_and_its_waves_have_its_pins(project: Project) -> None:
         if scan == 4:
             console.take(scan, "set B1 REQ=0")
         console.scan()
-    picture = console.picture(PictureRequest(waves=(("B1", 0),)), EngineTiming(), 0)
+    picture = console.picture(UpdateRequest(waves=(("B1", 0),)), EngineTiming(), 0)
     shelf = WaveformCache()
     shelf.take(picture.waves, picture.snapshot.interval_ns)
     wave = shelf.of("B1")

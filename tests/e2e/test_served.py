@@ -26,9 +26,9 @@ from aiohttp.web import AppRunner, SockSite
 from tests.tui.looking import SMALL, WIDE, looking
 from trcvtui import files
 from trcvtui.cli import main
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.driver import EngineDriver
 from trcvtui.rig.history import waveform_text as wave_files
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui import clipboard_and_files
 from trcvtui.tui import clipboard_and_files as keepsake
@@ -291,7 +291,7 @@ def test_an_expectation_of_a_read_only_bench_reads_no_file(tmp_path: Path) -> No
         driver.submit("expect rx file /nowhere")
         answers: list[Answer] = []
         while len(answers) < 2:
-            driver.request(PictureRequest())
+            driver.request(UpdateRequest())
             driver.wait(1)
             picture = driver.picture()
             answers += picture.answers if picture else ()

@@ -17,9 +17,9 @@ from tests.properties.shared_machine import LENGTHS, TYPES, SharedMachine
 from trcvtui.net.kernel import CALLS
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.engine.timing import Punctuality
-from trcvtui.rig.picture import PictureRequest
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
 EXAMPLES = 150  # of one round; Hypothesis forgets them behind it
@@ -207,7 +207,7 @@ def test_self_checking_traffic_keeps_the_memory_flat() -> None:
         assert console.scan()
         timing.scanned(scan, scan, scan + 1, 10_000_000)
         if scan % 500 == 0:
-            seen = console.picture(PictureRequest(seq), timing.summary(), 2000)
+            seen = console.picture(UpdateRequest(seq), timing.summary(), 2000)
             seq = seen.snapshot.ledger_seq
         if scan and scan % (TRAFFIC_SCANS // LOOKS) == 0:
             sizes[scan] = resident()

@@ -8,9 +8,9 @@ import pytest
 
 from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.commands.table import parse_line, to_line
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 EMPTY = 'dialect = "twincat"\n'
@@ -27,7 +27,7 @@ def do(console: Console, *lines: str) -> None:
     """Carry lines out and let one scan pass."""
     for number, line in enumerate(lines):
         console.take(number, line)
-    answers = console.picture(PictureRequest(), EngineTiming(), 0).answers
+    answers = console.picture(UpdateRequest(), EngineTiming(), 0).answers
     assert [each.error for each in answers] == [""] * len(lines)
     console.scan()
 

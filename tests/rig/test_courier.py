@@ -12,9 +12,9 @@ from pathlib import Path
 from trcvtui.project.file import read_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Console
 from trcvtui.rig.engine.update_pipe import Courier
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 FAR_AWAY = 10_000_000_000
@@ -39,10 +39,10 @@ def two_ends() -> Iterator[tuple[Channel, Channel]]:
         yield ours, theirs
 
 
-def picture(console: Console, *data: str) -> Picture:
+def picture(console: Console, *data: str) -> BenchUpdate:
     """Return the bench after one more scan, with the bytes of some variables."""
     console.bench.step()
-    return console.picture(PictureRequest(data=data), EngineTiming(mode="test"), 2000)
+    return console.picture(UpdateRequest(data=data), EngineTiming(mode="test"), 2000)
 
 
 def console() -> Console:

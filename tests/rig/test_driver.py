@@ -14,9 +14,9 @@ from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 from trcvtui.rig import demo_path
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.driver import Driver, EngineDriver, EngineStopped, start_engine
 from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.scenario import load_bench
 
 PASSIVE = CONFIGS / "passive.toml"
@@ -31,14 +31,14 @@ def local() -> Iterator[LocalDriver]:
     driver.close()
 
 
-def picture_of(driver: LocalDriver, request: PictureRequest | None = None) -> Picture:
-    driver.request(request or PictureRequest())
+def picture_of(driver: LocalDriver, request: UpdateRequest | None = None) -> BenchUpdate:
+    driver.request(request or UpdateRequest())
     picture = driver.picture()
     assert picture is not None
     return picture
 
 
-def statuses(picture: Picture) -> list[str]:
+def statuses(picture: BenchUpdate) -> list[str]:
     return [f"{i.outputs.status:04X}" for i in picture.snapshot.instances]
 
 
@@ -92,7 +92,7 @@ def test_a_picture_holds_the_bytes_of_data_and_of_the_running_job(local: LocalDr
     local.scan(3)
     local.submit("peer P1 send hex 01 02 03")
     local.scan(1)
-    picture = picture_of(local, PictureRequest(data=("rx",), partial_of=("TRCV_C_1",)))
+    picture = picture_of(local, UpdateRequest(data=("rx",), partial_of=("TRCV_C_1",)))
     assert picture.data == (("rx", bytes(8)),)
     assert picture.partial == (("TRCV_C_1", b"\x01\x02\x03"),)
     (instance,) = picture.snapshot.instances
@@ -104,7 +104,7 @@ def test_a_picture_brings_only_what_is_new_in_the_ledger(local: LocalDriver) -> 
     first = picture_of(local)
     assert first.lines
     local.scan(3)
-    second = picture_of(local, PictureRequest(since_seq=first.snapshot.ledger_seq))
+    second = picture_of(local, UpdateRequest(since_seq=first.snapshot.ledger_seq))
     assert second.lines == () and second.lines_skipped == 0
 
 
@@ -112,7 +112,7 @@ def test_too_much_news_is_counted_and_the_newest_is_kept(local: LocalDriver) -> 
     for value in (1, 0) * 20:
         local.submit(f"set TRCV_C_1 ADHOC={value}")
         local.scan()
-    picture = picture_of(local, PictureRequest(most_lines=10))
+    picture = picture_of(local, UpdateRequest(most_lines=10))
     assert len(picture.lines) == 10
     assert picture.lines[-1].seq == picture.snapshot.ledger_seq
     assert picture.lines_skipped == picture.snapshot.ledger_seq - 10
@@ -128,10 +128,10 @@ def engine() -> Iterator[EngineDriver]:
     driver.close()
 
 
-def wait_for(driver: Driver, seen: Callable[[Picture], bool]) -> Picture:
+def wait_for(driver: Driver, seen: Callable[[BenchUpdate], bool]) -> BenchUpdate:
     """Pull pictures, as the screen does, until one shows it."""
     for _ in range(MOST_PICTURES):
-        driver.request(PictureRequest())
+        driver.request(UpdateRequest())
         assert isinstance(driver, EngineDriver)
         driver.wait(1.0)
         picture = driver.picture()

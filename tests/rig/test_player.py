@@ -10,10 +10,10 @@ import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIM_ONLY, play
 from trcvtui.project.file import load_project
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.engine.driver import EngineDriver, start_engine
 from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.player import MOST_STEPS
 from trcvtui.rig.scenario.scenario import load_bench
 from trcvtui.rig.snapshots import DONE, FAILED, HELD, NOW, TO_COME, Answer, EngineTiming, PlayerSnapshot
@@ -49,8 +49,8 @@ def scenario(folder: Path, *steps: str, start: str = "", name: str = "story.toml
     return file
 
 
-def picture_of(driver: LocalDriver, request: PictureRequest | None = None) -> Picture:
-    driver.request(request or PictureRequest())
+def picture_of(driver: LocalDriver, request: UpdateRequest | None = None) -> BenchUpdate:
+    driver.request(request or UpdateRequest())
     picture = driver.picture()
     assert picture is not None
     return picture
@@ -201,12 +201,12 @@ def test_a_scenario_has_a_bench_and_a_project_of_its_own(driver: LocalDriver, tm
     home = picture_of(driver)
     assert home.project is None, "the screen has read it itself"
     driver.submit(f"scenario load {CONFIGS / 'scenarios' / 'baosky' / 'row-23-shared-close.toml'} sim")
-    away = picture_of(driver, PictureRequest(since_seq=10_000, bench=home.bench, project=home.project_number))
+    away = picture_of(driver, UpdateRequest(since_seq=10_000, bench=home.bench, project=home.project_number))
     assert away.bench != home.bench
     assert away.project is not None
     assert [decl.name for decl in away.project.instances] == ["TRCV_C_1", "TRCV_C_2"]
     assert (away.snapshot.scan, away.holding, away.kernel) == (0, True, "sim")
-    known = PictureRequest(bench=away.bench, project=away.project_number)
+    known = UpdateRequest(bench=away.bench, project=away.project_number)
     assert picture_of(driver, known).project is None
 
 
@@ -215,7 +215,7 @@ def test_leaving_brings_the_opened_project_back_fresh(driver: LocalDriver, tmp_p
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
     away = picture_of(driver)
     driver.submit("scenario stop")
-    picture = picture_of(driver, PictureRequest(bench=away.bench, project=away.project_number))
+    picture = picture_of(driver, UpdateRequest(bench=away.bench, project=away.project_number))
     assert picture.player is None
     assert picture.project is not None and picture.project.path == PASSIVE
     assert (picture.snapshot.scan, picture.holding) == (0, False)
@@ -266,7 +266,7 @@ def test_a_peer_without_a_free_port_brings_the_opened_project_back(tmp_path: Pat
         taken = first.bench.peers["P2"].last_port
         free.write_text(text.replace("[scenario]", peer.format(taken)), encoding="utf-8")
         second.take(1, f"scenario load {free} live")
-        (answer,) = second.picture(PictureRequest(), EngineTiming(), 10).answers
+        (answer,) = second.picture(UpdateRequest(), EngineTiming(), 10).answers
         assert "peer P2" in answer.error
         assert second.player is None
         assert second.scan(), "the bench that was opened scans again"
@@ -301,9 +301,9 @@ def engine() -> Iterator[EngineDriver]:
     driver.close()
 
 
-def wait_for(driver: EngineDriver, seen: Callable[[Picture], bool]) -> Picture:
+def wait_for(driver: EngineDriver, seen: Callable[[BenchUpdate], bool]) -> BenchUpdate:
     """Pull pictures, as the screen does, until one shows it."""
-    request = PictureRequest()
+    request = UpdateRequest()
     for _ in range(MOST_PICTURES):
         driver.request(request)
         driver.wait(1.0)
@@ -311,7 +311,7 @@ def wait_for(driver: EngineDriver, seen: Callable[[Picture], bool]) -> Picture:
         if picture is not None:
             if seen(picture):
                 return picture
-            request = PictureRequest(bench=picture.bench, project=picture.project_number)
+            request = UpdateRequest(bench=picture.bench, project=picture.project_number)
     raise AssertionError("never seen")
 
 

@@ -13,9 +13,9 @@ import pytest
 from tests.rig.scenarios import CONFIGS, failures, play
 from trcvtui.project.file import load_project
 from trcvtui.rig import demo_path
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.scenario import load_bench
 
 ADD = (
@@ -47,12 +47,12 @@ def driven(path: Path) -> Iterator[LocalDriver]:
     driver.close()
 
 
-def say(driver: LocalDriver, *lines: str) -> Picture:
+def say(driver: LocalDriver, *lines: str) -> BenchUpdate:
     """Say lines, a scan after each; return the last picture."""
     for line in lines:
         driver.submit(line)
         driver.scan()
-    driver.request(PictureRequest())
+    driver.request(UpdateRequest())
     picture = driver.picture()
     assert picture is not None
     return picture

@@ -18,9 +18,9 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.cli import main
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario import recorded_session as kept
 from trcvtui.rig.scenario.recorded_session import Seen
 from trcvtui.rig.scenario.scenario import load_scenario
@@ -43,7 +43,7 @@ def say(driver: LocalDriver, *lines: str | int) -> Answer:
             driver.scan(line)
         else:
             driver.submit(line)
-    driver.request(PictureRequest())
+    driver.request(UpdateRequest())
     picture = driver.picture()
     assert picture is not None
     return picture.answers[-1]

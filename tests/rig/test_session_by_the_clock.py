@@ -9,9 +9,9 @@ import pytest
 
 from trcvtui.cli import main
 from trcvtui.project.file import load_project
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.peers.peer import next_due
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario.race import race_file
 from trcvtui.rig.scenario.recorded_session import Seen
 from trcvtui.rig.scenario.scenario import load_scenario
@@ -58,7 +58,7 @@ def drifting(console: Console, scans: int, interval_ns: int = 10 * MS + LATE) ->
 def answers(console: Console, *lines: str) -> list[str]:
     for line in lines:
         console.take(1, line)
-    picture = console.picture(PictureRequest(), EngineTiming(), 10)
+    picture = console.picture(UpdateRequest(), EngineTiming(), 10)
     return [answer.error or answer.told for answer in picture.answers]
 
 

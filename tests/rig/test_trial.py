@@ -9,9 +9,9 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.split_test import trial_text
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import TrialSnapshot
 
 TRY = "peer P1 try-splits hex 01 02 03 04 05 06 07 08 on TRCV_C_1 differ=any"
@@ -29,8 +29,8 @@ def driver() -> Iterator[LocalDriver]:
     driver.close()
 
 
-def picture(driver: LocalDriver) -> Picture:
-    driver.request(PictureRequest())
+def picture(driver: LocalDriver) -> BenchUpdate:
+    driver.request(UpdateRequest())
     found = driver.picture()
     assert found is not None
     return found

@@ -12,9 +12,9 @@ from trcvtui.errors import UserError
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.engine.trigger_watch import read_trigger
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Fired
 
 BENCH = """
@@ -59,14 +59,14 @@ class Desk:
         self.told = ""
         self.do("set X CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4", *lines)
 
-    def do(self, *lines: str) -> Picture:
+    def do(self, *lines: str) -> BenchUpdate:
         """Carry out lines, `run` lets scans pass; return the picture behind them."""
         for line in lines:
             if line.startswith("run "):
                 self.driver.scan(int(line.removeprefix("run ")))
             else:
                 self.driver.submit(line)
-        self.driver.request(PictureRequest(self.seq, ("raw", "rx"), ("X",)))
+        self.driver.request(UpdateRequest(self.seq, ("raw", "rx"), ("X",)))
         picture = self.driver.picture()
         assert picture is not None
         assert [answer.error for answer in picture.answers if answer.error] == []

@@ -9,11 +9,11 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.diagnosis.advice import Advice, advice_on
 from trcvtui.rig.diagnosis.evidence import Evidence, evidence_now, evidence_then
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.history.link_statistics import facts_while
-from trcvtui.rig.picture import Picture, PictureRequest
 
 BENCH = """
 dialect = "baosky"
@@ -131,10 +131,10 @@ class Told:
             else:
                 self.driver.submit(line)
 
-    def picture(self, instance: str, most_lines: int = 20_000) -> Picture:
+    def picture(self, instance: str, most_lines: int = 20_000) -> BenchUpdate:
         """Return a picture, and keep its news."""
         since = self.lines[-1].seq if self.lines else 0
-        self.driver.request(PictureRequest(since, (), (instance,), most_lines))
+        self.driver.request(UpdateRequest(since, (), (instance,), most_lines))
         picture = self.driver.picture()
         assert picture is not None
         assert [answer.error for answer in picture.answers if answer.error] == []

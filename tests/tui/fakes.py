@@ -13,8 +13,8 @@ from trcvtui.plc.ledger import Line, Outputs, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, DataSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.driver import EngineStopped
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Answer, EngineTiming, PeerSnapshot
 
 HERE = Path(__file__).parent
@@ -153,11 +153,11 @@ def picture(
     faults: tuple[str, ...] = (),
     selected: str = "TRCV_C_1",
     skipped: int = 0,
-) -> Picture:
+) -> BenchUpdate:
     """Return a picture of the bench; without instances, TRCV_C_1 receives and TRCV_C_2 connects."""
     shown = instances or (receiving(), connecting())
     name = next((i.data for i in shown if i.name == selected), None) or "rx"
-    return Picture(
+    return BenchUpdate(
         snapshot=Snapshot(
             scan=scan,
             t_ns=t_ns,
@@ -246,10 +246,10 @@ def story() -> tuple[Line, ...]:
 class FakeDriver:
     """Shows the pictures it is given and remembers the lines it is sent."""
 
-    def __init__(self, *pictures: Picture) -> None:
+    def __init__(self, *pictures: BenchUpdate) -> None:
         self.waiting = list(pictures)
         self.lines: list[str] = []
-        self.requests: list[PictureRequest] = []
+        self.requests: list[UpdateRequest] = []
         self.stopped = ""
         self.closed = False
         self.restarts = 0
@@ -264,11 +264,11 @@ class FakeDriver:
         self.lines.append(line)
         return len(self.lines)
 
-    def request(self, request: PictureRequest) -> None:
+    def request(self, request: UpdateRequest) -> None:
         """Remember what was asked for."""
         self.requests.append(request)
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> BenchUpdate | None:
         """Return the next picture."""
         if self.stopped:
             raise EngineStopped(self.stopped)

@@ -13,7 +13,7 @@ from textual.app import App
 from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, bench_project, picture
-from trcvtui.rig.picture import Picture
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.settings import load_settings
@@ -57,7 +57,7 @@ class Looker:
             self.app.post_message(key)
         await self.settle()
 
-    async def show(self, *pictures: Picture) -> None:
+    async def show(self, *pictures: BenchUpdate) -> None:
         """Let the engine send pictures, and wait until the last one is shown."""
         self.driver.waiting.extend(pictures)
         while self.driver.waiting:
@@ -113,7 +113,7 @@ def screen_text(app: App[None]) -> str:
 
 @asynccontextmanager
 async def looking(
-    size: tuple[int, int] = WIDE, *pictures: Picture, theme: str | None = None
+    size: tuple[int, int] = WIDE, *pictures: BenchUpdate, theme: str | None = None
 ) -> AsyncIterator[Looker]:
     """Open the screen as the user has set it; without pictures the usual one is shown."""
     driver = FakeDriver()

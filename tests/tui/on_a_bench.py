@@ -9,8 +9,8 @@ from textual.pilot import Pilot
 
 from tests.tui.fakes import FakeDriver, bench_project
 from tests.tui.looking import WIDE, Looker
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.tui.app import BenchApp
 
@@ -23,7 +23,7 @@ class BenchDriver(FakeDriver):
     def __init__(self) -> None:
         super().__init__()
         self.console = Console(fresh_bench(bench_project(), "sim"))
-        self._request: PictureRequest | None = None
+        self._request: UpdateRequest | None = None
 
     def do(self, *lines: str) -> None:
         """Carry out bench commands; none may be refused."""
@@ -43,12 +43,12 @@ class BenchDriver(FakeDriver):
         self.console.take(number, line)
         return number
 
-    def request(self, request: PictureRequest) -> None:
+    def request(self, request: UpdateRequest) -> None:
         """Remember what was asked for."""
         super().request(request)
         self._request = request
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> BenchUpdate | None:
         """Return a picture of now."""
         if self._request is None:
             return None

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from tests.tui.fakes import picture, receiving, showing
 from tests.tui.looking import looking
-from trcvtui.rig.picture import Picture
+from trcvtui.rig.bench_update import BenchUpdate
 
 SIZE = 65_536
 PICTURES = 12
 
 
-def flooded(number: int) -> Picture:
+def flooded(number: int) -> BenchUpdate:
     """Return a picture in the middle of a job, at every other number one between two jobs."""
     between = showing(receiving(0, 0), 0x7006, busy=True, done=True)
     running = receiving(number * 1000, SIZE) if number % 2 else between

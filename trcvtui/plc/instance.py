@@ -175,7 +175,7 @@ class Instance:
         return self.outputs != before
 
     def leave(self, reason: str) -> None:
-        """Drop the running job; its lock on the connection stays behind."""
+        """Drop the running job; its lock on the connection stays."""
         if isinstance(self._bound, Binding):
             self._bound.connection.readers.pop(self.name, None)
         self._block.leave(reason)

@@ -10,13 +10,13 @@ from trcvtui.net.results import Fault
 from trcvtui.plc.snapshot import ComBufferSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import Step
 from trcvtui.rig.diagnosis.advice import Advice, advice_on
 from trcvtui.rig.diagnosis.evidence import evidence_now
 from trcvtui.rig.diagnosis.serial import warnings_of
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.rig.wording import port_away, port_hint
@@ -71,7 +71,7 @@ def do(bench: Bench, line: str) -> None:
 
 def why(bench: Bench, name: str) -> Advice:
     """Return what is told about an instance."""
-    picture = Console(bench).picture(PictureRequest(), EngineTiming(), 0)
+    picture = Console(bench).picture(UpdateRequest(), EngineTiming(), 0)
     evidence = evidence_now(picture, bench.project, name)
     assert evidence is not None
     return advice_on(evidence)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from trcvtui.project.file import load_project
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import Answer, EngineTiming
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -62,7 +62,7 @@ def plain(tmp_path: Path) -> Console:
 def say(console: Console, line: str) -> Answer:
     """Return what is answered to a line."""
     console.take(1, line)
-    return console.picture(PictureRequest(), EngineTiming(), 0).answers[-1]
+    return console.picture(UpdateRequest(), EngineTiming(), 0).answers[-1]
 
 
 def feed(console: Console, buffer: str, numbers: range) -> None:
@@ -258,7 +258,7 @@ def test_what_receivedata_cannot_do_is_not_applied(plain: Console) -> None:
 
 def test_the_recording_of_a_combuffer_is_in_the_picture_that_asks_for_it(plain: Console) -> None:
     feed(plain, "RX", range(3))
-    ((name, recording),) = plain.picture(PictureRequest(recordings_of=("RX",)), EngineTiming(), 0).recordings
+    ((name, recording),) = plain.picture(UpdateRequest(recordings_of=("RX",)), EngineTiming(), 0).recordings
     assert (name, recording.size, [chunk.t_ns for chunk in recording.chunks]) == (
         "RX",
         29,

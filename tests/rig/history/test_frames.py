@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, Seek
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 MARKS = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")
@@ -30,7 +30,7 @@ def fed(console: Console, text: str, scans: int = 1) -> None:
 def seen(console: Console, seek: Seek | None = None) -> HistoryWindow:
     """Return the stream of the line."""
     asked = HistoryRequest("RX", 0, 8192, seek=seek)
-    picture = console.picture(PictureRequest(history=asked), EngineTiming(), 100)
+    picture = console.picture(UpdateRequest(history=asked), EngineTiming(), 100)
     console.bench.close()
     assert picture.history is not None
     assert not [answer.error for answer in picture.answers if answer.error]

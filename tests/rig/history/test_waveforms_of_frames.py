@@ -8,10 +8,10 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.history.pin_waveform import Waveform, WaveformCache, Window
 from trcvtui.rig.history.waveform_text import ScanRange, drawn, plain_text, row_names, svg_text, vcd_text
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 INPUTS = {"LenPrefix": 8, "LenSuffix": 8, "SizeReceiveData": 32, "Timeout": 32, "Reset": 1}
@@ -36,7 +36,7 @@ def wave() -> Waveform:
             console.take(scan, line)
         console.scan()
     shelf = WaveformCache()
-    picture = console.picture(PictureRequest(waves=(("RD", 0),)), EngineTiming(), 0)
+    picture = console.picture(UpdateRequest(waves=(("RD", 0),)), EngineTiming(), 0)
     shelf.take(picture.waves, picture.snapshot.interval_ns)
     return shelf.of("RD")
 

@@ -7,9 +7,9 @@ import random
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Console
 from trcvtui.rig.history.pin_waveform import PinWaveform, Waveform, WaveformCache
-from trcvtui.rig.picture import PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 RECEIVER, SENDER = "TRCV_C_1", "TSEND_C_1"
@@ -69,7 +69,7 @@ class Run:
     def look(self, *instances: str) -> None:
         """Let the screen take one picture."""
         asked = self.shelf.asked(instances or (RECEIVER, SENDER))
-        request = PictureRequest(self.console.bench.runtime.ledger.last_seq, waves=asked)
+        request = UpdateRequest(self.console.bench.runtime.ledger.last_seq, waves=asked)
         picture = self.console.picture(request, EngineTiming(), request.most_lines)
         self.shelf.take(picture.waves, picture.snapshot.interval_ns)
 

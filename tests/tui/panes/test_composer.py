@@ -17,11 +17,11 @@ from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
 from trcvtui.project.file import load_project
 from trcvtui.project.project import MessageDecl, SequenceDecl
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import PeerSend
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import CheckSnapshot, CheckTally, ReplySnapshot
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import MS
@@ -31,7 +31,7 @@ SIZES = pytest.mark.parametrize("size", [(80, 24), (120, 40), (200, 60)], ids=["
 RULE = ReplySnapshot("contains hex 05 send hex 06 {n:2:big}", 12, 3)
 
 
-def with_rules() -> Picture:
+def with_rules() -> BenchUpdate:
     """Return a picture in which P1 has a rule and a wire that can be cut."""
     one, two = peers()
     return replace(picture(), peers=(replace(one, replies=(RULE,), link="C1"), replace(two, link="C1")))

@@ -10,12 +10,12 @@ from tests.tui.fakes import NO_CAUSE, SECOND, connecting, picture, receiving, sh
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.plc.snapshot import InstanceSnapshot
-from trcvtui.rig.picture import Picture
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.tui.panes.instance_list import ListColumns
 from trcvtui.tui.widgets.line_view import Row
 
 
-def bench(count: int, *failed: int) -> Picture:
+def bench(count: int, *failed: int) -> BenchUpdate:
     """Return a bench of receivers named TRCV_C_1 ..; every fifth connects, the failed ones show 80C5."""
     return picture(*(one(n, n in failed) for n in range(1, count + 1)), selected="TRCV_C_1")
 

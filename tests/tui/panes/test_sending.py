@@ -12,12 +12,12 @@ from tests.tui.fakes import bench_project, connections, peers, picture, receivin
 from tests.tui.looking import BOTH, WIDE, looking
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.engine.engine import LocalDriver
-from trcvtui.rig.picture import Picture
 from trcvtui.tui.panes.function_block import LATE_S
 
 
-def sending(unacknowledged: int | None = 4000, have: int = 0, need: int = 0) -> Picture:
+def sending(unacknowledged: int | None = 4000, have: int = 0, need: int = 0) -> BenchUpdate:
     """Return an instance of TSEND_C on C1, whose partner is the peer P1."""
     block = replace(
         receiving(),

@@ -10,11 +10,11 @@ from tests.tui.looking import BOTH, looking
 from trcvtui.plc.snapshot import AddrSnapshot
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.picture import Picture
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.tui.completion import complete
 
 
-def udp_picture(end: str = "127.0.0.1:51322") -> Picture:
+def udp_picture(end: str = "127.0.0.1:51322") -> BenchUpdate:
     """Return URECV_C_1 on U1 with its last sender in SOURCE, beside a UDP peer."""
     block = replace(
         receiving(),

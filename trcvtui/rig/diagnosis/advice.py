@@ -70,7 +70,7 @@ REFUSALS: Final[tuple[Rule, ...]] = (
         Condition.FOUND_CLOSED,
         link.injected,
         link.ended_by_partner,
-        link.closed_behind_its_message,
+        link.closed_after_its_message,
         says("no job ran, nothing of one is lost; with CONT at 1 {connect} is built again"),
     ),
     *rows(
@@ -373,7 +373,7 @@ RULES: Final[tuple[Rule, ...]] = (
         (Condition.PARTNER_CLOSED, Condition.SHORT_FRAME, Condition.SEND_FAILED, Condition.RECEIVE_FAILED),
         link.injected,
         link.ended_by_partner,
-        link.closed_behind_its_message,
+        link.closed_after_its_message,
     ),
     *rows(
         Condition.RECEIVING,

@@ -9,8 +9,8 @@ from trcvtui.blocks.outcome import Cause
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.history.records import Facts, Moment
-from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import PeerSnapshot
 
 if TYPE_CHECKING:  # the screen knows a picture before it knows what a project is
@@ -77,7 +77,7 @@ class Evidence:
         return None if self.last_bytes_ns is None else max(0, self.at.t_ns - self.last_bytes_ns)
 
 
-def evidence_now(picture: Picture, project: Project, name: str) -> Evidence | None:
+def evidence_now(picture: BenchUpdate, project: Project, name: str) -> Evidence | None:
     """Return what is known of an instance after the last scan, None where there is no such instance."""
     snapshot = picture.snapshot
     instance = snapshot.instance(name)

@@ -35,7 +35,7 @@ FAILED: Final = {
 }
 
 HOW: Final = {"ECONNREFUSED": "refused", "ETIMEDOUT": "unanswered"}
-# What fails before the partner is called, or behind it: in words, and no errno beside them.
+# What fails before the partner is called, or after it: in words, and no errno beside them.
 NO_CALL: Final = {
     ("session", "ECONNREFUSED"): "taken and refused by the partner",
     ("session", "ECONNRESET"): "taken and given up by the partner",
@@ -277,7 +277,7 @@ def ended_by_partner(e: Evidence) -> str:
     return text + often
 
 
-def closed_behind_its_message(e: Evidence) -> str:
+def closed_after_its_message(e: Evidence) -> str:
     """The partner had sent whole messages, and the frame wanted more."""
     size, have, need = e.facts.messages.only, e.cause.have, e.cause.need
     if not size or not have or not need or have % size or size >= need:

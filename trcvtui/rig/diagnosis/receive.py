@@ -106,7 +106,7 @@ def _cut_at(e: Evidence) -> int:
 
 
 def shifted_by_a_drop(e: Evidence) -> str:
-    """A frame was given up in its middle, and the bytes behind it begin the next one."""
+    """A frame was given up in its middle, and the bytes after it begin the next one."""
     drop, facts = e.facts.drop, e.facts
     if drop is None or e.adhoc or facts.up_since is None:
         return ""

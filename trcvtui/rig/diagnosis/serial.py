@@ -194,7 +194,7 @@ def gap_below_the_cycle(f: Framed) -> str:
 
 
 def static_feeder(f: Framed) -> str:
-    """Section 6: frames come late behind blocks of LEN bytes."""
+    """Section 6: frames come late after blocks of LEN bytes."""
     if f.feeder is None or f.feeder.pin("ADHOC"):
         return ""
     return (

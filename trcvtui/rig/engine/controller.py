@@ -20,6 +20,7 @@ from trcvtui.project.tables import shown
 from trcvtui.rig.bench.bench import KERNELS, Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import Trials
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.edit import ends_of, free_port, port_text
 from trcvtui.rig.commands.edit import told as told_of
@@ -32,7 +33,6 @@ from trcvtui.rig.history.reader import HistoryReader
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.stream_index import StreamIndex
 from trcvtui.rig.history.waveform_recorder import WaveformRecorder
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.scenario.player import Player, refuse_too_many_steps
 from trcvtui.rig.scenario.recorded_session import Session, scenario_text, target, write_new
 from trcvtui.rig.scenario.scenario import load_scenario, start_steps
@@ -406,7 +406,7 @@ class Console:
 
     # -- pictures --------------------------------------------------------------------------------------
 
-    def picture(self, request: PictureRequest, timing: EngineTiming, most_lines: int) -> Picture:
+    def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
         """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
         runtime = self.bench.runtime
         known = request.bench == self._bench_number
@@ -416,7 +416,7 @@ class Console:
         answers = tuple(self._answers)
         self._answers.clear()
         self._count_project()
-        picture = Picture(
+        picture = BenchUpdate(
             snapshot=runtime.snapshot(tuple(str(fault) for fault in self.bench.plan.entries())),
             lines=lines,
             lines_skipped=max(0, fresh - len(lines)),

@@ -14,7 +14,7 @@ from trcvtui.errors import UserError
 
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
-    from trcvtui.rig.picture import Picture, PictureRequest
+    from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 
 LAST_WORDS_S: Final = 2.0
 
@@ -30,11 +30,11 @@ class Driver(Protocol):
         """Send one bench command line; return the number under which its answer comes."""
         ...
 
-    def request(self, request: PictureRequest) -> None:
+    def request(self, request: UpdateRequest) -> None:
         """Ask for a picture; at most one request is outstanding."""
         ...
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived since the last call."""
         ...
 
@@ -99,7 +99,7 @@ class EngineDriver:
         self._send((self._number, line))
         return self._number
 
-    def request(self, request: PictureRequest) -> None:
+    def request(self, request: UpdateRequest) -> None:
         """Ask for a picture, unless one is on its way."""
         if not self._outstanding:
             self._outstanding = True
@@ -109,21 +109,21 @@ class EngineDriver:
         """Wait until a picture has arrived, at most so long."""
         self._channel.poll(seconds)
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived."""
         newest = None
         while self._channel.poll():
             newest = self._receive() or newest
         return newest
 
-    def _receive(self) -> Picture | None:
+    def _receive(self) -> BenchUpdate | None:
         """Return the next picture; None where it is the project that comes before them."""
         message = _not_last_words(self._message())
         if self._project is None:
             self._project = message
             return None
         self._outstanding = False
-        picture: Picture = message
+        picture: BenchUpdate = message
         return picture
 
     def _message(self) -> Any:

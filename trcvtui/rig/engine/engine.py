@@ -19,10 +19,10 @@ from trcvtui.errors import UserError
 from trcvtui.files import close_files
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench, enter_own_network
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Console, fresh_bench
 from trcvtui.rig.engine.timing import Punctuality, be_punctual, quiet_collector
 from trcvtui.rig.engine.update_pipe import Courier
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 
@@ -90,7 +90,7 @@ class Engine:
         self._channel = channel
         self._console = Console(bench)
         self._courier = Courier(channel)
-        self._request: PictureRequest | None = None
+        self._request: UpdateRequest | None = None
         self._gaps_waited = 0
         self._picture_ns = 0  # what the last picture took
         self._mode = be_punctual()
@@ -163,7 +163,7 @@ class Engine:
                 self._console.take(number, line)
                 if self._console.bench is not self._bench:
                     self._begin(self._console.bench)
-            case PictureRequest() as request:
+            case UpdateRequest() as request:
                 self._request, self._gaps_waited = request, 0
 
     def _deliver(self, until: int) -> None:
@@ -190,7 +190,7 @@ class LocalDriver:
     def __init__(self, bench: Bench) -> None:
         self.console = Console(bench)
         self._number = 0
-        self._picture: Picture | None = None
+        self._picture: BenchUpdate | None = None
 
     def submit(self, line: str) -> int:
         """Carry out one bench command line."""
@@ -203,11 +203,11 @@ class LocalDriver:
         for _ in range(scans):
             self.console.scan()
 
-    def request(self, request: PictureRequest) -> None:
+    def request(self, request: UpdateRequest) -> None:
         """Take a picture now."""
         self._picture = self.console.picture(request, EngineTiming(mode="in process"), request.most_lines)
 
-    def picture(self) -> Picture | None:
+    def picture(self) -> BenchUpdate | None:
         """Return the picture taken since the last call."""
         picture, self._picture = self._picture, None
         return picture

@@ -23,12 +23,12 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import pin_now
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.commands.conditions import base_name, read_instance, read_target
 from trcvtui.rig.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
 from trcvtui.rig.history.link_statistics import LinkStatistics
 from trcvtui.rig.history.received import JobHistory
 from trcvtui.rig.history.records import Facts
-from trcvtui.rig.picture import Picture
 from trcvtui.rig.snapshots import Fired, PeerSnapshot
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Layout, Leaf
 from trcvtui.udt.types import StringType
@@ -300,7 +300,7 @@ class Watching:
         declared = map(self._bench.project.instance, instances)
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
 
-    def completed(self, picture: Picture, instances: tuple[str, ...], since: int) -> Picture:
+    def completed(self, picture: BenchUpdate, instances: tuple[str, ...], since: int) -> BenchUpdate:
         """Return the picture with facts and trigger; of a trigger that has fired, the one of its scan."""
         kept, armed = self._kept, self.trigger.armed
         text = armed.text if armed is not None else ""

@@ -20,8 +20,8 @@ from typing import Any, Final
 
 from trcvtui.plc.ledger import Line
 from trcvtui.rig import clock
+from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.history.pin_waveform import PinChange, WaveformDelta
-from trcvtui.rig.picture import Picture
 
 LINES_A_PIECE: Final = 32
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
@@ -41,7 +41,7 @@ class Courier:
         """Return whether a picture is still on its way."""
         return self._packing is not None or bool(self._unsent)
 
-    def begin(self, picture: Picture) -> None:
+    def begin(self, picture: BenchUpdate) -> None:
         """Take a picture; `go_on` brings it."""
         self._packing = self._pack(picture)
 
@@ -59,7 +59,7 @@ class Courier:
 
     # -- packing ---------------------------------------------------------------------------------------
 
-    def _pack(self, picture: Picture) -> Iterator[bytes]:
+    def _pack(self, picture: BenchUpdate) -> Iterator[bytes]:
         """Yield b"" after each piece of work, the whole message at last."""
         parts: list[list[bytes]] = []
         snapshot = picture.snapshot
@@ -110,9 +110,9 @@ class Courier:
 
 
 class _Packed:
-    """A picture in pieces; unpickling it gives the whole Picture."""
+    """A picture in pieces; unpickling it gives the whole BenchUpdate."""
 
-    def __init__(self, bare: Picture, *parts: list[bytes]) -> None:
+    def __init__(self, bare: BenchUpdate, *parts: list[bytes]) -> None:
         self._whole = bare, *parts
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -120,13 +120,13 @@ class _Packed:
 
 
 def _unpack(
-    bare: Picture,
+    bare: BenchUpdate,
     instances: list[bytes],
     connections: list[bytes],
     data: list[bytes],
     lines: list[bytes],
     *waves: list[bytes],
-) -> Picture:
+) -> BenchUpdate:
     snapshot = replace(
         bare.snapshot,
         instances=tuple(map(_known, instances)),

@@ -26,7 +26,7 @@ from trcvtui.rig.framing_advice.marks import (
     sizes_of,
     splits_of,
     stands_twice,
-    start_behind_noise,
+    start_after_noise,
     take_turns,
     with_noise,
 )
@@ -70,7 +70,7 @@ MOST_GUESSES: Final = 48
 MOST_PROPOSALS: Final = 6
 MOST_FRAMES: Final = 200  # that are told
 MOST_TRIED: Final = 100  # of one trial
-MOST_SUFFIXES: Final = 8  # that are looked at for a prefix behind noise
+MOST_SUFFIXES: Final = 8  # that are looked at for a prefix after noise
 MOST_HEADS: Final = 6  # of long suffixes, likewise
 GAP_BITS: Final = 3.0  # that a clear pause is worth on a line; on TCP the half
 MARKED: Final = (CutKind.PREFIX_SUFFIX, CutKind.SUFFIX, CutKind.PREFIX)
@@ -154,13 +154,13 @@ def _tried(recording: Recording) -> list[Tried]:
         tried = _try(recording, plain, guess, scale)
         if tried is not None:
             starts.append(tried)
-    behind = _behind_noise(recording, plain, starts, marks, scale)
+    after = _after_noise(recording, plain, starts, marks, scale)
     starts = [each for each in starts if each.bits >= LEAST_BITS]
     for guess in dict.fromkeys(_with_prefix(starts)):
         tried = _try(recording, plain, guess, scale)
         if tried is not None and tried.bits >= LEAST_BITS:
             starts.append(tried)
-    starts = [*behind, *[each for each in starts if each.guess not in {one.guess for one in behind}]]
+    starts = [*after, *[each for each in starts if each.guess not in {one.guess for one in after}]]
     starts.sort(key=_preference)
     for tried in starts:
         found.setdefault((tried.guess.kind, tried.cut.places), tried)
@@ -210,7 +210,7 @@ def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
                 yield replace(guess, kind=kind, framing=replace(guess.framing, prefix=prefix))
 
 
-def _behind_noise(
+def _after_noise(
     recording: Recording, plain: Recording, tried: Sequence[Tried], marks: Sequence[bytes], scale: Scale
 ) -> list[Tried]:
     """Return what cuts by a suffix again, with the prefix that leaves the noise out: it outweighs that."""
@@ -223,9 +223,7 @@ def _behind_noise(
     for each in (*ends[:MOST_SUFFIXES], *filter(None, more)):
         suffix = each.guess.framing.suffix
         is_both = stands_twice(suffix, stream)
-        prefix = (
-            suffix if is_both else start_behind_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
-        )
+        prefix = suffix if is_both else start_after_noise(each.cut.good, suffix, marks, is_text=scale.is_text)
         guess = Guess(CutKind.PREFIX_SUFFIX, Framing(LONGEST_FRAME, prefix, suffix))
         made = _try(recording, plain, guess, scale, is_noise=True) if prefix else None
         if made is None or (is_both and not _is_in_step(made.cut, suffix)):

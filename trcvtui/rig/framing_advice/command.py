@@ -116,7 +116,7 @@ def buffer_of(name: str, project: Project, where: str) -> str:
 
 
 def read_framing(rest: str, project: Project, where: str) -> tuple[str, str, int]:
-    """Return what stands behind `framing`: its name, its ComBuffer, which proposal to apply (0: none)."""
+    """Return what stands after `framing`: its name, its ComBuffer, which proposal to apply (0: none)."""
     words = Words(rest, where)
     name = words.next("the name of a ComBuffer, or of an instance that reads one")
     buffer = buffer_of(name, project, where)

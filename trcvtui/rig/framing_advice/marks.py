@@ -34,7 +34,7 @@ LONGER: Final = 3  # times a pause of a burst
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """The recording as its pauses part it. `pauses`: places behind a pause, that of a connection among them.
+    """The recording as its pauses part it. `pauses`: places after a pause, that of a connection among them.
 
     `within` and `between` are the longest pause in a burst and the shortest between two, in ns; `is_clear`:
     they part the recording without doubt.
@@ -259,13 +259,13 @@ def _share(stream: bytes, begun: Sequence[int], place: int) -> float:
 NEARLY_ALL: Final = 0.9
 FEW: Final = 5  # frames: so few have a byte in common by chance
 LEAST_STRAIGHT: Final = 0.25  # of the frames begin with a prefix that is not known as one
-LEAST_TEXT: Final = 0.9  # of the bytes behind a control byte that always has noise before it
+LEAST_TEXT: Final = 0.9  # of the bytes after a control byte that always has noise before it
 LEAST_JOINED: Final = 3
 LONGEST_PREFIX: Final = 8
 MOST_LOOKED_AT: Final = 40  # frames
 
 
-def start_behind_noise(
+def start_after_noise(
     good: Sequence[Placed], suffix: bytes, marks: Sequence[bytes], *, is_text: bool
 ) -> bytes:
     """Return the prefix of frames that were cut by their suffix alone, b"" where no noise is before any."""
@@ -321,8 +321,8 @@ def _is_start(mark: bytes, bodies: Sequence[bytes], is_text: bool) -> bool:
     straight = before.count(b"") / len(before)
     is_control = mark in KNOWN_STARTS and not set(mark) & TEXT
     if is_control and straight < LEAST_STRAIGHT:
-        behind = b"".join([rest for _, _, rest in parts])
-        return sum([byte in TEXT for byte in behind]) >= LEAST_TEXT * max(1, len(behind))
+        after = b"".join([rest for _, _, rest in parts])
+        return sum([byte in TEXT for byte in after]) >= LEAST_TEXT * max(1, len(after))
     if is_control:
         return True
     if is_text and set(mark) & TEXT and mark not in KNOWN_STARTS:

@@ -134,11 +134,11 @@ def title_of(kind: CutKind, framing: Framing, field: LengthField | None) -> str:
 def _counts(field: LengthField) -> str:
     if field.more == 0:
         return "counts the whole frame"
-    behind = field.more - field.head
-    if behind == 0:
+    after = field.more - field.head
+    if after == 0:
         return "counts the bytes behind it"
-    if behind > 0:
-        return f"counts the bytes behind it but the last {behind}"
+    if after > 0:
+        return f"counts the bytes behind it but the last {after}"
     return f"a frame has {field.more} bytes more than it says"
 
 

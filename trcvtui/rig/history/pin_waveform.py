@@ -80,7 +80,7 @@ class PinWaveform:
             self._columns.clear()
 
     def at(self, scan: int) -> Value:
-        """Return the value behind a scan."""
+        """Return the value after a scan."""
         place = bisect_right(self.scans, scan)
         return self.values[place - 1] if place else None
 
@@ -97,7 +97,7 @@ class PinWaveform:
         return Column(low, high, inside[-1], end - begin, is_entry and end - begin == 1)
 
     def columns(self, window: Window, until: int) -> list[Column | None]:
-        """Return the columns of a window, None for those behind scan `until`; what is over is found once."""
+        """Return the columns of a window, None for those after scan `until`; what is over is found once."""
         if self._zoom != window.zoom or len(self._columns) > 8 * window.width + 1024:
             self._columns, self._zoom = {}, window.zoom
         return [self._column(window, number, until) for number in range(window.width)]
@@ -115,7 +115,7 @@ class PinWaveform:
         return column
 
     def next_edge(self, scan: int, direction: int) -> int | None:
-        """Return the scan of the next change behind a scan, or of the last one before it.
+        """Return the scan of the next change after a scan, or of the last one before it.
 
         What merely becomes known, or is no longer known, is no change.
         """
@@ -198,7 +198,7 @@ class WaveformDelta:
 
 
 def up_to(news: WaveformDelta, scan: int, t_ns: int) -> WaveformDelta | None:
-    """Return the news as they were behind a scan of the past; None: what is left begins later."""
+    """Return the news as they were after a scan of the past; None: what is left begins later."""
     if news.before and news.before_scan > scan:
         return None
     changes = tuple(change for change in news.changes if change.scan <= scan)
@@ -336,7 +336,7 @@ class Waveform:
         return t_ns, scan == after[0] or ns == scans * self.interval_ns
 
     def edge_at(self, scan: int) -> Line | None:
-        """Return the STATUS edge that is in force behind a scan."""
+        """Return the STATUS edge that is in force after a scan."""
         place = bisect_right(self.edge_scans, scan)
         return self.edges[place - 1] if place else None
 
@@ -345,13 +345,13 @@ class Waveform:
         return self.edges[bisect_left(self.edge_scans, first) : bisect_right(self.edge_scans, last)]
 
     def next_edge(self, scan: int, direction: int, pins: Iterable[str] = ()) -> int | None:
-        """Return the nearest scan behind (or before) this one in which one of the pins changes; () is all."""
+        """Return the nearest scan after (or before) this one in which one of the pins changes; () is all."""
         lanes = [self.lanes[pin] for pin in (tuple(pins) or self.lanes) if pin in self.lanes]
         found = [edge for lane in lanes if (edge := lane.next_edge(scan, direction)) is not None]
         return (min if direction > 0 else max)(found, default=None)
 
     def next_where(self, scan: int, holds: Callable[[StatusEdge], bool]) -> int | None:
-        """Return the scan of the next STATUS edge behind this scan for which it holds."""
+        """Return the scan of the next STATUS edge after this scan for which it holds."""
         for line in self.edges[bisect_right(self.edge_scans, scan) :]:
             if isinstance(line.event, StatusEdge) and holds(line.event):
                 return line.scan
@@ -381,7 +381,7 @@ class WaveformCache:
     def asked(self, instances: Iterable[str], scan: int | None = None) -> tuple[tuple[str, int], ...]:
         """Return what to ask the engine for: each instance with the last change that is known.
 
-        With `scan` nothing behind it is wanted.
+        With `scan` nothing after it is wanted.
         """
         known = self._waves
         wanted = instances if scan is None else [name for name in instances if self._lacks(name, scan)]
@@ -398,7 +398,7 @@ class WaveformCache:
             self.of(fresh.instance).take(fresh, interval_ns)
 
     def take_up_to(self, news: Iterable[WaveformDelta], interval_ns: int, scan: int, t_ns: int) -> None:
-        """Append what is new and not behind a scan."""
+        """Append what is new and not after a scan."""
         for fresh in news:
             then = up_to(fresh, scan, t_ns)
             if then is None:

@@ -1,7 +1,7 @@
 """The bytes received so far, 16 MiB of them: each with its job or frame, recv call, message and scan.
 
-Rule 1: only what the ledger tells is kept; DATA is read behind the scan in which a job has written it.
-Rule 2: behind one scan at most COPY_A_SCAN bytes are copied, and those of the CONNECT that is looked at; of
+Rule 1: only what the ledger tells is kept; DATA is read after the scan in which a job has written it.
+Rule 2: after one scan at most COPY_A_SCAN bytes are copied, and those of the CONNECT that is looked at; of
 more the labels are kept without the values. A flood costs the next scan nothing that it would miss.
 Rule 3: a block on a ComBuffer delivers one frame a scan at most, so after each scan its framer and its data
 still hold the bytes that the lines of the ledger are about.
@@ -78,7 +78,7 @@ class JobStream:
         return oldest
 
     def from_position(self, position: int) -> Iterator[ReceivedChunk]:
-        """Return the chunk that holds a position and those behind it."""
+        """Return the chunk that holds a position and those after it."""
         place = bisect_right(self._chunks, position, lo=self._first, key=_STOP)
         for number in range(place, len(self._chunks)):
             yield self._chunks[number]
@@ -141,7 +141,7 @@ OVERWRITTEN: Final = "values not kept: overwritten in the same scan by"
 
 
 class JobHistory:
-    """Reads the ledger behind each scan. One stream a CONNECT."""
+    """Reads the ledger after each scan. One stream a CONNECT."""
 
     def __init__(self, bench: Bench, index: StreamIndex) -> None:
         self.index = index
@@ -305,7 +305,7 @@ class FrameHistory:
         self._bench = bench
         self._add = add
         self._arrived: dict[str, deque[RecvSpan]] = {}  # the newest chunks of each line, in its own offsets
-        self._read: dict[str, int] = {}  # the place in the ComBuffer behind what the stream has
+        self._read: dict[str, int] = {}  # the place in the ComBuffer after what the stream has
         self._arrivals: dict[str, int] = {}
         self._frames: dict[str, int] = {}  # by instance
         self._copied = 0

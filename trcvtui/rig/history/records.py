@@ -45,7 +45,7 @@ class JobSpan(NamedTuple):
 
     @property
     def stop(self) -> int:
-        """Return the position behind the last byte."""
+        """Return the position after the last byte."""
         return self.position + self.size
 
 
@@ -61,7 +61,7 @@ class RecvSpan(NamedTuple):
 
     @property
     def stop(self) -> int:
-        """Return the position behind the last byte."""
+        """Return the position after the last byte."""
         return self.position + self.size
 
 
@@ -77,7 +77,7 @@ class MessageSpan(NamedTuple):
 
     @property
     def stop(self) -> int:
-        """Return the position behind the last byte."""
+        """Return the position after the last byte."""
         return self.position + self.size
 
     @property
@@ -159,7 +159,7 @@ class HistoryWindow:
 
     @property
     def stop(self) -> int:
-        """Return the position behind the last byte of the window."""
+        """Return the position after the last byte of the window."""
         return self.start + len(self.content)
 
 

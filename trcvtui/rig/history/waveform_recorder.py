@@ -60,7 +60,7 @@ class _Record:
 
 
 class WaveformRecorder:
-    """The record of each instance of one bench. `read` belongs behind every scan."""
+    """The record of each instance of one bench. `read` belongs after every scan."""
 
     def __init__(self, ledger: Ledger, project: Project) -> None:
         self._ledger = ledger
@@ -125,7 +125,7 @@ class WaveformRecorder:
     def news(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
     ) -> WaveformDelta | None:
-        """Return what is new of an instance behind its change `number`; None: no such instance.
+        """Return what is new of an instance after its change `number`; None: no such instance.
 
         `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
         """

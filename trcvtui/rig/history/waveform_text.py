@@ -389,29 +389,29 @@ At = Callable[[int], float]
 
 
 def _stretches(lane: PinWaveform, wave: Waveform, span: ScanRange) -> Iterator[tuple[int, int, int | None]]:
-    """Yield (first scan, scan behind the last, value) of everything in the span."""
+    """Yield (first scan, scan after the last, value) of everything in the span."""
     for place, (scan, value) in enumerate(zip(lane.scans, lane.values, strict=True)):
-        behind = lane.scans[place + 1] if place + 1 < len(lane.scans) else wave.until_scan + 1
-        if behind >= span.first and scan <= span.last:
-            yield max(scan, span.first), min(behind, span.last + 1), value
+        after = lane.scans[place + 1] if place + 1 < len(lane.scans) else wave.until_scan + 1
+        if after >= span.first and scan <= span.last:
+            yield max(scan, span.first), min(after, span.last + 1), value
 
 
 def _levels(wave: Waveform, name: str, span: ScanRange, at: At, top: int) -> Iterator[str]:
     for is_known, run in groupby(_stretches(lane_of(wave, name), wave, span), key=lambda s: s[2] is not None):
         points = []
-        for first, behind, value in run:
+        for first, after, value in run:
             y = top + (HIGH_Y if value else LOW_Y)
-            points += [f"{at(first):.2f},{y}", f"{at(behind):.2f},{y}"]
+            points += [f"{at(first):.2f},{y}", f"{at(after):.2f},{y}"]
         if is_known:
             yield f'<polyline points="{" ".join(points)}" stroke="#1f6f9c" stroke-width="1.2"/>'
 
 
 def _boxes(wave: Waveform, name: str, span: ScanRange, at: At, top: int) -> Iterator[str]:
     pin = name.removeprefix(WATCH)
-    for first, behind, value in _stretches(lane_of(wave, name), wave, span):
+    for first, after, value in _stretches(lane_of(wave, name), wave, span):
         if value is None:
             continue
-        left, width = at(first), max(0.5, at(behind) - at(first))
+        left, width = at(first), max(0.5, at(after) - at(first))
         colour = _colour(wave, first) if shown_by(name) == "status" else "#5a6570"
         yield (
             f'<rect x="{left:.2f}" y="{top + HIGH_Y - 1}" width="{width:.2f}" height="{LOW_Y - HIGH_Y + 2}" '

@@ -99,12 +99,12 @@ class Explainer:
         if not last.path or last.path.startswith("["):
             return ""  # an array's index says no more than the number of bytes does
         missing = f"{'the rest of ' if next_.offset < e.have else ''}{plain(next_.path)}"
-        behind = decl.layout.leaf_count - number - 1
-        if behind == 1:
+        after = decl.layout.leaf_count - number - 1
+        if after == 1:
             missing += f" and {plain(decl.layout.leaf(number + 1).path)}"
-        elif behind:
-            missing += f" and the {behind} members behind it"
-        return f"; {plain(last.path)} is the last whole member, {missing} {'are' if behind else 'is'} missing"
+        elif after:
+            missing += f" and the {after} members behind it"
+        return f"; {plain(last.path)} is the last whole member, {missing} {'are' if after else 'is'} missing"
 
     def offer(self, e: Evidence | None = None) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""

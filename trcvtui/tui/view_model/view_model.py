@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
+from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.history.pin_waveform import WaveformCache
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow
 from trcvtui.rig.history.stream_index import StreamIndex
-from trcvtui.rig.picture import Picture, PictureRequest
 from trcvtui.rig.snapshots import Answer, Fired, PeerSnapshot
 from trcvtui.tui.formatting import SECOND
 
@@ -98,7 +98,7 @@ class History:
 MOST_LINES: Final = 400
 NO_BENCH: Final = -1  # a number that no bench and no project has
 MOST_DRAWN: Final = 8  # instances over time at once
-THAW_LINES: Final = 4000  # once, behind a frozen view: what was missed
+THAW_LINES: Final = 4000  # once, after a frozen view: what was missed
 KEPT_LINES: Final = 5000  # of the ledger, to explain the past from
 MOST_ALONG: Final = 16  # other instances whose bytes come along, so that a frozen view has them too
 GONE: Final = frozenset(("deleted", "downloaded"))  # as the ledger says of an instance
@@ -134,7 +134,7 @@ class ViewModel:
 
     def __init__(self, project: Project) -> None:
         self._home = project
-        self.picture: Picture | None = None
+        self.picture: BenchUpdate | None = None
         self._indexed = index_of(None)
         self.history = History()
         self.afterglow = Afterglow()
@@ -145,7 +145,7 @@ class ViewModel:
         self.is_frozen = False
         self._take_project(project)
         self.answers: dict[int, Answer] = {}
-        self.live: Picture | None = None  # the newest picture, also while an older one is shown
+        self.live: BenchUpdate | None = None  # the newest picture, also while an older one is shown
         self.fired: Fired | None = None  # the trigger that froze the view
         self.lines: deque[Line] = deque(maxlen=KEPT_LINES)
         self.bench = 0  # the number of the bench that all of this is about
@@ -158,7 +158,7 @@ class ViewModel:
 
     # -- what comes in ------------------------------------------------------------------------------
 
-    def take(self, picture: Picture) -> None:
+    def take(self, picture: BenchUpdate) -> None:
         """Make this the newest picture; one of a fresh bench makes all that was known of the old one void."""
         if picture.bench == self._left:
             return
@@ -176,12 +176,12 @@ class ViewModel:
             return
         self._show(picture)
 
-    def _asks_again(self, picture: Picture) -> bool:
-        """Return whether a picture lacks lines that the next one, asked for behind the thaw, will bring."""
+    def _asks_again(self, picture: BenchUpdate) -> bool:
+        """Return whether a picture lacks lines that the next one, asked for after the thaw, will bring."""
         self._thawing -= 1 if self._thawing else 0
         return bool(self._thawing and picture.lines_skipped)
 
-    def _show(self, picture: Picture) -> None:
+    def _show(self, picture: BenchUpdate) -> None:
         self.picture, self._thawing = picture, 0
         self._take_waves(picture)
         if picture.lines_skipped and picture.lines:
@@ -201,7 +201,7 @@ class ViewModel:
             for instance in picture.snapshot.instances:
                 self.afterglow.catch_up(instance, picture.snapshot.t_ns)
 
-    def _take_waves(self, picture: Picture) -> None:
+    def _take_waves(self, picture: BenchUpdate) -> None:
         """Take what is new of the pins; a frozen view has them up to its own scan, whenever it asks."""
         interval_ns = picture.snapshot.interval_ns
         if self.is_frozen and self.snapshot is not None:
@@ -260,10 +260,10 @@ class ViewModel:
         self.is_frozen, self.fired = False, None
         self._select()
 
-    def request(self) -> PictureRequest:
+    def request(self) -> UpdateRequest:
         """Return what to ask for next: the ledger's news, the bytes of the selected instance and of others.
 
-        The others' come along while they are few: nobody knows before `F` whose will be looked at behind it.
+        The others' come along while they are few: nobody knows before `F` whose will be looked at after it.
         """
         instance = self.instance
         shown = (instance, *self._others(instance)) if instance else ()
@@ -272,7 +272,7 @@ class ViewModel:
         most = THAW_LINES if self._thawing else MOST_LINES
         waves = self.waves.asked(self.drawn_instances, self.frozen_at)
         numbers = self.bench, self._project_number
-        return PictureRequest(
+        return UpdateRequest(
             self._seq, data, partial, most, *numbers, waves, self.past_wanted, self.recordings_wanted
         )
 

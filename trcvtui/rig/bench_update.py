@@ -1,4 +1,4 @@
-"""What the screen gets when it asks the engine: one frozen picture; and the few words it may say."""
+"""What the screen gets when it asks the engine: one frozen update of the bench; and what it may ask for."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # the screen's process starts the engine before it knows what
 
 
 @dataclass(frozen=True, slots=True)
-class PictureRequest:
+class UpdateRequest:
     """What the screen wants: the ledger's news after `since_seq`, the bytes of these variables and jobs.
 
     `waves` are the instances whose pins are drawn over time, with the number of the last change it knows.
@@ -36,7 +36,7 @@ class PictureRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class BenchUpdate:
     """The bench after its last scan. `holding` is True while no scans pass.
 
     `bench` counts the fresh benches, `project_number` what its project has become; `project` comes only where

@@ -27,7 +27,7 @@ class Beacon:
     def stop(self, reason: str) -> None:
         """Forget nothing: it keeps nothing."""
 
-    def leave(self, reason: str) -> None:
+    def detach(self, reason: str) -> None:
         """Leave the connection as it is."""
 
 

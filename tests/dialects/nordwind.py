@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition as Is
-from trcvtui.blocks.rules import Course, NotConnected, Rules
+from trcvtui.blocks.rules import NotConnected, Rules, StatusSequence
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue
 from trcvtui.net.connection.config import Policy
@@ -55,7 +55,7 @@ def answer(values: Mapping[str, SwitchValue]) -> Rules:
     """Return the rules for these switch values."""
     return Rules(
         status={condition: row.code for row in STATUS for condition in row.conditions},
-        course=Course(waiting_req_sends=True, en_r_keeps_job=True, idle_loss=Is.PARTNER_CLOSED),
+        course=StatusSequence(waiting_req_sends=True, en_r_keeps_job=True, idle_loss=Is.PARTNER_CLOSED),
         not_connected=NotConnected.NEVER,
         policy=Policy(retry_ns=int(values.get("retry", SECOND))),
     )

@@ -100,8 +100,8 @@ class Block(Protocol):
         """Drop what runs; the connection is closed by others (PLC STOP)."""
         ...
 
-    def leave(self, reason: str) -> None:
-        """Be gone: deleted, or made anew by a download. A running job leaves its lock behind."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance: deleted, or made anew by a download. The lock of a running job may stay."""
         ...
 
 

@@ -129,7 +129,7 @@ class Outcome:
 
     Blocks on a ComBuffer keep `rcvd_len` until the next frame begins, and have `rx_timeout` or a `byte`.
 
-    `lasts`: every further call gives this very object and changes nothing, until an input changes, the poll
+    `stable`: every further call gives this very object and changes nothing, until an input changes, the poll
     sees the CONNECT, or another block ends its connection.
     """
 
@@ -137,7 +137,7 @@ class Outcome:
     cause: Cause
     rcvd_len: int = 0
     clear_com_rst: bool = False
-    lasts: bool = False
+    stable: bool = False
     lamp: Lamp | None = None
     rx_timeout: bool = False
     byte: int = 0

@@ -30,7 +30,7 @@ PLAIN_SET_UP: Final[SetUpConditions] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class StatusSequence:
     """What shows when. A tuple of conditions shows one a scan.
 
     `job_begins`: the first scan of a connection that a job has been waiting for, which has what it takes from
@@ -131,7 +131,7 @@ class Rules:
         default_factory=dict
     )  # where a block has its own
     single_instructions: bool = False  # TCON, TSEND, ...: one job for each edge (blocks/single)
-    course: Course = field(default_factory=Course)
+    course: StatusSequence = field(default_factory=StatusSequence)
     area: AreaRules = field(default_factory=AreaRules)
     lacks: frozenset[str] = frozenset()  # pins that this vendor's blocks do not have
     labels: Mapping[str, Mapping[str, str]] = field(

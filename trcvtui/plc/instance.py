@@ -120,7 +120,7 @@ class Instance:
         if self._stream is not None:
             self._stream.after(outcome, bool(self.inputs[self._row.begins]))
             goes_on = goes_on or self._stream.keeps_awake
-        self.asleep = outcome.lasts and not goes_on
+        self.asleep = outcome.stable and not goes_on
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
             return False
@@ -174,11 +174,11 @@ class Instance:
         self.since_scan = self._env.scan
         return self.outputs != before
 
-    def leave(self, reason: str) -> None:
+    def detach(self, reason: str) -> None:
         """Drop the running job; its lock on the connection stays."""
         if isinstance(self._bound, Binding):
             self._bound.connection.readers.pop(self.name, None)
-        self._block.leave(reason)
+        self._block.detach(reason)
 
     @property
     def outputs(self) -> Outputs:

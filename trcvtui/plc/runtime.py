@@ -417,7 +417,7 @@ class Runtime:
             given = dict(before.inputs)
             kept |= {pin: value for pin, value in decl.inputs if given.get(pin) != value}
         self._lines.detach(decl.name)
-        instance.leave("declared anew")
+        instance.detach("declared anew")
         fresh = self._instances[decl.name] = self._instance(decl)
         fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
         self._instance_snapshots[decl.name] = fresh.snapshot()
@@ -447,11 +447,11 @@ class Runtime:
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(name, "deleted"))
         self._lines.detach(name)
-        instance.leave("instance deleted")
+        instance.detach("instance deleted")
 
     def _download(self, name: str) -> None:
         self.ledger.write(BenchNote(name, "downloaded", "a new instance of the same name"))
-        self._instances[name].leave("instance downloaded")
+        self._instances[name].detach("instance downloaded")
         self._instances[name].fresh()
 
     def _stop(self) -> None:

@@ -185,8 +185,8 @@ class ReceiveData:
         """Throw the part of a frame away."""
         self.job.drop(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance."""
         self.job.drop(reason)
 
     def _wrong(self, inputs: Inputs) -> tuple[Condition, Cause] | None:
@@ -252,8 +252,8 @@ class ReceiveString:
         """Throw the part of a text away."""
         self.job.drop(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance."""
         self.job.drop(reason)
 
     def _deliver(self, content: bytes) -> None:
@@ -295,5 +295,5 @@ class ReceiveByte:
     def stop(self, reason: str) -> None:
         """Nothing runs."""
 
-    def leave(self, reason: str) -> None:
-        """Be gone."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance."""

@@ -51,8 +51,8 @@ class Sending:
         """Forget the rest."""
         self.running = False
 
-    def leave(self, reason: str) -> None:
-        """Be gone; what is in the ComBuffer goes its way."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; what is in the ComBuffer goes its way."""
         self.running = False
 
     def bytes_to_send(self, inputs: Inputs) -> bytes | Outcome:
@@ -144,5 +144,5 @@ class ClearComBuffer:
     def stop(self, reason: str) -> None:
         """Nothing runs."""
 
-    def leave(self, reason: str) -> None:
-        """Be gone."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance."""

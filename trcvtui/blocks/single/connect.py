@@ -52,8 +52,8 @@ class SingleTcon:
         """Forget the attempt."""
         self._is_building = self._keeps = False
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
         self._connection.keeping.give_back(self._claim)
 
     def _begin(self) -> Outcome:
@@ -148,8 +148,8 @@ class SingleTdiscon:
         self._script.clear()
         self._connection.set_up.is_closing = False
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
         self.stop(reason)
 
     def _begin(self) -> Outcome:
@@ -191,8 +191,8 @@ class SingleTReset:
         """Forget what was still to be shown."""
         self._script.clear()
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
 
     def _begin(self) -> Outcome:
         if self._connection.state is State.CLOSED:
@@ -241,8 +241,8 @@ class TDiag:
         """Forget what was still to be shown."""
         self._script.clear()
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
 
     def _begin(self) -> Outcome:
         if self._result is None or self._result.size < RESULT_LAYOUT.size:

@@ -10,8 +10,8 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.single.steps import IDLE, end_of_job, no_socket, shown_as
-from trcvtui.blocks.tcp.job_checks import ToldOnce, no_target, wrong_structure
-from trcvtui.blocks.tcp.no_connection import LinkView, not_connected
+from trcvtui.blocks.tcp.job_checks import FaultRepeat, no_target, wrong_structure
+from trcvtui.blocks.tcp.no_connection import KnownConnection, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.blocks.udp.datagram_jobs import DatagramIn, DatagramOut, UdpBinding
@@ -27,7 +27,7 @@ class SingleTsend:
         self.job = SendJob(bound, self.needs_datagrams)
         self._course = bound.env.rules.course
         self._connection = bound.connection
-        self._link = LinkView(bound.connection)
+        self._link = KnownConnection(bound.connection)
         self._req = False
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -51,9 +51,9 @@ class SingleTsend:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
+        self.job.detach(reason)
 
     def _shown(self, got: Outcome | ConnectionLoss, sending: Condition) -> Outcome:
         if isinstance(got, ConnectionLoss):
@@ -82,9 +82,9 @@ class SingleTrcv:
         self.job = ReceiveJob(bound, self.needs_datagrams)
         self._course = bound.env.rules.course
         self._connection = bound.connection
-        self._link = LinkView(bound.connection)
+        self._link = KnownConnection(bound.connection)
         self._complaint: Outcome | None = None
-        self._told = ToldOnce(self._course.faults_once, Condition.NO_JOB)
+        self._told = FaultRepeat(self._course.faults_once, Condition.NO_JOB)
 
     def call(self, inputs: Inputs) -> Outcome:
         """Answer one call: 7000, 7001, 7002, 0000 with NDR; without a connection 80A1 or 80C4."""
@@ -110,9 +110,9 @@ class SingleTrcv:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
+        self.job.detach(reason)
 
     def _receive(self, inputs: Inputs) -> Outcome:
         was_running = self.job.running
@@ -136,7 +136,7 @@ class SingleTrcv:
             now = replace(now, condition=self._course.still_asked)
         known = self._complaint
         if known is None or (known.cause, known.condition) != (now.cause, now.condition):
-            self._complaint = known = replace(now, lasts=True)
+            self._complaint = known = replace(now, stable=True)
         return known
 
 
@@ -146,7 +146,7 @@ class TurcvOnConnect(SingleTrcv):
     needs_datagrams = True
 
 
-_EN_R_IS_0: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
+_EN_R_IS_0: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True)
 
 
 # The UDP_CONFIG stands for a connection that the CPU has established: its socket opens with the first call.
@@ -176,9 +176,9 @@ class Tusend:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the socket stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the socket open."""
+        self.job.detach(reason)
 
     def _begin(self, length: int) -> Outcome:
         if not self._port.is_open:
@@ -222,9 +222,9 @@ class Turcv:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the socket stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the socket open."""
+        self.job.detach(reason)
 
 
 _NOT_ASKED: Final = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0))

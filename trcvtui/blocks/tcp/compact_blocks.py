@@ -8,8 +8,8 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.connection_control import BY_EN_R, BY_REQ, ConnectionPart, ContLevel, Phase
-from trcvtui.blocks.tcp.job_checks import ToldOnce
+from trcvtui.blocks.tcp.connection_control import BY_EN_R, BY_REQ, ConnectionControl, OneShotCont, Phase
+from trcvtui.blocks.tcp.job_checks import FaultRepeat
 from trcvtui.blocks.tcp.no_connection import StandingRequest, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
@@ -26,9 +26,9 @@ class TrcvC:
         self._inputs: Inputs | None = None
         self._begins = False  # the job has had its first scan, and starts in this one
         self._course = bound.env.rules.course
-        self._told = ToldOnce(self._course.faults_once, Condition.CONNECTED)
-        self._cont = ContLevel(BY_EN_R if self._course.request_connects else None)
-        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr, self._cont)
+        self._told = FaultRepeat(self._course.faults_once, Condition.CONNECTED)
+        self._cont = OneShotCont(BY_EN_R if self._course.request_connects else None)
+        self._part = ConnectionControl(bound.env, bound.connection, bound.claim(), has_addr, self._cont)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -64,10 +64,10 @@ class TrcvC:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
-        self._part.leave()
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
+        self._part.detach()
+        self.job.detach(reason)
 
     def _while_not_receiving(self, inputs: Inputs, outcome: Outcome) -> Outcome:
         self.job.abandon(outcome.cause.name)
@@ -114,7 +114,7 @@ class TrcvC:
         return self._part.lost(self.job.show_loss(loss), "the connection is gone")
 
 
-EN_R_IS_0 = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
+EN_R_IS_0 = Outcome(Condition.CONNECTED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True)
 
 
 class TsendC:
@@ -125,8 +125,8 @@ class TsendC:
         self._connection = bound.connection
         has_addr = bound.address is not None
         self._course = bound.env.rules.course
-        self._cont = ContLevel(BY_REQ if self._course.request_connects else None)
-        self._part = ConnectionPart(bound.env, bound.connection, bound.claim(), has_addr, self._cont)
+        self._cont = OneShotCont(BY_REQ if self._course.request_connects else None)
+        self._part = ConnectionControl(bound.env, bound.connection, bound.claim(), has_addr, self._cont)
         self._inputs: Inputs | None = None
         self._req = False
         self._shown = NO_REQ, NO_REQ  # without BUSY, and with it
@@ -182,10 +182,10 @@ class TsendC:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
-        self._part.leave()
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
+        self._part.detach()
+        self.job.detach(reason)
 
     # -- 80A1: asked for data, not connected (design 6, row 4) -------------------------------------
 
@@ -247,4 +247,4 @@ class TsendC:
         return outcome
 
 
-NO_REQ = Outcome(Condition.CONNECTED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
+NO_REQ = Outcome(Condition.CONNECTED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)

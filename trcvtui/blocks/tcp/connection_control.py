@@ -11,7 +11,7 @@ from typing import Final
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.outcome import Cause, Outcome, Why, cause_of
-from trcvtui.blocks.rules import Course
+from trcvtui.blocks.rules import StatusSequence
 from trcvtui.blocks.tcp.job_checks import in_use, rival_of
 from trcvtui.net.connection.connection import Connection, LossKind, State
 from trcvtui.net.connection.resources import Claim
@@ -34,7 +34,7 @@ class Told:
 
 
 def _idle(name: str, pin: str) -> Outcome:
-    return Outcome(Condition.NO_JOB, Cause(Why.INPUT, name, pin=pin, value=0), lasts=True)
+    return Outcome(Condition.NO_JOB, Cause(Why.INPUT, name, pin=pin, value=0), stable=True)
 
 
 CONT_ROSE: Final = Cause(Why.INPUT, "CONT rose", pin="CONT", value=1)
@@ -52,7 +52,7 @@ BY_EN_R: Final = Told(
 )
 
 
-class ContLevel:
+class OneShotCont:
     """CONT of one instance. `told` None: the connection is wanted as long as the pin is 1."""
 
     def __init__(self, told: Told | None) -> None:
@@ -162,7 +162,7 @@ class Phase(Enum):
     CONNECTED = auto()
 
 
-class ConnectionPart:
+class ConnectionControl:
     """Show a connection's life on STATUS; `call` answers None when the job may decide."""
 
     def __init__(
@@ -171,7 +171,7 @@ class ConnectionPart:
         connection: Connection,
         claim: Claim,
         has_addr: bool = True,
-        level: ContLevel | None = None,
+        level: OneShotCont | None = None,
     ) -> None:
         self.phase = Phase.IDLE
         self.incarnation = 0
@@ -185,7 +185,7 @@ class ConnectionPart:
         self._job_error: Condition | None = None
         self._script: deque[Outcome] = deque()
         self.cont = False
-        self._level = level or ContLevel(None)
+        self._level = level or OneShotCont(None)
         self._com_rst = False
         self._close_wanted = False
         self._reset_wanted = False
@@ -341,21 +341,21 @@ class ConnectionPart:
         set_up = self._connection.set_up
         if not self._connection.config.active:
             # From the second 7002 on only the poll, or another block, can end this.
-            lasts = self.waits > 1 and set_up.listener is not None
-            return self._wait_for("no partner yet", local=str(self._connection.local), lasts=lasts)
+            stable = self.waits > 1 and set_up.listener is not None
+            return self._wait_for("no partner yet", local=str(self._connection.local), stable=stable)
         remote = str(set_up.remote or "")
         return self._wait_for(
             "before the next attempt" if set_up.attempt is None else "no answer yet", remote
         )
 
     def _wait_for(
-        self, what: str, peer: str = "", detail: str = "", local: str = "", lasts: bool = False
+        self, what: str, peer: str = "", detail: str = "", local: str = "", stable: bool = False
     ) -> Outcome:
         """Return the same outcome as long as the wait is the same."""
-        now = (what, peer, detail, local, lasts)
+        now = (what, peer, detail, local, stable)
         if self._wait is None or self._wait[0] != now:
             cause = Cause(Why.WAITING, what, peer=peer, detail=detail, local=local)
-            self._wait = now, Outcome(Condition.ESTABLISHING, cause, lasts=lasts)
+            self._wait = now, Outcome(Condition.ESTABLISHING, cause, stable=stable)
         return self._wait[1]
 
     # -- the connection is gone -----------------------------------------------------------------
@@ -372,8 +372,8 @@ class ConnectionPart:
 
     # -- CONT falls, COM_RST rises ----------------------------------------------------------------
 
-    def leave(self) -> None:
-        """Be gone; the connection stays as it is."""
+    def detach(self) -> None:
+        """Detach the instance; keep the connection open."""
         self._connection.keeping.give_back(self._claim)
 
     def _close(self) -> Outcome:
@@ -434,7 +434,7 @@ def established(connection: Connection) -> Cause:
     return Cause(Why.PARTNER, "the partner is connected", peer=str(connection.peer or ""))
 
 
-def set_up_failed(connection: Connection, failed: StepFault, course: Course) -> Outcome:
+def set_up_failed(connection: Connection, failed: StepFault, course: StatusSequence) -> Outcome:
     """Return what a failed step of the set-up shows."""
     peer = connection.set_up.remote if failed.stage is SetUpStage.CONNECT else None
     cause = cause_of(failed.fault, failed.client or str(peer or ""))

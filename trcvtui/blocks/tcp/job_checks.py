@@ -19,7 +19,7 @@ from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import ANY_ADDRESS
 
 
-class Wish(NamedTuple):
+class JobRequest(NamedTuple):
     """What a job asks for. `most` bytes fit into one, None: as many as the rules say for a connection.
 
     `least` is the smallest LEN but 0 of a text. `rival` keeps every job off this connection.
@@ -37,51 +37,51 @@ class Wish(NamedTuple):
 def refuse(
     env: Environment,
     data: DataArea | None,
-    wish: Wish,
+    request: JobRequest,
     direction: DirectionClaims,
     claim: Claim,
     connect: str,
 ) -> Outcome | None:
     """Return why no job can start: DATA, LEN, CONNECT, then a buffer; None: claim and buffer are taken."""
-    unfit = _misfit(env, data, wish)
+    unfit = _misfit(env, data, request)
     if unfit is not None:
         return unfit
-    other = wish.rival or direction.take(claim)
+    other = request.rival or direction.take(claim)
     if other is not None:
         return Outcome(Condition.CONNECT_IN_USE, in_use(other, claim))
     fault = env.resources.buffers.acquire(connect)
     return Outcome(Condition.NO_BUFFER, cause_of(fault)) if fault is not None else None
 
 
-def fits(env: Environment, data: DataArea | None, wish: Wish) -> bool:
+def fits(env: Environment, data: DataArea | None, request: JobRequest) -> bool:
     """Return whether DATA, LEN and the CONNECT's other users let such a job start, buffers aside."""
-    return wish.rival is None and _misfit(env, data, wish) is None
+    return request.rival is None and _misfit(env, data, request) is None
 
 
 def reserve(
-    env: Environment, data: DataArea | None, wish: Wish, direction: DirectionClaims, claim: Claim
+    env: Environment, data: DataArea | None, request: JobRequest, direction: DirectionClaims, claim: Claim
 ) -> bool:
     """Take the direction for a job that starts in the next call; False: that call would refuse it."""
-    if not fits(env, data, wish) or env.resources.buffers.is_full:
+    if not fits(env, data, request) or env.resources.buffers.is_full:
         return False
     return direction.take(claim) is None
 
 
-def _misfit(env: Environment, data: DataArea | None, wish: Wish) -> Outcome | None:
+def _misfit(env: Environment, data: DataArea | None, request: JobRequest) -> Outcome | None:
     """Return what is wrong with DATA and LEN."""
-    area, length = env.rules.area, wish.length
-    limit = env.rules.max_len if wish.most is None else wish.most
+    area, length = env.rules.area, request.length
+    limit = env.rules.max_len if request.most is None else request.most
     if data is None:
         return replace(_EMPTY, condition=area.missing)
     if data.size == 0:
         return _EMPTY
-    unfit = _unfit(area, data, length, wish.adhoc)
+    unfit = _unfit(area, data, length, request.adhoc)
     if unfit is not None:
         return unfit
-    if wish.needs_len and not length and not data.symbolic:
+    if request.needs_len and not length and not data.symbolic:
         return _refused(Condition.LENGTH_WRONG, "LEN is 0: it has to be told", "LEN", 0)
-    if area.texts_whole and 0 < length < wish.least:
-        name = f"LEN cuts {data.type_name}: 0, or from {wish.least} on"
+    if area.texts_whole and 0 < length < request.least:
+        name = f"LEN cuts {data.type_name}: 0, or from {request.least} on"
         return _refused(Condition.LEN_OF_TEXT, name, "LEN", length)
     if length > data.size or (length or data.size) > limit:
         return _wrong_length(env, limit, data, length)
@@ -191,7 +191,7 @@ def _wrong(condition: Condition, name: str, pin: str = "ADDR") -> Outcome:
 TOLD: Final = Cause(Why.WAITING, "the error has been told; EN_R is 1, and LEN and DATA are as they were")
 
 
-class ToldOnce:
+class FaultRepeat:
     """What one instance has told; `quiet` is the condition that it falls back to."""
 
     def __init__(self, is_once: bool, quiet: Condition) -> None:

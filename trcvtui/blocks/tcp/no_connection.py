@@ -113,7 +113,7 @@ class StandingRequest:
         return told
 
 
-class LinkView:
+class KnownConnection:
     """One block's sight of the connection: which incarnation it knows, and what a loss still has to show."""
 
     def __init__(self, connection: Connection) -> None:
@@ -149,4 +149,4 @@ class LinkView:
 
 CONNECTED = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "a connection stands"))
 _GONE = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "no connection, and this block builds none"))
-NO_LINK = replace(_GONE, lasts=True)  # unlike the scan of the loss: with EN_R = 1 that is followed by 80A1
+NO_LINK = replace(_GONE, stable=True)  # unlike the scan of the loss: with EN_R = 1 that is followed by 80A1

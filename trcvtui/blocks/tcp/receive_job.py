@@ -15,7 +15,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.job_checks import Wish, fits, refuse, reserve, rival_of, unfit
+from trcvtui.blocks.tcp.job_checks import JobRequest, fits, refuse, reserve, rival_of, unfit
 from trcvtui.blocks.tcp.job_checks import changed as area_changed
 from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.net.connection.connection import ConnectionLoss, LossKind
@@ -80,30 +80,30 @@ class ReceiveJob:
         return self._deliver()
 
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
-        wish, receiving = self._wish(length, adhoc), self._connection.receiving
-        refused = self._unfit or refuse(self._env, self._data, wish, receiving, self.claim, self._connect)
+        request, receiving = self._wish(length, adhoc), self._connection.receiving
+        refused = self._unfit or refuse(self._env, self._data, request, receiving, self.claim, self._connect)
         self.claim.is_refused = refused is not None
         if refused is not None:
             # A whole frame stays until there is a buffer for it, also when the partner has gone.
-            has_to_wait = refused.condition is Condition.NO_BUFFER and self._is_whole(wish)
+            has_to_wait = refused.condition is Condition.NO_BUFFER and self._is_whole(request)
             return refused if has_to_wait else self.check_loss() or refused
         assert self._data is not None
         self._asked = length, self._data.shape
-        self._start(wish.length or self._data.size, wish.adhoc)
+        self._start(request.length or self._data.size, request.adhoc)
         return self._collect() or self.receiving()
 
-    def _is_whole(self, wish: Wish) -> bool:
+    def _is_whole(self, request: JobRequest) -> bool:
         """Return whether the stack holds what would end such a job at once."""
         size = self._data.size if self._data is not None else 0
-        least = 1 if wish.adhoc or self._is_message_oriented else wish.length or size
+        least = 1 if request.adhoc or self._is_message_oriented else request.length or size
         return self._connection.unread() >= least
 
-    def _wish(self, length: int, adhoc: bool) -> Wish:
+    def _wish(self, length: int, adhoc: bool) -> JobRequest:
         if length in self._area.adhoc_lens:
             length, adhoc = 0, True
         least = self._data.text_lens.received if self._data is not None else 0
         rival = rival_of(self._env, self._connection, self.claim)
-        return Wish(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
+        return JobRequest(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or when another reader lets go.
@@ -112,15 +112,15 @@ class ReceiveJob:
         """
         if not inputs.en_r or self._unfit is not None:
             return False
-        wish = self._wish(inputs.len, inputs.adhoc)
-        return fits(self._env, self._data, wish) and not self._connection.receiving.is_barred(
+        request = self._wish(inputs.len, inputs.adhoc)
+        return fits(self._env, self._data, request) and not self._connection.receiving.is_barred(
             self.claim, waits
         )
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the receive side for the job that begins in the next call; False: it would be refused."""
-        wish, receiving = self._wish(inputs.len, inputs.adhoc), self._connection.receiving
-        taken = self._unfit is None and reserve(self._env, self._data, wish, receiving, self.claim)
+        request, receiving = self._wish(inputs.len, inputs.adhoc), self._connection.receiving
+        taken = self._unfit is None and reserve(self._env, self._data, request, receiving, self.claim)
         self.claim.is_refused = not taken
         return taken
 
@@ -250,8 +250,8 @@ class ReceiveJob:
         """Give the CONNECT's receive side back (EN_R fell)."""
         self._connection.receiving.give_back(self.claim)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the lock of a job may stay behind (rules) until disconnect or reset (row 15)."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset (row 15)."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         if not self.claim.is_orphan:
             self.let_go()
@@ -274,7 +274,7 @@ class ReceiveJob:
 @lru_cache(OUTCOMES_KEPT)
 def _receiving(have: int, need: int, complete: bool, condition: Condition) -> Outcome:
     cause = Cause(Why.BYTES, _RECEIVING[have > 0, complete], have=have, need=need)
-    return Outcome(condition, cause, lasts=not complete)
+    return Outcome(condition, cause, stable=not complete)
 
 
 @lru_cache(OUTCOMES_KEPT)

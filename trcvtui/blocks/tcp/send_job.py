@@ -16,7 +16,7 @@ from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import SendEnded, SendStarted
 from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.tcp.job_checks import Wish, changed, no_target, refuse, reserve, rival_of, unfit
+from trcvtui.blocks.tcp.job_checks import JobRequest, changed, no_target, refuse, reserve, rival_of, unfit
 from trcvtui.blocks.tcp.no_connection import show_loss
 from trcvtui.blocks.tcp.receive_job import OUTCOMES_KEPT
 from trcvtui.net.connection.connection import ConnectionLoss
@@ -82,16 +82,16 @@ class SendJob:
             return self._full()
         return _sending(self.have, self.need)
 
-    def _wish(self, length: int) -> Wish:
+    def _wish(self, length: int) -> JobRequest:
         least = self._data.text_lens.sent if self._data is not None else 0
         rival = rival_of(self._env, self._connection, self.claim)
-        return Wish(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
+        return JobRequest(length, most=self._limit, least=least, rival=rival, needs_len=self._needs_len)
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the send side for the job that begins in the next call; False: it would be refused."""
-        wish = self._wish(inputs.len)
+        request = self._wish(inputs.len)
         return self._wrong_way() is None and reserve(
-            self._env, self._data, wish, self._connection.sending, self.claim
+            self._env, self._data, request, self._connection.sending, self.claim
         )
 
     def go_on(self) -> Outcome | ConnectionLoss:
@@ -173,8 +173,8 @@ class SendJob:
         if self.running:
             self._end(done=False, reason=reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the lock of a job may stay behind (rules) until disconnect or reset (row 15)."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; the lock of a job may stay (rules) until disconnect or reset (row 15)."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         self.abandon(reason)
         if not self.claim.is_orphan:

@@ -11,13 +11,13 @@ from trcvtui.blocks.outcome import Cause, Lamp, Outcome, Why, cause_of
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.tcp.compact_blocks import EN_R_IS_0, NO_REQ
 from trcvtui.blocks.tcp.connection_control import (
-    ConnectionPart,
+    ConnectionControl,
     Phase,
     set_up_failed,
     show_disconnect,
     show_reset,
 )
-from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, LinkView, not_connected, show_loss
+from trcvtui.blocks.tcp.no_connection import CONNECTED, NO_LINK, KnownConnection, not_connected, show_loss
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.tcp.send_job import SendJob
 from trcvtui.net.connection.connection import ConnectionLoss, State
@@ -30,7 +30,7 @@ class Tcon:
         self.job = NoJob()
         self._bound = bound
         self._connection = bound.connection
-        self._part = ConnectionPart(bound.env, bound.connection, bound.claim())
+        self._part = ConnectionControl(bound.env, bound.connection, bound.claim())
         self._req = False
         self._triggered = False
         self._is_told = False  # DONE has show_loss for this trigger
@@ -40,8 +40,8 @@ class Tcon:
         rose = inputs.req and not self._req
         self._req = inputs.req
         if self._was_disconnected():
-            self._part.leave()
-            self._part = ConnectionPart(self._bound.env, self._connection, self._bound.claim())
+            self._part.detach()
+            self._part = ConnectionControl(self._bound.env, self._connection, self._bound.claim())
             self._triggered = False
         if rose and not self._triggered:
             self._triggered, self._is_told = True, False
@@ -69,13 +69,13 @@ class Tcon:
     def stop(self, reason: str) -> None:
         """Do nothing: no job runs here."""
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
-        self._part.leave()
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
+        self._part.detach()
 
 
-_NOTHING_ASKED = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
-_UP = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the connection stands"), lasts=True)
+_NOTHING_ASKED = Outcome(Condition.NO_JOB, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
+_UP = Outcome(Condition.CONNECTED, Cause(Why.PARTNER, "the connection stands"), stable=True)
 
 
 class Tdiscon:
@@ -105,8 +105,8 @@ class Tdiscon:
         """Forget what was still to be show_loss."""
         self._script.clear()
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
 
 
 def lit(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
@@ -119,7 +119,7 @@ def lit(outcomes: list[Outcome], script: deque[Outcome]) -> Outcome:
 
 
 # The manual's list has no other word for "called, nothing to do" (baosky.md section 5).
-IDLE = Outcome(Condition.NOT_CALLED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
+IDLE = Outcome(Condition.NOT_CALLED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 
 
 class TReset:
@@ -166,12 +166,12 @@ class TReset:
         """Forget what was still to be show_loss."""
         self._script.clear()
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
 
 
 _REBUILDING = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "the connection is being built anew"))
-_DOWN = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no connection stands"), lasts=True)
+_DOWN = Outcome(Condition.ESTABLISHING, Cause(Why.WAITING, "no connection stands"), stable=True)
 
 
 class Tsend:
@@ -180,7 +180,7 @@ class Tsend:
     def __init__(self, bound: Binding) -> None:
         self.job = SendJob(bound)
         self._connection = bound.connection
-        self._link = LinkView(bound.connection)
+        self._link = KnownConnection(bound.connection)
         self._req = False
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -204,9 +204,9 @@ class Tsend:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
+        self.job.detach(reason)
 
     def _send(self, inputs: Inputs, req_rose: bool) -> Outcome:
         if self.job.running:
@@ -227,7 +227,7 @@ class Trcv:
     def __init__(self, bound: Binding) -> None:
         self.job = ReceiveJob(bound)
         self._connection = bound.connection
-        self._link = LinkView(bound.connection)
+        self._link = KnownConnection(bound.connection)
         self._complaint: Outcome | None = None
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -257,15 +257,15 @@ class Trcv:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the connection stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the connection open."""
+        self.job.detach(reason)
 
     def _not_connected(self) -> Outcome:
         """Return 80A1: the same object as long as the same partner is missing."""
         now = not_connected("EN_R", "EN_R is 1 without a connection", self._connection)
         if self._complaint is None or self._complaint.cause != now.cause:
-            self._complaint = replace(now, lasts=True)
+            self._complaint = replace(now, stable=True)
         return self._complaint
 
     def _receive(self, inputs: Inputs) -> Outcome:

@@ -15,7 +15,7 @@ from trcvtui.net.connection.set_up import StepFault
 from trcvtui.net.connection.udp import UdpEndpoint
 
 
-class UdpPart:
+class UdpControl:
     """Show a socket's life on STATUS; `call` answers None when the job may decide."""
 
     def __init__(self, env: Environment, port: UdpEndpoint) -> None:
@@ -94,7 +94,7 @@ def _failed(failed: StepFault) -> Outcome:
     return Outcome(PLAIN_SET_UP[failed.stage, ""], cause_of(failed.fault))
 
 
-NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), lasts=True)
+NO_JOB = Outcome(Condition.NO_JOB, Cause(Why.INPUT, "CONT is 0", pin="CONT", value=0), stable=True)
 _WAITING = Outcome(Condition.CREATING, Cause(Why.WAITING, "before the next attempt"))
 _CLOSED_BY_ANOTHER = Outcome(
     Condition.CREATING, Cause(Why.OTHER_BLOCK, "another block has closed the socket; it is made anew")
@@ -106,7 +106,7 @@ class UsendC:
 
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramOut(bound)
-        self._part = UdpPart(bound.env, bound.port)
+        self._part = UdpControl(bound.env, bound.port)
         self._req = False
         self._asked = False  # an edge that came before the socket, not yet told
 
@@ -125,9 +125,9 @@ class UsendC:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the socket stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the socket open."""
+        self.job.detach(reason)
 
     def _while_not_ready(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         """Tell an edge that came too early in the second 0001, or instead of the first 7001 (row 4)."""
@@ -144,7 +144,7 @@ class UsendC:
         )
 
 
-NO_REQ = Outcome(Condition.CREATED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), lasts=True)
+NO_REQ = Outcome(Condition.CREATED, Cause(Why.WAITING, "REQ has not risen", pin="REQ"), stable=True)
 
 
 class UrecvC:
@@ -152,7 +152,7 @@ class UrecvC:
 
     def __init__(self, bound: UdpBinding) -> None:
         self.job = DatagramIn(bound)
-        self._part = UdpPart(bound.env, bound.port)
+        self._part = UdpControl(bound.env, bound.port)
         self._request = StandingRequest(bound.env.rules.not_connected)
 
     def call(self, inputs: Inputs) -> Outcome:
@@ -172,9 +172,9 @@ class UrecvC:
         """Drop the running job."""
         self.job.abandon(reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the socket stays as it is."""
-        self.job.leave(reason)
+    def detach(self, reason: str) -> None:
+        """Detach the instance; keep the socket open."""
+        self.job.detach(reason)
 
     # -- 80A1: asked for data, no socket (design 6, row 3, with 0001 in the place of 7002) -----------
 
@@ -187,7 +187,7 @@ class UrecvC:
         return outcome
 
 
-EN_R_IS_0 = Outcome(Condition.CREATED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), lasts=True)
+EN_R_IS_0 = Outcome(Condition.CREATED, Cause(Why.INPUT, "EN_R is 0", pin="EN_R", value=0), stable=True)
 _TOO_EARLY = Outcome(
     Condition.NOT_CONNECTED,
     Cause(Why.INPUT, "EN_R is 1 before the socket is there", pin="EN_R", value=1),

@@ -10,7 +10,7 @@ from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment, JobEnded, JobStarted, SendEnded, SendStarted
 from trcvtui.blocks.outcome import FULL, Cause, Outcome, Why, cause_of, full_cause
 from trcvtui.blocks.table import BlockRow
-from trcvtui.blocks.tcp.job_checks import Wish, changed, refuse
+from trcvtui.blocks.tcp.job_checks import JobRequest, changed, refuse
 from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.udp import UdpEndpoint
@@ -62,8 +62,8 @@ class DatagramOut:
     def begin(self, length: int) -> Outcome:
         """Send in the scan of the edge; the stack takes the datagram whole or not at all."""
         rules = self._env.rules
-        wish = Wish(length, most=rules.max_datagram, needs_len=rules.area.datagram_needs_len)
-        refused = refuse(self._env, self._data, wish, self._port.sending, self.claim, self._config)
+        request = JobRequest(length, most=rules.max_datagram, needs_len=rules.area.datagram_needs_len)
+        refused = refuse(self._env, self._data, request, self._port.sending, self.claim, self._config)
         if refused is not None:
             self._port.sending.give_back(self.claim)  # the lock lasts from the edge to DONE or ERROR
             return refused
@@ -105,8 +105,8 @@ class DatagramOut:
         if self.running:
             self._end(done=False, reason=reason)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the lock of a job may stay behind (rules) until the socket is closed."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; the lock of a job may stay (rules) until the socket is closed."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         self.abandon(reason)
         if not self.claim.is_orphan:
@@ -173,8 +173,8 @@ class DatagramIn:
         return self._deliver(self._source)
 
     def _begin(self, length: int) -> Outcome:
-        wish = Wish(length, most=self._env.rules.max_datagram)
-        refused = refuse(self._env, self._data, wish, self._port.receiving, self.claim, self._config)
+        request = JobRequest(length, most=self._env.rules.max_datagram)
+        refused = refuse(self._env, self._data, request, self._port.receiving, self.claim, self._config)
         if refused is not None:
             return refused
         assert self._data is not None
@@ -255,8 +255,8 @@ class DatagramIn:
         """Give the receive side back (EN_R fell)."""
         self._port.receiving.give_back(self.claim)
 
-    def leave(self, reason: str) -> None:
-        """Be gone; the lock of a job may stay behind (rules) until the socket is closed (row 15)."""
+    def detach(self, reason: str) -> None:
+        """Detach the instance; the lock of a job may stay (rules) until the socket is closed (row 15)."""
         self.claim.is_orphan = self.running and self._env.rules.lock_outlives
         if not self.claim.is_orphan:
             self.let_go()
@@ -278,4 +278,4 @@ class DatagramIn:
 def _receiving(have: int, need: int, is_here: bool) -> Outcome:
     name = "the datagram is here and shows in the next scan" if is_here else "nothing received yet"
     cause = Cause(Why.BYTES, name, have=have, need=need)
-    return Outcome(Condition.RECEIVING, cause, lasts=not is_here)
+    return Outcome(Condition.RECEIVING, cause, stable=not is_here)

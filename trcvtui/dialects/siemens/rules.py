@@ -8,7 +8,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.conditions import Condition
-from trcvtui.blocks.rules import AreaRules, Course, NotConnected, Rules
+from trcvtui.blocks.rules import AreaRules, NotConnected, Rules, StatusSequence
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.dialect import BACKLOG, Dialect, Switch, SwitchValue, codes_of
 from trcvtui.dialects.siemens.connection_errors import LEGACY_ERRORS
@@ -245,12 +245,12 @@ def answer(chosen: Mapping[str, SwitchValue], cpu: Cpu) -> Rules:
     )
 
 
-def course(chosen: Mapping[str, SwitchValue]) -> Course:
+def course(chosen: Mapping[str, SwitchValue]) -> StatusSequence:
     """Return what shows when (siemens.md 1), with these switch values."""
     by_manual, en_r_falls = chosen["cont_mode"] != "level", chosen["en_r_falls"]
     if en_r_falls == "by_cont_mode":
         en_r_falls = "drops until data" if by_manual else "keeps"
-    return Course(
+    return StatusSequence(
         job_begins=Condition.JOB_BEGINS,  # 1.3, 1.6
         established=Condition.ESTABLISHED if chosen["status_0001_always"] else None,  # A2
         waiting_req_sends=True,  # 1.3, A4

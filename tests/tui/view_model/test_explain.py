@@ -14,6 +14,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.diagnosis import advice
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.snapshots import Fired
 from trcvtui.tui.app import BenchApp
@@ -129,6 +130,15 @@ async def test_words_from_outside_are_never_markup() -> None:
         await looker.press("3", "M")
         assert "[red]x" in looker.words("status")
         assert "\x1b" not in looker.text
+
+
+async def test_a_made_up_rule_of_one_row_shows_on_the_card(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up = advice.rows(Condition.RECEIVE_FAILED, lambda e: f"{e.instance}: look at the made-up cable")
+    monkeypatch.setattr(advice, "RULES", (*advice.RULES, *made_up))
+    lost = replace(showing(receiving(), 0x80AA), need=0, condition=str(Condition.RECEIVE_FAILED))
+    async with looking(WIDE, picture(lost, connecting())) as looker:
+        await looker.press("3", "M")
+        assert "TRCV_C_1: look at the made-up cable" in looker.words("status")
 
 
 # -- the frozen view -----------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from trcvtui.blocks.table import BLOCKS, BlockRow
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.errors import UserError
-from trcvtui.project.fields import fields_of
+from trcvtui.project.edit import fields_of
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.text import with_entries

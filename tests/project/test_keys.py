@@ -16,8 +16,7 @@ from tests.rig.test_project_save import driven, say
 from trcvtui.dialects.dialect import format_value
 from trcvtui.errors import UserError
 from trcvtui.net.connection.config import UdpConfig
-from trcvtui.project.edit import difference
-from trcvtui.project.fields import fields_of
+from trcvtui.project.edit import difference, fields_of
 from trcvtui.project.file import load_project, read_project
 from trcvtui.project.key_rows import Ask, Key, fixed
 from trcvtui.project.keys import DESCRIBED, EDITED, OFFERED, SIM, TABLES, entries_of, entry_of

@@ -11,7 +11,7 @@ from tests.certificates import NEEDS_OPENSSL
 from tests.rig.test_project_save import driven, say
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
-from trcvtui.project.fields import fields_of, first_name
+from trcvtui.project.edit import fields_of, first_name
 from trcvtui.project.file import load_project
 from trcvtui.project.keys import OFFERED as KINDS
 from trcvtui.project.project import Project

@@ -7,7 +7,7 @@ import pytest
 from tests.tui.looking import SMALL, WIDE
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
 from tests.tui.on_a_line import LineBench, on_a_line
-from trcvtui.project.fields import fields_of, first_name
+from trcvtui.project.edit import fields_of, first_name
 from trcvtui.project.project import Project
 from trcvtui.tui.completion import complete
 from trcvtui.tui.forms.add_screen import AddScreen, ChoiceField

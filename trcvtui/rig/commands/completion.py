@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from trcvtui.blocks.table import block_row
-from trcvtui.project.edit import kinds_named
-from trcvtui.project.fields import fields_of, first_name, keys_of_line
+from trcvtui.project.edit import fields_of, first_name, keys_of_line, kinds_named
 from trcvtui.project.keys import OFFERED as KINDS
 from trcvtui.project.keys import names_of
 from trcvtui.project.project import Project

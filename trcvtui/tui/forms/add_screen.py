@@ -10,7 +10,7 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.widget import Widget
 from textual.widgets import Input, Static
 
-from trcvtui.project.fields import AddField, fields_of, first_name
+from trcvtui.project.edit import AddField, fields_of, first_name
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import clip, plain
 from trcvtui.tui.forms.fields import (

@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from trcvtui.plc.snapshot import block_row
-from trcvtui.project.edit import entry, keys_to_change
-from trcvtui.project.fields import AddField, fields_of, keys_of_line
+from trcvtui.project.edit import AddField, entry, fields_of, keys_of_line, keys_to_change
 from trcvtui.project.key_rows import KeyValue
 from trcvtui.project.keys import BOOLS, EDITED, OFFERED, TABLES, entries_of
 from trcvtui.project.project import InstanceDecl, Project

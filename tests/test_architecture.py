@@ -12,11 +12,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "trcvtui"
 # Not mended yet: a name leaves with its second class, none comes in.
 NAMED_TWICE = (
-    "Kind",
     "PlcRun",
     "PlcStop",
-    "Reader",
-    "Text",
 )
 
 

@@ -106,7 +106,7 @@ class Block(Protocol):
 
 
 @runtime_checkable
-class Reader(Protocol):
+class ReceivingBlock(Protocol):
     """A block that receives on a connection."""
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:

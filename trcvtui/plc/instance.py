@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.blocks.block import Binding, Reader, new_block
+from trcvtui.blocks.block import Binding, ReceivingBlock, new_block
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
@@ -61,7 +61,7 @@ class Instance:
     def fresh(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
         self._block = new_block(self._row, self._bound)
-        if isinstance(self._bound, Binding) and isinstance(self._block, Reader):
+        if isinstance(self._bound, Binding) and isinstance(self._block, ReceivingBlock):
             self._bound.connection.readers[self.name] = self._would_read
         self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
@@ -130,7 +130,7 @@ class Instance:
         """Return whether the block receives as soon as it is called; a pin that blinks may be TRUE then."""
         pins = self.inputs | dict.fromkeys(self._blinking, True)
         inputs = Inputs(**{pin.lower(): value for pin, value in pins.items()})  # type: ignore[arg-type]
-        return isinstance(self._block, Reader) and self._block.would_read(inputs, waits)
+        return isinstance(self._block, ReceivingBlock) and self._block.would_read(inputs, waits)
 
     def _freeze(self) -> Inputs:
         values = {pin.lower(): value for pin, value in self.inputs.items()}

@@ -48,7 +48,7 @@ class TrcvC:
         return self._connected(inputs)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether this instance receives on the connection when its turn comes; see `Reader`."""
+        """Return whether this instance receives on the connection when its turn comes (`ReceivingBlock`)."""
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
 
     def _goes_on(self, inputs: Inputs) -> bool:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.blocks.test_udp_blocks import Desk
 from tests.rig.scenarios import CONFIGS
-from tests.rig.test_udp_blocks import Desk
 from trcvtui.errors import UserError
 from trcvtui.net.events import ConnectionChanged
 from trcvtui.plc.ledger import StatusEdge

@@ -92,10 +92,6 @@ class Dialect:
         """Return the row of a code, for one block or for any."""
         return next((r for r in self.status if r.code == code and (block is None or block in r.blocks)), None)
 
-    def row_of(self, condition: Condition) -> StatusRow | None:
-        """Return the row that shows a condition."""
-        return next((r for r in self.status if condition in r.conditions), None)
-
 
 # Rule: every mistake of a table is reported, each in one line; a value that cannot be read keeps its default.
 

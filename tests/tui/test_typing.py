@@ -31,7 +31,7 @@ from trcvtui.tui.lab.panes import ConstantsForm, ProblemsScreen
 from trcvtui.tui.lab.screen import LabScreen
 from trcvtui.tui.main import MainScreen
 from trcvtui.tui.race.screen import RaceScreen
-from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
+from trcvtui.tui.scenarios.panes import ScenarioListModel
 from trcvtui.tui.scenarios.screen import ScenariosScreen
 from trcvtui.tui.widgets.dialogs import ChoiceScreen, Dialog, FormDialog, ListDialog
 from trcvtui.tui.widgets.help import HelpScreen

@@ -297,7 +297,7 @@ class BenchApp(App[None]):
 
     def _open_scenarios(self) -> None:
         from trcvtui.rig.scenario.scenario import find_files  # read when first asked for
-        from trcvtui.tui.scenarios.scenario_list import ScenarioListModel
+        from trcvtui.tui.scenarios.panes import ScenarioListModel
         from trcvtui.tui.scenarios.screen import ScenariosScreen
 
         if self.scenarios is None and not self.last_words:

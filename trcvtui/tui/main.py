@@ -20,8 +20,7 @@ from trcvtui.tui.panes.function_block import FunctionBlock
 from trcvtui.tui.panes.instance_list import InstanceList
 from trcvtui.tui.panes.peer_panel import PeerPanel
 from trcvtui.tui.panes.received import Received
-from trcvtui.tui.panes.status_card import StatusCard
-from trcvtui.tui.panes.status_history import StatusHistory
+from trcvtui.tui.panes.status import StatusCard, StatusHistory
 from trcvtui.tui.panes.timing import Timing
 from trcvtui.tui.panes.udt_table import UdtTable
 from trcvtui.tui.prompt import Prompt

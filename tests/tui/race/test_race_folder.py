@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from trcvtui.tui.race.run import RaceFolder
+from trcvtui.tui.race.screen import RaceFolder
 
 WAITS = """
-from trcvtui.tui.race.run import RaceFolder
+from trcvtui.tui.race.screen import RaceFolder
 import signal, sys
 signal.signal(signal.SIGHUP, getattr(signal, sys.argv[1]))  # whatever the shell of these tests has set
 folder = RaceFolder()

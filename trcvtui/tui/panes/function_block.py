@@ -11,7 +11,7 @@ from trcvtui.project.connect_view import security_of
 from trcvtui.project.project import Project
 from trcvtui.tui.formatting import cells, clip, count, lamp, plain, status_word
 from trcvtui.tui.messages import DescriptionWanted, PaneActions
-from trcvtui.tui.panes.framer import framer_lines
+from trcvtui.tui.panes.combuffer import framer_lines
 from trcvtui.tui.view_model.view_model import DONE, ERROR, Afterglow, ViewModel
 from trcvtui.tui.widgets.help import PIN_LETTERS, letters_of
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row

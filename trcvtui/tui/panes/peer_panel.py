@@ -15,8 +15,8 @@ from textual.widgets import Input
 from trcvtui.rig.snapshots import CheckSnapshot, CheckTally, PeerSnapshot
 from trcvtui.tui.formatting import cells, clip, count, pad, plain
 from trcvtui.tui.messages import PaneActions, PeerSelected
+from trcvtui.tui.panes.combuffer import LineFeed
 from trcvtui.tui.panes.composer import Composer
-from trcvtui.tui.panes.line_feed import LineFeed
 from trcvtui.tui.peer_commands import CHECK, EVERY_SPLIT, FAULT, SEND, UDT, Button, buttons_for, receiver_for
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, pane_title, row

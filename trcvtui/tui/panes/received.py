@@ -18,7 +18,7 @@ from trcvtui.project.project import Project
 from trcvtui.rig.history.records import HistoryRequest, JobSpan, MessageSpan, RecvSpan
 from trcvtui.tui.formatting import bar, clip, moment, plain, wrapped
 from trcvtui.tui.messages import PastSelected
-from trcvtui.tui.panes.framer import gap_of, gap_parts
+from trcvtui.tui.panes.combuffer import gap_of, gap_parts
 from trcvtui.tui.panes.stream_view import StreamView
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.hex_view import CLOSES, OPENS, HexView, marks_of_data, marks_of_part

@@ -19,11 +19,9 @@ from trcvtui.tui import messages
 from trcvtui.tui.formatting import clip, count, plain
 from trcvtui.tui.messages import PaneActions
 from trcvtui.tui.panes.instance_list import InstanceList
-from trcvtui.tui.panes.status_card import StatusCard
-from trcvtui.tui.panes.status_history import StatusHistory
+from trcvtui.tui.panes.status import StatusCard, StatusHistory
 from trcvtui.tui.panes.timing import Timing
-from trcvtui.tui.scenarios.panes import ScenarioText, TraceList
-from trcvtui.tui.scenarios.scenario_list import ScenarioList, ScenarioListModel
+from trcvtui.tui.scenarios.panes import ScenarioList, ScenarioListModel, ScenarioText, TraceList
 from trcvtui.tui.view_model.view_model import ViewModel
 from trcvtui.tui.widgets.lines import TabLine
 from trcvtui.tui.widgets.screens import TABS, Command, SideScreen

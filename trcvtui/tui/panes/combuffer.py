@@ -1,0 +1,317 @@
+"""ComBuffers on the screen: below the box of their block, frames and gap timer; and the lines fed by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar, Final, NamedTuple
+
+from textual.binding import Binding
+
+from trcvtui.errors import UserError
+from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
+from trcvtui.project.project import SERIAL, SIMULATED
+from trcvtui.rig.commands.words import FeedLine
+from trcvtui.tui.formatting import MS, bar, clip, count, pad, plain
+from trcvtui.tui.messages import PaneActions
+from trcvtui.tui.view_model.view_model import ViewModel
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+GAP_BAR: Final = 12
+NO_WATCH: Final = "Timeout is 0: no gap ends a frame"
+
+
+class Gap(NamedTuple):
+    """How long no byte has come, of `limit_ns`; `reason` says why nothing runs, "" where it does."""
+
+    elapsed_ns: int
+    limit_ns: int
+    reason: str
+
+
+def gap_of(scene: ViewModel, instance: InstanceSnapshot) -> Gap | None:
+    """Return the gap timer of the selected instance, None where its block has none."""
+    framer, snapshot = instance.framer, scene.snapshot
+    if framer is None or snapshot is None:
+        return None
+    limit = framer.timeout_ns
+    if not limit:
+        return Gap(0, 0, NO_WATCH)
+    if not instance.outputs.busy or instance.last_receive_ns is None:
+        return Gap(0, limit, "waits for a first byte")
+    return Gap(max(0, scene.t_ns - instance.last_receive_ns), limit, _frozen(scene, snapshot.running))
+
+
+def _frozen(scene: ViewModel, running: bool) -> str:
+    if not running:
+        return "frozen: the PLC is in STOP"
+    if scene.is_frozen:
+        return "frozen view: F shows it as it runs"
+    if scene.picture is not None and scene.picture.holding:
+        return "frozen: the scans are held"
+    return ""
+
+
+def gap_parts(gap: Gap) -> list[tuple[str, str]]:
+    """Return the timer as a bar with its times, and its reason where it stands."""
+    if not gap.limit_ns:
+        return [("─" * GAP_BAR, "faint"), (f" {gap.reason}", "dim")]
+    full, empty = bar(min(gap.elapsed_ns, gap.limit_ns), gap.limit_ns, GAP_BAR)
+    near = gap.elapsed_ns * 4 >= gap.limit_ns * 3
+    times = f" {_ms(gap.elapsed_ns)} of {_ms(gap.limit_ns)} ms"
+    parts = [(full, "warn" if near else "busy"), (empty, "faint"), (times, "strong" if full else "dim")]
+    return [*parts, (f" · {gap.reason}", "dim")] if gap.reason else parts
+
+
+def _ms(ns: int) -> str:
+    return f"{ns / MS:.6g}"
+
+
+LABEL: Final = 9
+BAR: Final = 8
+NEAR: Final = 4  # a ComBuffer with less than a quarter of its room left
+ROOMY: Final = 72
+
+
+def framer_lines(scene: ViewModel, instance: InstanceSnapshot, width: int) -> list[Row]:
+    """Return the lines, none for a block that has no ComBuffer."""
+    if not block_row(instance.block).buffer_pin:
+        return []
+    rows, data = [_buffer(scene, instance, width)], _data(scene, instance)
+    if instance.framer is None:
+        return [*rows, _jobs(instance), data, row()]
+    rows.append(_frames(instance.framer))
+    gap = gap_of(scene, instance)
+    if gap is not None:
+        rows += _labelled("gap", gap_parts(gap), width)
+    return [*rows, *_thrown(instance.framer, width), data, row()]
+
+
+def _label(text: str) -> Part:
+    return f" {text:<{LABEL - 1}}", "dim"
+
+
+def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
+    """Return parts after a label, the last one below them where the line has no room for it."""
+    whole = [_label(label), *parts]
+    if sum(len(text) for text, _ in whole) <= width or len(parts) < 2:
+        return [row(*whole)]
+    text, style = parts[-1]
+    return [row(*whole[:-1]), row(_label(""), (clip(text.strip(" ·"), width - LABEL), style))]
+
+
+def _buffer(scene: ViewModel, instance: InstanceSnapshot, width: int) -> Row:
+    """Return the fill of the ComBuffer, and what had no room in it."""
+    buffer = scene.snapshot.combuffer(instance.connect) if scene.snapshot is not None else None
+    if buffer is None:
+        return row(_label("queue"), (plain(instance.connect), "strong"))
+    full, empty = bar(buffer.count, buffer.size, BAR)
+    tight = buffer.size - buffer.count < buffer.size // NEAR
+    parts = [
+        _label("queue"), (plain(buffer.name), "strong"), (" ", ""), (full, "warn" if tight else "busy"),
+        (empty, "faint"), (f" {buffer.count}/{buffer.size} B", "strong" if buffer.count else ""),
+    ]  # fmt: skip
+    if buffer.lost:
+        parts.append((f"  {buffer.lost} lost", "error"))
+    if not buffer.is_up:
+        parts.append(("  port is away", "error"))
+    elif width >= ROOMY or not buffer.lost:
+        parts.append((f"  {source_words(buffer)}", "dim"))
+    return row(*parts)
+
+
+def source_words(buffer: ComBufferSnapshot) -> str:
+    """Return where the bytes of a ComBuffer come from."""
+    known = {SIMULATED: "simulated", SERIAL: "serial port"}
+    return known.get(buffer.source, f"from {plain(buffer.source)}")
+
+
+def _data(scene: ViewModel, instance: InstanceSnapshot) -> Row:
+    declared = scene.declaration
+    if declared is None:
+        return row(_label("data"), ("not wired", "warn") if instance.data_pin else ("none", "dim"))
+    size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
+    return row(_label("data"), (plain(declared.name), "strong"), (size, "dim"))
+
+
+def _jobs(instance: InstanceSnapshot) -> Row:
+    errors = f"  {count(instance.errors, 'error')}"
+    return row(_label("jobs"), (f"{instance.jobs_done} done", "strong"), (errors, "dim"))
+
+
+def _frames(framer: FramerSnapshot) -> Row:
+    tally = framer.tally
+    parts: list[Part] = [_label("frames"), (f"{tally.good} good", "strong")]
+    parts.append((f"  {tally.gaps} by a gap", "warn" if tally.gaps else "dim"))
+    parts.append((f"  {count(tally.overruns, 'overrun')}", "error" if tally.overruns else "dim"))
+    return row(*parts)
+
+
+def _thrown(framer: FramerSnapshot, width: int) -> list[Row]:
+    """Return how many bytes no frame has: noise before a prefix, and parts that had no end."""
+    tally = framer.tally
+    if not framer.discarded and not tally.parts:
+        return [row(_label("noise"), ("nothing thrown away", "dim"))]
+    parts: list[Part] = [(f"{framer.discarded} B thrown away", "warn" if framer.discarded else "dim")]
+    if tally.parts:
+        parts.append((f"  {count(tally.parts, 'part')} of frames", "warn"))
+    parts.append(("  X: which", "dim"))
+    rows = [row(_label("noise"), *parts)]
+    if framer.discarded:
+        room = max(3, (width - LABEL - 2) // 3)
+        newest = framer.noise[-room:]
+        lead = "…" if framer.discarded > len(newest) else ""
+        rows.append(row(_label(""), (lead + newest.hex(" ").upper(), "ghost")))
+    return rows
+
+
+FEED: Final = "feed"
+FED_BAR: Final = 10
+LONGEST: Final = 65_536  # bytes that are kept to be fed again
+GONE: Final = "›"  # after the bytes of a message that have been fed
+
+
+class LineFeed(LineView):
+    """One line a ComBuffer; below them the last bytes that were fed to the one under the cursor."""
+
+    KEYS: ClassVar = (
+        ("enter", "type bytes"), ("s", "again"), ("→", "next byte"), ("b", "break"), ("↑↓", "line"),
+    )  # fmt: skip
+    BINDINGS: ClassVar = [
+        Binding("enter,i", "type", show=False),
+        Binding("s", "again", show=False),
+        Binding("right", "piece", show=False),
+        Binding("left", "back", show=False),
+        Binding("b", "break", show=False),
+    ]
+    DEFAULT_CSS = "LineFeed { height: auto; max-height: 8; min-height: 1; }"
+
+    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
+        super().__init__(id="lines")
+        self._scene = scene
+        self._actions = actions
+        self._cursor = 0
+        self._fed: dict[str, tuple[bytes, int]] = {}  # by ComBuffer: the message, how much of it went in
+
+    @property
+    def names(self) -> list[str]:
+        """Return the lines that can be fed."""
+        return [
+            b.name for b in self._scene.project.combuffers if b.source in (SIMULATED, SERIAL) and not b.line
+        ]
+
+    @property
+    def chosen(self) -> str:
+        """Return the line under the cursor."""
+        names = self.names
+        return names[min(self._cursor, len(names) - 1)] if names else ""
+
+    def row_count(self) -> int:
+        """Return the lines, the message and what the keys do."""
+        return len(self.names) + 2 if self.names else 0
+
+    def row_at(self, y: int) -> Row:
+        """Return one line."""
+        names = self.names
+        if y < len(names):
+            return self._line(names[y])
+        if y == len(names):
+            return self._message()
+        if y == len(names) + 1:
+            keys = "enter: type bytes · s: again · →: byte by byte · b: the cable is pulled"
+            return row((clip(keys, self.line_width), "dim"))
+        return EMPTY
+
+    def _line(self, name: str) -> Row:
+        chosen = name == self.chosen
+        parts: list[Part] = [("▸ " if chosen else "  ", "key"), (pad(clip(plain(name), 12), 13), "strong")]
+        snapshot = self._scene.snapshot
+        buffer = snapshot.combuffer(name) if snapshot is not None else None
+        if buffer is not None:
+            parts += _filled(buffer)
+        style = self.cursor_style(chosen)
+        return row(*parts, style=style)
+
+    def _message(self) -> Row:
+        payload, gone = self._fed.get(self.chosen, (b"", 0))
+        if not payload:
+            return row(("  nothing was fed yet", "dim"))
+        room = max(4, (self.line_width - 26) // 3)
+        first = max(0, min(gone - room // 2, len(payload) - room))
+        before, after = payload[first:gone].hex(" "), payload[gone : first + room].hex(" ")
+        lead, tail = "…" * (first > 0), "…" * (first + room < len(payload))
+        told = f"  {gone} of {len(payload)} B fed"
+        parts: list[Part] = [("  last  ", "dim"), (lead + before, ""), (GONE, "key")]
+        return row(*parts, (after + tail, "ghost"), (told, "dim"))
+
+    # -- what is fed -------------------------------------------------------------------------------------
+
+    def heard(self, submit: Callable[[str], None]) -> Callable[[str], None]:
+        """Return `submit`, listening for bytes that are fed from the prompt."""
+
+        def say(line: str) -> None:
+            self._hear(line)
+            submit(line)
+
+        return say
+
+    def _hear(self, line: str) -> None:
+        if not line.startswith(f"{FEED} "):
+            return
+        from trcvtui.rig.commands.table import parse_line  # read when the first line is fed
+
+        try:
+            command = parse_line(line, self._scene.project, FEED)
+        except UserError:
+            return  # the engine says what is wrong
+        if isinstance(command, FeedLine) and command.payload and len(command.payload) <= LONGEST:
+            self._fed[command.buffer] = command.payload, len(command.payload)
+            self.show()
+
+    def action_type(self) -> None:
+        """Open the prompt for the bytes."""
+        if self.chosen:
+            self._actions.open_prompt(f"{FEED} {self.chosen} hex ")
+
+    def action_again(self) -> None:
+        """Feed the last message once more."""
+        payload, _ = self._fed.get(self.chosen, (b"", 0))
+        self._feed(payload, len(payload))
+
+    def action_piece(self) -> None:
+        """Feed the next byte of the message; after its end it begins anew."""
+        payload, gone = self._fed.get(self.chosen, (b"", 0))
+        place = gone % len(payload) if payload else 0
+        self._feed(payload, place + 1, place)
+
+    def action_back(self) -> None:
+        """Begin anew with the first byte."""
+        payload, _ = self._fed.get(self.chosen, (b"", 0))
+        self._fed[self.chosen] = payload, 0
+        self.show()
+
+    def _feed(self, payload: bytes, stop: int, start: int = 0) -> None:
+        if not payload:
+            self.action_type()
+            return
+        self._fed[self.chosen] = payload, stop
+        self._actions.submit(f"{FEED} {self.chosen} hex {payload[start:stop].hex(' ')}")
+        self.show()
+
+    def action_break(self) -> None:
+        """Pull the cable: a frame that is half here has no end."""
+        if self.chosen:
+            self._actions.submit(f"{FEED} {self.chosen} break")
+
+    def action_move(self, rows: int) -> None:
+        """Choose another line."""
+        self._cursor = max(0, min(len(self.names) - 1, self._cursor + rows))
+        self.show()
+
+
+def _filled(buffer: ComBufferSnapshot) -> list[Part]:
+    full, empty = bar(buffer.count, buffer.size, FED_BAR)
+    return [
+        (f"{source_words(buffer)}  ", "dim"), (full, "busy"), (empty, "faint"),
+        (f" {buffer.count}/{buffer.size} B", ""), (f"  {buffer.arrived} B arrived", "dim"),
+        (f"  {buffer.lost} lost" if buffer.lost else "", "error"),
+    ]  # fmt: skip

@@ -1,0 +1,354 @@
+"""Panes 3 and 4: STATUS, why it is shown and what to check next; every change before it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from textual import events
+
+from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.plc.snapshot import InstanceSnapshot
+from trcvtui.project.connect_view import WARNING, security_of
+from trcvtui.tui.formatting import GLOW, ON, cells, clip, lamp, moment, plain, status_word, wrapped
+from trcvtui.tui.messages import EdgeSelected, PaneActions
+from trcvtui.tui.view_model.explain import Explainer, why
+from trcvtui.tui.view_model.view_model import DONE, ERROR, ViewModel
+from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
+
+WORD: Final = 14  # at least; wider where a condition or a lamp is
+LAMP: Final = 7
+LEAST_CONDITION, MOST_CONDITION = 19, 32  # columns; `waiting for a frame` is never cut
+CURSOR: Final = "▸"
+LEAST_WHY: Final = 10  # characters; less would say nothing
+
+
+class StatusHistory(LineView):
+    """The STATUS edges of the selected instance. A chosen edge stays chosen while newer ones come in."""
+
+    KEYS: ClassVar = (("↑↓", "explain an edge"), ("!", "ERROR"), ("/", "code"), ("esc", "now"))
+    BINDINGS: ClassVar = [
+        ("exclamation_mark", "error_before", "the ERROR before"),
+        ("slash", "ask_code", "find a code"),
+        ("escape", "now", "back to now"),
+    ]
+
+    def __init__(self, scene: ViewModel, actions: PaneActions, digit: int = 4) -> None:
+        super().__init__(id="history")
+        self._digit = digit
+        self._scene = scene
+        self._actions = actions
+        self._edges: list[Line] = []
+        self._chosen: int | None = None
+        self._word, self._lamp = WORD, LAMP
+
+    def show(self) -> None:
+        """Repaint what changed; a view that is scrolled into the past stays on its edges."""
+        before = self._edges[0].seq if self._edges else 0
+        self._edges = list(reversed(self._scene.history.of(self._scene.selected)))
+        self._measure(before)
+        self.set_title(self._digit, "History", self._detail())
+        if self.scroll_offset.y:
+            fresh = sum(1 for line in self._edges[:64] if line.seq > before) if before else 0
+            self.resize_rows()
+            if fresh:
+                self.scroll_to(y=self.scroll_offset.y + fresh, animate=False)
+        super().show()
+
+    def _measure(self, known: int) -> None:
+        """Widen the columns for the edges that have come since this one."""
+        for line in self._edges:
+            if line.seq <= known:
+                break
+            if isinstance(line.event, StatusEdge):
+                self._word = max(self._word, len(self._label(line.event)))
+                self._lamp = max(self._lamp, len(_lamp(line.event)))
+
+    def _detail(self) -> str:
+        if not self._scene.history.skipped:
+            return ""
+        return f"{self._scene.history.skipped} lines came too fast for this list"
+
+    def _label(self, edge: StatusEdge) -> str:
+        condition = self._scene.project.dialect.label(edge.condition)
+        return f"{status_word(edge.outputs.status)} {clip(condition, self._condition_width())}"
+
+    def _condition_width(self) -> int:
+        """Return how wide a condition may be: the reason has the greater part of the line."""
+        return max(LEAST_CONDITION, min(MOST_CONDITION, self.line_width - 65))
+
+    def row_count(self) -> int:
+        """Return the number of edges and the head."""
+        return len(self._edges) + 1
+
+    def row_at(self, y: int) -> Row:
+        """Return the head or one edge."""
+        if y == 0:
+            return self._head()
+        line = self._edges[y - 1]
+        if not isinstance(line.event, StatusEdge):
+            return EMPTY
+        style = "cursor" if line.seq == self._chosen else ""
+        return row(*self._edge(line, line.event), style=style)
+
+    def _widths(self) -> tuple[int, int]:
+        """Return the widths of scan and time, as wide as the newest edge needs."""
+        newest = self._edges[0] if self._edges else None
+        if newest is None:
+            return 5, 7
+        return max(5, len(str(newest.scan))), max(7, len(moment(newest.t_ns)))
+
+    def _head(self) -> Row:
+        scan, time = self._widths()
+        why = "why" if self._room() >= LEAST_WHY else ""
+        outputs = f"{'STATUS':<{self._word}}  {'lamp':<{self._lamp}}"
+        return row((f" {'scan':>{scan}}  {'t in s':>{time}}  {outputs}  {why}", "dim"))
+
+    def _room(self) -> int:
+        """Return how many characters the reason may have."""
+        return self.line_width - sum(self._widths()) - self._word - self._lamp - 9
+
+    def _edge(self, line: Line, edge: StatusEdge) -> list[Part]:
+        scan, time = self._widths()
+        style = edge.outputs.lit
+        room = self._room()
+        reason = clip(plain(why(edge)), room) if room >= LEAST_WHY else ""
+        return [
+            (CURSOR if line.seq == self._chosen else " ", "key"),
+            (f"{line.scan:>{scan}}  {moment(line.t_ns):>{time}}  ", "dim"),
+            (self._label(edge).ljust(self._word + 2), style),
+            (_lamp(edge).ljust(self._lamp + 2), style),
+            (reason, "warn" if edge.cause.injected else "dim"),
+        ]
+
+    # -- choosing -----------------------------------------------------------------------------------
+
+    def action_move(self, rows: int) -> None:
+        """Choose an older or a newer edge; above the newest stands the present."""
+        here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
+        self._choose(min(len(self._edges) - 1, here + rows))
+
+    def action_error_before(self) -> None:
+        """Choose the next older ERROR; after the oldest comes the newest."""
+        here = next((y for y, line in enumerate(self._edges) if line.seq == self._chosen), -1)
+        errors = [
+            y for y, e in enumerate(self._edges) if isinstance(e.event, StatusEdge) and e.event.outputs.error
+        ]
+        if errors:
+            self._choose(next((y for y in errors if y > here), errors[0]))
+        else:
+            self._actions.complain(f"no ERROR in what is known of {plain(self._scene.selected)}")
+
+    def action_ask_code(self) -> None:
+        """Ask for the code to find; the timing pane looks for it, and this one follows."""
+        self._actions.open_prompt("find ")
+
+    def action_now(self) -> None:
+        """Go back to the present."""
+        self._choose(-1)
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the edge under the mouse."""
+        place = self.place_of(event)
+        if place is not None and place[1] <= len(self._edges):
+            self._choose(place[1] - 1)
+
+    def _choose(self, y: int) -> None:
+        self._chosen = self._edges[y].seq if y >= 0 else None
+        self.resize_rows()
+        self.keep_in_view(y + 1 if y >= 0 else 0)
+        self.post_message(EdgeSelected(self._chosen, self.chosen()))
+        self.show()
+
+    def point_at(self, seq: int | None) -> None:
+        """Follow a choice that was made in another pane; an edge older than this list leaves it alone."""
+        if seq == self._chosen:
+            return
+        y = next((y for y, line in enumerate(self._edges) if line.seq == seq), -1)
+        self._chosen = seq if y >= 0 else None
+        self.keep_in_view(y + 1 if y >= 0 else 0)
+        self.show()
+
+    def forget(self) -> None:
+        """Another instance was selected: back to the present."""
+        self._chosen = None
+        self._edges, self._word, self._lamp = [], WORD, LAMP
+        self.scroll_to(y=0, animate=False)
+
+    def chosen(self) -> Line | None:
+        """Return the chosen edge."""
+        return next((line for line in self._edges if line.seq == self._chosen), None)
+
+
+def _lamp(edge: StatusEdge) -> str:
+    if edge.outputs.error and edge.outputs.done:  # a frame that had no end in its size
+        return (
+            f"{ON} DONE {edge.outputs.rcvd_len} B, ERROR"
+            if edge.outputs.rcvd_len is not None
+            else f"{ON} DONE, ERROR"
+        )
+    if edge.outputs.error:
+        return f"{ON} ERROR"
+    if edge.outputs.done:
+        return f"{ON} DONE {edge.outputs.rcvd_len} B" if edge.outputs.rcvd_len is not None else f"{ON} DONE"
+    return f"{ON} BUSY" if edge.outputs.busy else ""
+
+
+if TYPE_CHECKING:
+    from trcvtui.rig.diagnosis.advice import Advice
+    from trcvtui.rig.diagnosis.data_view import Offer
+
+LABEL: Final = 6
+
+
+class StatusCard(LineView):
+    """The STATUS of the selected instance, or of an edge of its past that the history points at."""
+
+    def keys(self) -> tuple[tuple[str, str], ...]:
+        """Return the way back to now, while an edge of the past is explained."""
+        return (("esc", "now"),) if self._past is not None else ()
+
+    def __init__(self, scene: ViewModel, digit: int = 3) -> None:
+        super().__init__(id="status")
+        self._digit = digit
+        self._scene = scene
+        self._explainer = Explainer(scene)
+        self._past: Line | None = None
+        self._rows: list[Row] = []
+        self._whole = 0
+
+    def offer(self) -> Offer | None:
+        """Return the layout in which DATA would take what came, None where nothing speaks for one."""
+        return self._explainer.offer()
+
+    @property
+    def least_rows(self) -> int:
+        """Return the lines from the STATUS word to the last `next`: less would cut the advice."""
+        return self._whole
+
+    def point_at(self, line: Line | None) -> None:
+        """Explain this edge of the past; None: the present."""
+        self._past = line
+        self.show()
+
+    def show(self) -> None:
+        """Repaint what changed."""
+        self.set_title(self._digit, "STATUS", f"scan {self._past.scan}, in the past" if self._past else "")
+        self._whole = 0
+        self._rows = self._card()
+        self._whole = self._whole or len(self._rows)
+        super().show()
+
+    def row_count(self) -> int:
+        """Return the number of lines of the card."""
+        return len(self._rows)
+
+    def row_at(self, y: int) -> Row:
+        """Return one line of the card."""
+        return self._rows[y] if y < len(self._rows) else EMPTY
+
+    def _card(self) -> list[Row]:
+        instance = self._scene.instance
+        if instance is None:
+            return self._nothing()
+        if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
+            when = f"in scan {self._past.scan}, at {moment(self._past.t_ns)} s"
+            return self._rows_for(edge, when, self._explainer.then(self._past, edge), [])
+        told = self._explainer.now(instance)
+        when = f"since scan {instance.since_scan}"
+        return self._rows_for(instance, when, told, self._lamps(instance), self._warnings(instance))
+
+    def _warnings(self, instance: InstanceSnapshot) -> Sequence[str]:
+        """Return what will go wrong with the framing of a block on a ComBuffer."""
+        if instance.framer is None or self._scene.snapshot is None:
+            return ()
+        from trcvtui.rig.diagnosis.serial import warnings_of  # read when the first framer is here
+
+        return warnings_of(self._scene.snapshot, self._scene.project, instance.name)
+
+    def _nothing(self) -> list[Row]:
+        if self._scene.project.instances or self._scene.picture is None:
+            return [row(("waiting for the first scan", "dim"))]
+        texts = (
+            "no instance is on this bench",
+            "next  press A, then enter: TRCV_C_1 with a CONNECT at 127.0.0.1 and its DATA",
+            "then  t raises CONT: it listens. n raises EN_R: it receives. Who then sends makes a DONE",
+        )
+        width = max(20, self.line_width)
+        return [row((line, "dim")) for text in texts for line in wrapped(text, width)]
+
+    def _rows_for(
+        self,
+        shown: InstanceSnapshot | StatusEdge,
+        when: str,
+        told: Advice,
+        lamps: list[Part],
+        warnings: Sequence[str] = (),
+    ) -> list[Row]:
+        found = self._scene.project.dialect.row(shown.outputs.status, shown.block)
+        title = found.title if found else shown.condition
+        style = shown.outputs.lit or "strong"
+        flag = "ERROR  " if shown.outputs.error else ""
+        head: list[Part] = [
+            (f"{status_word(shown.outputs.status)}  ", style),
+            (flag, "error"),
+            (title, style),
+        ]
+        fits = sum(cells(text) for text, _ in head) + 2 + len(when) <= self.line_width
+        rows = [row(*head, (f"  {when}", "dim"))] if fits else [row(*head), row((when, "dim"))]
+        if sum(len(text) for text, _ in lamps) > self.line_width:
+            lamps, rest = lamps[:-1], lamps[-1:]
+            rows += [row(*lamps), row(*rest)]
+        elif lamps:
+            rows.append(row(*lamps))
+        rows += self._paragraph("warn", warnings, "warn")
+        rows += self._paragraph("TLS", self._unsafe(shown), "error strong")
+        rows += self._paragraph("why", [told.why], "warn" if shown.cause.injected else "")
+        rows += self._paragraph("next", told.checks, "strong")
+        self._whole = len(rows)
+        label = "else" if told.checks else "next"
+        if told.code is not None:  # the last attempt's row says more than "connecting"
+            found = self._scene.project.dialect.row(told.code, shown.block) or found
+            label = f"{told.code:04X}"
+        if found is not None:
+            rows += self._paragraph(label, found.checks_of(shown.block), "dim")
+            rows += self._paragraph("means", found.causes_of(shown.block), "dim")
+        return rows
+
+    def _unsafe(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
+        project = self._scene.project
+        name = shown.name if isinstance(shown, InstanceSnapshot) else shown.instance
+        decl = project.instance(name)
+        found = security_of(project.connect(decl.connect)) if decl is not None else None
+        return [WARNING] if found is not None and found.is_unsafe else []
+
+    def _paragraph(self, label: str, texts: Sequence[str], style: str) -> list[Row]:
+        rows: list[Row] = []
+        for text in texts:
+            mark = "· " if len(texts) > 1 else ""
+            for number, line in enumerate(wrapped(text, self.line_width - LABEL - len(mark))):
+                shown = label if not rows else ""
+                lead = mark if number == 0 else " " * len(mark)
+                rows.append(row((shown.ljust(LABEL), "label"), (lead + line, style)))
+        return rows
+
+    def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
+        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        outputs = instance.outputs
+        parts: list[Part] = [(f"BUSY {lamp(outputs.busy)}   ", "busy" if outputs.busy else "faint")]
+        for name, on, style in ((DONE, outputs.done, "done"), (ERROR, outputs.error, "error")):
+            pulse = glow(instance.name, name, now)
+            if on or pulse is None:
+                parts.append((f"{name} {lamp(on)}   ", style if on else "faint"))
+                continue
+            what = f" {pulse.rcvd_len} B" if pulse.rcvd_len else ""
+            what = f" {status_word(pulse.status)}" if name == ERROR and pulse.status else what
+            parts.append((f"{name} {GLOW}{what} in scan {pulse.scan}   ", "glow"))
+        if (
+            instance.last_error_status is not None
+            and not instance.outputs.error
+            and not glow(instance.name, ERROR, now)
+        ):
+            last = f"last error {status_word(instance.last_error_status)} in scan {instance.last_error_scan}"
+            parts.append((plain(last), "dim"))
+        return parts

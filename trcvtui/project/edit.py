@@ -118,7 +118,7 @@ def read_entry(
     """Return the declaration of one table; raise UserError with all that is wrong with it.
 
     `content` holds TOML values, or the text of one as Given with the key as its path. `number` is its place
-    among its kind from 1 on, 0: behind the last one.
+    among its kind from 1 on, 0: after the last one.
     """
     problems: list[Problem] = []
     table = Table(content, where, problems)

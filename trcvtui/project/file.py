@@ -259,10 +259,10 @@ def read_project(
     top = Table(changed, where, problems)
     top.know(*KEYS, *also)
     top.finish()
-    return Reader(changed, where, base, problems).project(top)
+    return DocumentReader(changed, where, base, problems).project(top)
 
 
-class Reader:
+class DocumentReader:
     """One reading of one document; each part leaves its problems and something harmless."""
 
     def __init__(self, document: dict[str, Any], where: str, base: Path, problems: list[Problem]) -> None:

@@ -355,7 +355,7 @@ _DESCRIBED_ADDR: Final = replace(
             ask=Ask("0.0.0.0: a receiver writes it", first=LOCALHOST)),
         Key("rem_port_nr", None, "The partner's port, or @NAME.",
             ask=Ask("a port, or @NAME", _at("peer")), refers=_PEER_OR_UDP),
-        Key("reserved", None, "The two bytes behind them."),
+        Key("reserved", None, "The two bytes after them."),
         Key("RemotePort", None, "@NAME beside the bytes.", refers=_PEER_OR_UDP),
     ),
     also=_addr_arguments, head=lambda a: descriptions.addr_keys(a),

@@ -103,7 +103,7 @@ class PeerDecl:
 
     `source` is the local end of an active peer, where the file gives one. The rest is what the peer does by
     itself: connect again `reconnect_ns` after it was closed (0: never), say these messages in turn, one
-    every `every_ns`; a message is written as behind `peer P1 send`. `replies` are rules, written as behind
+    every `every_ns`; a message is written as after `peer P1 send`. `replies` are rules, written as after
     `peer P1 reply on`. With `udp` it receives datagrams at `end`
     and sends to `remote`, None: to whoever was heard last. `choice` is the layout of the device that it
     stands for, None in each field: as the PLC. With a `session` it speaks that on its connection.
@@ -126,7 +126,7 @@ class PeerDecl:
 
 @dataclass(frozen=True, slots=True)
 class MessageDecl:
-    """A named message, written as behind `peer P1 send`; with `peer` it is that one's alone."""
+    """A named message, written as after `peer P1 send`; with `peer` it is that one's alone."""
 
     name: str
     text: str

@@ -1,6 +1,6 @@
 """The text of a project file with more entries: comments, order, quotes and blanks stay as they are.
 
-Rule 1: an entry comes behind the last one of its kind, where tomlkit gives the text back as it was; else at
+Rule 1: an entry comes after the last one of its kind, where tomlkit gives the text back as it was; else at
 the end of the file, which is as good to the loader.
 Rule 2: what the new text says is compared with what it shall say; a text that differs never leaves this file.
 """
@@ -169,7 +169,7 @@ def _in_their_places(plain: str, decls: Sequence[Declaration]) -> str | None:
     for decl in decls:
         entries = document.get(kind_name(decl))
         if isinstance(entries, AoT) and len(entries):
-            _add_behind(entries, _table(decl))
+            _add_after(entries, _table(decl))
         else:
             new.append(decl)
     return _at_the_end(new)(document.as_string())
@@ -184,8 +184,8 @@ def _in_its_table(plain: str, constants: Mapping[str, int]) -> str | None:
     return document.as_string()
 
 
-def _add_behind(entries: AoT, table: Table) -> None:
-    """Append a table; what is behind the last one, from its first blank line on, is of what follows."""
+def _add_after(entries: AoT, table: Table) -> None:
+    """Append a table; what is after the last one, from its first blank line on, is of what follows."""
     from tomlkit.items import Comment, Whitespace
 
     body = entries[-1].value.body
@@ -193,10 +193,10 @@ def _add_behind(entries: AoT, table: Table) -> None:
     while start and isinstance(body[start - 1][1], Comment | Whitespace):
         start -= 1
     blank = next((n for n in range(start, len(body)) if isinstance(body[n][1], Whitespace)), len(body))
-    behind = body[blank:]
+    after = body[blank:]
     del body[blank:]
     body.append((None, Whitespace("\n")))
-    table.value.body.extend(behind)
+    table.value.body.extend(after)
     entries.append(table)
 
 

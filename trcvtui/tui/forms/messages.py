@@ -190,7 +190,7 @@ class UdtForm(FormDialog[str]):
 
     @property
     def payload(self) -> str:
-        """Return what stands behind `send udt`."""
+        """Return what stands after `send udt`."""
         return self._payload([field.written for field in self._fields])
 
     def _payload(self, members: list[str]) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "trcvtui"
 # Not mended yet: a name leaves with its second class, none comes in.
-NAMED_TWICE = ("PlcRun", "PlcStop")
+NAMED_TWICE: tuple[str, ...] = ()
 
 
 def modules_after(statement: str) -> set[str]:

@@ -21,7 +21,7 @@ from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.text import with_entries
 from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.history.pin_waveform import Waveform, WaveformCache
 from trcvtui.rig.history.waveform_text import row_names
 from trcvtui.rig.snapshots import EngineTiming
@@ -119,7 +119,7 @@ def test_its_call_is_written_as_st(project: Project) -> None:
 
 
 def test_it_is_called_and_its_waves_have_its_pins(project: Project) -> None:
-    console = Console(fresh_bench(project, "sim"))
+    console = Controller(fresh_bench(project, "sim"))
     for scan in range(1, 7):
         if scan == 4:
             console.take(scan, "set B1 REQ=0")

@@ -181,10 +181,10 @@ def test_a_pulled_cable_ends_the_frame_and_the_port_is_found_again(line: Line) -
 def test_a_stopped_plc_gives_the_port_back(line: Line) -> None:
     line.plug()
     line.until(line.is_up)
-    line.bench.runtime.submit(commands.PlcStop())
+    line.bench.runtime.submit(commands.StopPlc())
     line.scan()
     assert not line.is_up()
-    line.bench.runtime.submit(commands.PlcRun())
+    line.bench.runtime.submit(commands.RunPlc())
     line.until(line.is_up)
 
 

@@ -18,7 +18,7 @@ from trcvtui.net.kernel import CALLS
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.timing import Punctuality
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
@@ -188,7 +188,7 @@ def pairs() -> dict[str, object]:
 
 def test_self_checking_traffic_keeps_the_memory_flat() -> None:
     """The console of the engine scans, keeps its histories, and draws a picture now and then."""
-    console = Console(fresh_bench(read_project(pairs(), "traffic", Path()), "sim"))
+    console = Controller(fresh_bench(read_project(pairs(), "traffic", Path()), "sim"))
     peers, timing, seq = list(console.bench.peers), Punctuality("soak"), 0
     sizes: dict[int, int] = {}
     frames = 0

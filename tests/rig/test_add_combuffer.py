@@ -10,20 +10,20 @@ from trcvtui.errors import UserError
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.commands.table import parse_line, to_line
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.snapshots import EngineTiming
 
 EMPTY = 'dialect = "twincat"\n'
 
 
-def desk(folder: Path) -> Console:
+def desk(folder: Path) -> Controller:
     """Return a console on a project with nothing in it."""
     file = folder / "empty.toml"
     file.write_text(EMPTY, encoding="utf-8")
-    return Console(fresh_bench(load_project(file), "sim"))
+    return Controller(fresh_bench(load_project(file), "sim"))
 
 
-def do(console: Console, *lines: str) -> None:
+def do(console: Controller, *lines: str) -> None:
     """Carry lines out and let one scan pass."""
     for number, line in enumerate(lines):
         console.take(number, line)

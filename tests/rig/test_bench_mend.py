@@ -8,7 +8,7 @@ import pytest
 
 from trcvtui.project.file import load_project
 from trcvtui.rig.commands.table import parse_line, to_line
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.scenario.command import run_files
 from trcvtui.rig.scenario.scenario import load_bench, load_scenario
 
@@ -59,7 +59,7 @@ class Desk:
     def __init__(self, path: Path, text: str = PROJECT) -> None:
         path.write_text(text, encoding="utf-8")
         self.path = path
-        self.console = Console(fresh_bench(load_bench(path), "sim"))
+        self.console = Controller(fresh_bench(load_bench(path), "sim"))
         self.scan()
 
     def scan(self, scans: int = 1) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from trcvtui.project.file import load_project
 from trcvtui.rig.commands.table import parse_line
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.scenario.command import run_files
 from trcvtui.rig.scenario.scenario import load_bench, load_scenario
 
@@ -52,7 +52,7 @@ class Desk:
     """A simulated bench and its lines."""
 
     def __init__(self, path: Path) -> None:
-        self.console = Console(fresh_bench(load_bench(path), "sim"))
+        self.console = Controller(fresh_bench(load_bench(path), "sim"))
         self.console.scan()
 
     def answer(self, line: str) -> str:

@@ -11,17 +11,17 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.net.results import Endpoint
 from trcvtui.project.file import load_project
 from trcvtui.rig.commands.table import parse_line, to_line
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.scenario.scenario import load_bench
 
 
-def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> Console:
+def console(tmp_path: Path, dialect: str = "baosky", kernel: str = "sim", more: str = "") -> Controller:
     path = tmp_path / "new.toml"
     path.write_text(f'dialect = "{dialect}"\n{more}', encoding="utf-8")
-    return Console(fresh_bench(load_bench(path), kernel))
+    return Controller(fresh_bench(load_bench(path), kernel))
 
 
-def do(bench: Console, *lines: str) -> str:
+def do(bench: Controller, *lines: str) -> str:
     for line in lines:
         bench.take(1, line)
         assert bench._answers[-1].error == "", bench._answers[-1]

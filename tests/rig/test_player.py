@@ -11,7 +11,7 @@ import pytest
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIM_ONLY, play
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.driver import EngineDriver, start_engine
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.player import MOST_STEPS
@@ -255,8 +255,8 @@ def test_a_wrong_file_is_one_line_and_the_present_bench_stays(
 
 
 def test_a_peer_without_a_free_port_brings_the_opened_project_back(tmp_path: Path) -> None:
-    first = Console(fresh_bench(load_project(PASSIVE), "live"))
-    second = Console(fresh_bench(load_project(PASSIVE), "live"))
+    first = Controller(fresh_bench(load_project(PASSIVE), "live"))
+    second = Controller(fresh_bench(load_project(PASSIVE), "live"))
     try:
         free = scenario(tmp_path, "run 1")
         text = free.read_text(encoding="utf-8")
@@ -276,7 +276,7 @@ def test_a_peer_without_a_free_port_brings_the_opened_project_back(tmp_path: Pat
 
 
 def test_a_bench_that_is_left_behind_keeps_no_socket() -> None:
-    console = Console(fresh_bench(load_project(PASSIVE), "live"))
+    console = Controller(fresh_bench(load_project(PASSIVE), "live"))
     left = [console.bench]
     for line in (f"scenario load {FIN} live", f"scenario load {FIN} live", "scenario stop"):
         console.take(1, line)

@@ -11,7 +11,7 @@ from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
 from trcvtui.cli import main
 from trcvtui.dialects import DIALECTS
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.engine.controller import Console
+from trcvtui.rig.engine.controller import Controller
 from trcvtui.rig.scenario import race as racing
 from trcvtui.rig.scenario.race import (
     Cell,
@@ -217,7 +217,7 @@ def test_rows_and_notes_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_what_was_done_on_a_bench_can_be_raced(tmp_path: Path) -> None:
     project = load_bench(CONFIGS / "passive.toml")
-    console = Console(Bench(project, "sim"))
+    console = Controller(Bench(project, "sim"))
     for number, line in enumerate(RECEIVE.split("\n")):
         if line.startswith("run "):
             for _ in range(int(line.removeprefix("run "))):

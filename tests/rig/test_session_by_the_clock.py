@@ -10,7 +10,7 @@ import pytest
 from trcvtui.cli import main
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.peers.peer import next_due
 from trcvtui.rig.scenario.race import race_file
 from trcvtui.rig.scenario.recorded_session import Seen
@@ -49,13 +49,13 @@ def project(tmp_path: Path) -> Path:
     return file
 
 
-def drifting(console: Console, scans: int, interval_ns: int = 10 * MS + LATE) -> None:
+def drifting(console: Controller, scans: int, interval_ns: int = 10 * MS + LATE) -> None:
     """Let scans pass whose times drift away from their numbers, as behind overruns."""
     for _ in range(scans):
         console.scan(console.bench.runtime.scans * interval_ns)
 
 
-def answers(console: Console, *lines: str) -> list[str]:
+def answers(console: Controller, *lines: str) -> list[str]:
     for line in lines:
         console.take(1, line)
     picture = console.picture(UpdateRequest(), EngineTiming(), 10)
@@ -63,7 +63,7 @@ def answers(console: Console, *lines: str) -> list[str]:
 
 
 def test_late_scans_do_not_add_up_to_a_drift_of_what_a_peer_says(project: Path) -> None:
-    console = Console(fresh_bench(load_project(project), "live"))
+    console = Controller(fresh_bench(load_project(project), "live"))
     spoken = []
     for number in range(1, 301):  # each scan up to 0.6 ms late, no later one more than an early one
         before = console.bench.peer_snapshots()[0].messages_sent
@@ -84,7 +84,7 @@ def test_what_was_missed_is_not_made_up_for() -> None:
 def test_a_session_on_real_sockets_whose_peer_acts_by_the_clock_holds_again(
     project: Path, tmp_path: Path
 ) -> None:
-    console, file = Console(fresh_bench(load_project(project), "live")), tmp_path / "saved.toml"
+    console, file = Controller(fresh_bench(load_project(project), "live")), tmp_path / "saved.toml"
     drifting(console, 150)
     assert answers(console, "peer P1 close") == [""]
     drifting(console, 120)
@@ -97,7 +97,7 @@ def test_a_session_on_real_sockets_whose_peer_acts_by_the_clock_holds_again(
 def test_a_session_whose_peer_is_told_what_to_send_expects_every_frame(tmp_path: Path) -> None:
     project, file = tmp_path / "told.toml", tmp_path / "saved.toml"
     project.write_text(BENCH)
-    console = Console(fresh_bench(load_project(project), "live"))
+    console = Controller(fresh_bench(load_project(project), "live"))
     drifting(console, 6)
     answers(console, "peer P1 connect")
     drifting(console, 6)
@@ -123,7 +123,7 @@ def test_each_stretch_of_frames_ends_in_anything_and_an_error_between_them_stays
 def test_a_partner_outside_the_bench_is_named_and_nothing_is_expected_of_it(tmp_path: Path) -> None:
     project, file = tmp_path / "told.toml", tmp_path / "saved.toml"
     project.write_text(BENCH)
-    console = Console(fresh_bench(load_project(project), "live"))
+    console = Controller(fresh_bench(load_project(project), "live"))
     drifting(console, 6)
     port = int(console.bench.runtime.snapshot().connections[0].local.rpartition(":")[2])
     with socket.create_connection(("127.0.0.1", port)) as outside:

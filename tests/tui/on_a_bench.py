@@ -10,7 +10,7 @@ from textual.pilot import Pilot
 from tests.tui.fakes import FakeDriver, bench_project
 from tests.tui.looking import WIDE, Looker
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.tui.app import BenchApp
 
@@ -22,7 +22,7 @@ class BenchDriver(FakeDriver):
 
     def __init__(self) -> None:
         super().__init__()
-        self.console = Console(fresh_bench(bench_project(), "sim"))
+        self.console = Controller(fresh_bench(bench_project(), "sim"))
         self._request: UpdateRequest | None = None
 
     def do(self, *lines: str) -> None:

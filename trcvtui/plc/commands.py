@@ -45,12 +45,12 @@ class WriteData:
 
 
 @dataclass(frozen=True, slots=True)
-class PlcStop:
+class StopPlc:
     """CPU STOP: blocks are not called, connections close, STATUS 0000, outputs FALSE."""
 
 
 @dataclass(frozen=True, slots=True)
-class PlcRun:
+class RunPlc:
     """CPU RUN: fresh instances; inputs and DATA keep their values."""
 
 
@@ -124,8 +124,8 @@ Command = (
     | PulseInput
     | BlinkInput
     | WriteData
-    | PlcStop
-    | PlcRun
+    | StopPlc
+    | RunPlc
     | CreateInstance
     | Declare
     | Redeclare

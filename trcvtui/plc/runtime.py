@@ -36,12 +36,12 @@ from trcvtui.plc.commands import (
     DownloadInstance,
     FeedBuffer,
     Part,
-    PlcRun,
-    PlcStop,
     PulseInput,
     Redeclare,
     ResizeData,
+    RunPlc,
     SetInput,
+    StopPlc,
     Withdraw,
     WriteData,
 )
@@ -326,9 +326,9 @@ class Runtime:
             case WriteData(name, offset, payload):
                 self._data[name].write(offset, payload)
                 self.ledger.write(BenchNote(name, "written", f"{len(payload)} bytes at {offset}"))
-            case PlcStop():
+            case StopPlc():
                 self._stop()
-            case PlcRun():
+            case RunPlc():
                 self._run()
             case CreateInstance(decl, place):
                 self._create(decl, place)

@@ -14,7 +14,7 @@ from trcvtui.rig.diagnosis.advice import RULES, Advice, Moves, advice_on
 from trcvtui.rig.diagnosis.evidence import NOTHING_KNOWN, evidence_then
 from trcvtui.rig.history.records import Moment
 from trcvtui.rig.scenario.scenario import load_scenario
-from trcvtui.rig.scenario.step_runner import Stage
+from trcvtui.rig.scenario.step_runner import StepRunner
 
 # scenario, condition, block, what why says, what the first check that knows says
 SITUATIONS = [
@@ -68,7 +68,7 @@ def played(name: str) -> tuple[Bench, tuple[Line, ...]]:
     """Play a scenario; return its bench and what its ledger has."""
     scenario = load_scenario(CONFIGS / "scenarios" / "siemens" / f"{name}.toml")
     bench = Bench(scenario.project, "sim")
-    stage = Stage(bench)
+    stage = StepRunner(bench)
     for step in (*scenario.start, *scenario.steps):
         for _ in stage.take(step):
             bench.step()

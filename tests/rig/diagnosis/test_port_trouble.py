@@ -16,7 +16,7 @@ from trcvtui.rig.commands.words import Step
 from trcvtui.rig.diagnosis.advice import Advice, advice_on
 from trcvtui.rig.diagnosis.evidence import evidence_now
 from trcvtui.rig.diagnosis.serial import warnings_of
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.scenario.runner import Runner, VirtualPace
 from trcvtui.rig.snapshots import EngineTiming
 from trcvtui.rig.wording import port_away, port_hint
@@ -71,7 +71,7 @@ def do(bench: Bench, line: str) -> None:
 
 def why(bench: Bench, name: str) -> Advice:
     """Return what is told about an instance."""
-    picture = Console(bench).picture(UpdateRequest(), EngineTiming(), 0)
+    picture = Controller(bench).picture(UpdateRequest(), EngineTiming(), 0)
     evidence = evidence_now(picture, bench.project, name)
     assert evidence is not None
     return advice_on(evidence)

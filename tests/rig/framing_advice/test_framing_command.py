@@ -9,7 +9,7 @@ import pytest
 
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.snapshots import Answer, EngineTiming
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -47,25 +47,25 @@ TxBuffer = "RX2"
 """
 
 
-def desk(file: Path) -> Console:
+def desk(file: Path) -> Controller:
     """Return a console on a simulated bench."""
-    return Console(fresh_bench(load_project(file), "sim"))
+    return Controller(fresh_bench(load_project(file), "sim"))
 
 
 @pytest.fixture
-def plain(tmp_path: Path) -> Console:
+def plain(tmp_path: Path) -> Controller:
     file = tmp_path / "plain.toml"
     file.write_text(PLAIN, encoding="utf-8")
     return desk(file)
 
 
-def say(console: Console, line: str) -> Answer:
+def say(console: Controller, line: str) -> Answer:
     """Return what is answered to a line."""
     console.take(1, line)
     return console.picture(UpdateRequest(), EngineTiming(), 0).answers[-1]
 
 
-def feed(console: Console, buffer: str, numbers: range) -> None:
+def feed(console: Controller, buffer: str, numbers: range) -> None:
     """Let lines arrive, one each 200 ms."""
     for number in numbers:
         assert say(console, f'feed {buffer} text "\\x02code {number * 37}\\r\\n"').error == ""
@@ -99,7 +99,7 @@ def test_a_proposal_that_is_applied_writes_the_marks_and_the_next_frame_comes_so
     assert (out.done, out.rcvd_len, console.bench.runtime.data("rx", 10)) == (True, 10, b"\x024006381\r\n")
 
 
-def test_where_no_variable_holds_the_marks_new_ones_do_and_a_larger_data_the_frame(plain: Console) -> None:
+def test_where_no_variable_holds_the_marks_new_ones_do_and_a_larger_data_the_frame(plain: Controller) -> None:
     feed(plain, "RX", range(10, 20))
     assert say(plain, "framing RD apply 1").told.split("; ") == [
         "resize rx ARRAY[0..10] OF BYTE",
@@ -118,7 +118,7 @@ def test_where_no_variable_holds_the_marks_new_ones_do_and_a_larger_data_the_fra
     assert plain.bench.runtime.data("rx") == b"\x02code 777\r\n"
 
 
-def test_a_receivestring_gets_its_marks_as_texts(plain: Console) -> None:
+def test_a_receivestring_gets_its_marks_as_texts(plain: Controller) -> None:
     feed(plain, "RX2", range(10, 20))
     assert say(plain, "framing RS apply 2").told.split("; ") == [
         "add data RS_suffix ARRAY[0..3] OF BYTE",
@@ -149,11 +149,11 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("line", "wrong"), MISTAKES, ids=[line for line, _ in MISTAKES])
-def test_a_mistake_is_one_line(plain: Console, line: str, wrong: str) -> None:
+def test_a_mistake_is_one_line(plain: Controller, line: str, wrong: str) -> None:
     assert say(plain, line).error == f"prompt: {wrong}"
 
 
-def test_where_nothing_fits_apply_says_so(plain: Console) -> None:
+def test_where_nothing_fits_apply_says_so(plain: Controller) -> None:
     say(plain, f"feed RX hex {random.Random(3).randbytes(40).hex(' ')}")
     plain.scan()
     assert say(plain, "framing RD apply 1").error == (
@@ -162,7 +162,7 @@ def test_where_nothing_fits_apply_says_so(plain: Console) -> None:
     )
 
 
-def test_a_number_behind_the_last_is_answered_with_those_there_are(plain: Console) -> None:
+def test_a_number_behind_the_last_is_answered_with_those_there_are(plain: Controller) -> None:
     feed(plain, "RX", range(10, 20))
     wrong = say(plain, "framing RD apply 9").error
     assert wrong.startswith("prompt: found proposal 9, expected one of 1, 2")
@@ -225,7 +225,7 @@ def test_a_mark_that_another_instance_has_too_is_left_as_it_is(tmp_path: Path) -
     assert again[:2] == ["write R1_prefix hex 02 00", "write R1_suffix hex 03 00"]  # these are its own
 
 
-def test_one_variable_at_both_pins_holds_a_mark_that_both_begins_and_ends(plain: Console) -> None:
+def test_one_variable_at_both_pins_holds_a_mark_that_both_begins_and_ends(plain: Controller) -> None:
     for number in range(12):
         body = random.Random(number).randbytes(4 + number % 5).replace(b"~", b"")
         say(plain, f"feed RX hex 7E {body.hex(' ')} 7E")
@@ -245,7 +245,7 @@ def test_one_variable_at_both_pins_holds_a_mark_that_both_begins_and_ends(plain:
     ]
 
 
-def test_what_receivedata_cannot_do_is_not_applied(plain: Console) -> None:
+def test_what_receivedata_cannot_do_is_not_applied(plain: Controller) -> None:
     for number, size in enumerate((3, 9, 5, 17, 9, 4, 11, 6, 5, 8, 12, 7)):
         body = random.Random(number).randbytes(size)
         say(plain, f"feed RX hex 00 07 00 00 00 {size:02X} {body.hex(' ')}")
@@ -256,7 +256,7 @@ def test_what_receivedata_cannot_do_is_not_applied(plain: Console) -> None:
     assert "cannot be set: ReceiveData has no length field" in answer.error
 
 
-def test_the_recording_of_a_combuffer_is_in_the_picture_that_asks_for_it(plain: Console) -> None:
+def test_the_recording_of_a_combuffer_is_in_the_picture_that_asks_for_it(plain: Controller) -> None:
     feed(plain, "RX", range(3))
     ((name, recording),) = plain.picture(UpdateRequest(recordings_of=("RX",)), EngineTiming(), 0).recordings
     assert (name, recording.size, [chunk.t_ns for chunk in recording.chunks]) == (

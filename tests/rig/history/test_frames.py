@@ -5,29 +5,29 @@ from __future__ import annotations
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow, Seek
 from trcvtui.rig.snapshots import EngineTiming
 
 MARKS = ("prefix RD hex 02", "suffix RD hex 0D 0A", "set RD Timeout=50")
 
 
-def line(*lines: str) -> Console:
+def line(*lines: str) -> Controller:
     """Return a simulated line with ReceiveData on it."""
-    console = Console(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
+    console = Controller(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
     for text in lines:
         fed(console, text, scans=0)
     return console
 
 
-def fed(console: Console, text: str, scans: int = 1) -> None:
+def fed(console: Controller, text: str, scans: int = 1) -> None:
     """Carry out a command and let scans pass."""
     console.take(0, text)
     for _ in range(scans):
         console.scan()
 
 
-def seen(console: Console, seek: Seek | None = None) -> HistoryWindow:
+def seen(console: Controller, seek: Seek | None = None) -> HistoryWindow:
     """Return the stream of the line."""
     asked = HistoryRequest("RX", 0, 8192, seek=seek)
     picture = console.picture(UpdateRequest(history=asked), EngineTiming(), 100)

@@ -9,7 +9,7 @@ import pytest
 from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.history.pin_waveform import Waveform, WaveformCache, Window
 from trcvtui.rig.history.waveform_text import ScanRange, drawn, plain_text, row_names, svg_text, vcd_text
 from trcvtui.rig.snapshots import EngineTiming
@@ -21,7 +21,7 @@ OUTPUTS = {"DataReceived": 1, "busy": 1, "Error": 16, "RxTimeout": 1, "LenReceiv
 @pytest.fixture
 def wave() -> Waveform:
     """Return the wave of an RD: a frame of 4 bytes, one that ends by a gap, one with no end in 16 bytes."""
-    console = Console(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
+    console = Controller(fresh_bench(load_project(CONFIGS / "twincat-line.toml"), "sim"))
     said = {
         1: ["prefix RD hex 02", "suffix RD hex 03", "set RD Timeout=50"],
         3: ["feed RX hex 02 41"],

@@ -8,7 +8,7 @@ from tests.rig.scenarios import CONFIGS
 from trcvtui.project.file import load_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import UpdateRequest
-from trcvtui.rig.engine.controller import Console
+from trcvtui.rig.engine.controller import Controller
 from trcvtui.rig.history.pin_waveform import PinWaveform, Waveform, WaveformCache
 from trcvtui.rig.snapshots import EngineTiming
 
@@ -42,7 +42,7 @@ class Run:
     """One console, driven by lines; `seen` is what a reader of every scan has noted."""
 
     def __init__(self) -> None:
-        self.console = Console(Bench(load_project(CONFIGS / "duplex.toml"), "sim"))
+        self.console = Controller(Bench(load_project(CONFIGS / "duplex.toml"), "sim"))
         self.seen: dict[str, PinsSeen] = {RECEIVER: {}, SENDER: {}}
         self.shelf = WaveformCache()
         self._number = 0

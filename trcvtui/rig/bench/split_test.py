@@ -44,7 +44,7 @@ class _Seen:
         return ", ".join(texts[:MOST_LENGTHS]) + ", …" * (len(texts) > MOST_LENGTHS)
 
 
-class SplitTrial:
+class SplitTest:
     """One trial on one bench; `snapshot` is the table as far as it has come."""
 
     def __init__(self, bench: Bench, command: TrySplits) -> None:
@@ -204,18 +204,18 @@ def trial_text(trial: TrialSnapshot) -> str:
     return "\n".join(lines) + "\n"
 
 
-class Trials:
+class SplitTests:
     """The trial of a screen, at most one at a time; it goes on with every scan that passes."""
 
     def __init__(self) -> None:
-        self._trial: SplitTrial | None = None
+        self._trial: SplitTest | None = None
         self._under_way: Iterator[None] = iter(())
 
     def begin(self, bench: Bench, command: TrySplits) -> str:
         """Begin a trial; return what is wrong, or ""."""
         if self._trial is not None and self._trial.is_running:
             return f"a trial is running; `peer {command.peer} try-splits stop` ends it"
-        self._trial = SplitTrial(bench, command)
+        self._trial = SplitTest(bench, command)
         self._under_way = self._trial.run()
         next(self._under_way, None)
         return ""

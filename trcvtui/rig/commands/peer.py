@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, NamedTuple, Protocol
 
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import Problem, UserError
@@ -568,14 +568,67 @@ def _read_says(decl: PeerDecl, project: Project, where: str, problems: list[Prob
 
 # -- every verb ----------------------------------------------------------------------------------------------
 
-SIMPLE: Final[dict[str, Callable[[str], BenchCommand]]] = {
-    "connect": PeerConnect,
-    "listen": PeerListen,
-    "close": PeerClose,
-    "rst": PeerRst,
-    "shutdown": PeerShutdown,
-    "stall": PeerStall,
-    "resume": PeerResume,
+
+class ActsOnPeer(Protocol):
+    """What the rows ask of a peer; each answers what is wrong, or ""."""
+
+    @property
+    def replies(self) -> ActsOnReplies:
+        """Return what the peer answers by itself."""
+
+    def connect(self, now: int) -> str:
+        """Try once."""
+
+    def listen(self) -> str:
+        """Open the listener."""
+
+    def close(self) -> str:
+        """Send FIN."""
+
+    def rst(self) -> str:
+        """Send RST."""
+
+    def shutdown(self) -> str:
+        """Send FIN, and go on reading."""
+
+    def stall(self) -> str:
+        """Stop reading."""
+
+    def resume(self) -> str:
+        """Read again."""
+
+    def send(self, command: PeerSend, now: int) -> str:
+        """Send a message."""
+
+    def play(self, command: PeerPlay, now: int) -> str:
+        """Play a sequence."""
+
+
+class ActsOnReplies(Protocol):
+    """What the rows ask of the rules by which a peer answers."""
+
+    def add(self, rule: ReplyOn) -> str:
+        """Take one more rule."""
+
+    def remove(self, number: int, peer: str) -> str:
+        """Forget a rule, or all of them (0)."""
+
+
+class SimpleVerb(NamedTuple):
+    """One row a word of a peer with nothing after it: its frozen command, and what the peer does."""
+
+    record: type[Any]
+    act: Callable[[ActsOnPeer, int], str]  # the peer, the time in ns
+
+
+SIMPLE: Final = {
+    "connect": SimpleVerb(PeerConnect, lambda peer, now: peer.connect(now)),
+    "listen": SimpleVerb(PeerListen, lambda peer, now: peer.listen()),
+    "close": SimpleVerb(PeerClose, lambda peer, now: peer.close()),
+    "rst": SimpleVerb(PeerRst, lambda peer, now: peer.rst()),
+    "shutdown": SimpleVerb(PeerShutdown, lambda peer, now: peer.shutdown()),
+    "stall": SimpleVerb(PeerStall, lambda peer, now: peer.stall()),
+    "resume": SimpleVerb(PeerResume, lambda peer, now: peer.resume()),
 }
 TALKS: Final[dict[str, Callable[[Words, Project, str], BenchCommand]]] = {
     "send": read_any_send,
@@ -609,4 +662,5 @@ def read_peer_command(words: Words, project: Project) -> BenchCommand:
         raise words.wrong(
             f"listen of the active peer '{peer.name}'", "connect, or a peer with active = false"
         )
-    return SIMPLE[verb](peer.name)
+    command: BenchCommand = SIMPLE[verb].record(peer.name)
+    return command

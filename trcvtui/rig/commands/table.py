@@ -23,7 +23,7 @@ from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.conditions import read_expect, read_prefix, read_suffix, read_wait, read_write
 from trcvtui.rig.commands.counters_and_checksums import DIGITS, NUMBERS, Fill
 from trcvtui.rig.commands.edit import add_line, read_add, read_remove, read_undo
-from trcvtui.rig.commands.peer import read_peer_command
+from trcvtui.rig.commands.peer import SIMPLE, ActsOnPeer, SimpleVerb, read_peer_command
 from trcvtui.rig.commands.reader import after, read_create, read_delete, read_download, read_resize
 from trcvtui.rig.commands.tokens import Words, quoted
 from trcvtui.rig.commands.words import BenchCommand, Contains, FieldIs, Match, Matches, Mend, Starts, Step
@@ -192,51 +192,6 @@ LONGEST_LINE: Final = 1_000_000
 LONGEST_SHOWN: Final = 60
 
 
-class ActsOnPeer(Protocol):
-    """What the rows ask of a peer; each answers what is wrong, or ""."""
-
-    @property
-    def replies(self) -> ActsOnReplies:
-        """Return what the peer answers by itself."""
-
-    def connect(self, now: int) -> str:
-        """Try once."""
-
-    def listen(self) -> str:
-        """Open the listener."""
-
-    def close(self) -> str:
-        """Send FIN."""
-
-    def rst(self) -> str:
-        """Send RST."""
-
-    def shutdown(self) -> str:
-        """Send FIN, and go on reading."""
-
-    def stall(self) -> str:
-        """Stop reading."""
-
-    def resume(self) -> str:
-        """Read again."""
-
-    def send(self, command: words.PeerSend, now: int) -> str:
-        """Send a message."""
-
-    def play(self, command: words.PeerPlay, now: int) -> str:
-        """Play a sequence."""
-
-
-class ActsOnReplies(Protocol):
-    """What the rows ask of the rules by which a peer answers."""
-
-    def add(self, rule: words.ReplyOn) -> str:
-        """Take one more rule."""
-
-    def remove(self, number: int, peer: str) -> str:
-        """Forget a rule, or all of them (0)."""
-
-
 class ActsOnBench(Protocol):
     """What the rows ask of the bench; each answers what is wrong, or ""."""
 
@@ -311,6 +266,17 @@ _MENDED: Final = tuple(
         (words.Undo, lambda c: "undo"),
     )
 )
+
+
+def _simple(verb: str, row: SimpleVerb) -> RecordRow:
+    """Return the row of a word of a peer with nothing after it."""
+    return RecordRow(
+        row.record,
+        lambda c: f"peer {c.peer} {verb}",
+        lambda bench, c: row.act(bench.peers[c.peer], bench.now),
+    )
+
+
 _PEER: Final = (
     RecordRow(words.PeerSend, send_line, lambda bench, c: bench.peers[c.peer].send(c, bench.now)),
     RecordRow(
@@ -318,29 +284,7 @@ _PEER: Final = (
         lambda c: f"peer {c.peer} play {c.name}",
         lambda bench, c: bench.peers[c.peer].play(c, bench.now),
     ),
-    RecordRow(
-        words.PeerConnect,
-        lambda c: f"peer {c.peer} connect",
-        lambda bench, c: bench.peers[c.peer].connect(bench.now),
-    ),
-    RecordRow(
-        words.PeerListen, lambda c: f"peer {c.peer} listen", lambda bench, c: bench.peers[c.peer].listen()
-    ),
-    RecordRow(
-        words.PeerClose, lambda c: f"peer {c.peer} close", lambda bench, c: bench.peers[c.peer].close()
-    ),
-    RecordRow(words.PeerRst, lambda c: f"peer {c.peer} rst", lambda bench, c: bench.peers[c.peer].rst()),
-    RecordRow(
-        words.PeerShutdown,
-        lambda c: f"peer {c.peer} shutdown",
-        lambda bench, c: bench.peers[c.peer].shutdown(),
-    ),
-    RecordRow(
-        words.PeerStall, lambda c: f"peer {c.peer} stall", lambda bench, c: bench.peers[c.peer].stall()
-    ),
-    RecordRow(
-        words.PeerResume, lambda c: f"peer {c.peer} resume", lambda bench, c: bench.peers[c.peer].resume()
-    ),
+    *(_simple(verb, row) for verb, row in SIMPLE.items()),
     RecordRow(
         words.ReplyOn,
         lambda c: f"peer {c.peer} reply on {rule_text(c)}",
@@ -418,8 +362,8 @@ ROWS: Final = (
         reader.read_plc,
         completion.only("stop", "run"),
         (
-            RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.PlcStop())),
-            RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.PlcRun())),
+            RecordRow(words.PlcStop, lambda c: "plc stop", lambda bench, c: bench.submit(commands.StopPlc())),
+            RecordRow(words.PlcRun, lambda c: "plc run", lambda bench, c: bench.submit(commands.RunPlc())),
         ),
     ),
     CommandRow(

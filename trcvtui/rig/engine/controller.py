@@ -19,7 +19,7 @@ from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
 from trcvtui.rig.bench.bench import KERNELS, Bench
 from trcvtui.rig.bench.conditions import found, holds
-from trcvtui.rig.bench.split_test import Trials
+from trcvtui.rig.bench.split_test import SplitTests
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.edit import ends_of, free_port, port_text
@@ -27,7 +27,7 @@ from trcvtui.rig.commands.edit import told as told_of
 from trcvtui.rig.commands.table import parse_line, to_line
 from trcvtui.rig.commands.words import Mend
 from trcvtui.rig.engine.project_edits import ProjectEdits
-from trcvtui.rig.engine.trigger_watch import Watching
+from trcvtui.rig.engine.trigger_watch import TriggerWatch
 from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.reader import HistoryReader
 from trcvtui.rig.history.received import JobHistory
@@ -135,7 +135,7 @@ def fresh_bench(project: Project, kernel: str) -> Bench:
     return bench
 
 
-class Console:
+class Controller:
     """The bench as the screen drives it. While `holding`, only the scans in `wanted` or of a step pass."""
 
     def __init__(self, bench: Bench) -> None:
@@ -143,11 +143,11 @@ class Console:
         self.player: Player | None = None
         self.holding = False
         self.wanted = 0
-        self._trials = Trials()
+        self._trials = SplitTests()
         self.session = Session(bench)
         self._received = JobHistory(bench, StreamIndex())
         self._history = HistoryReader(self._received)
-        self._watching = Watching(bench, self._received)
+        self._trigger_watch = TriggerWatch(bench, self._received)
         self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
@@ -176,7 +176,7 @@ class Console:
             if verb == SCENARIO:
                 return self._scenario(rest.strip())
             if verb == TRIGGER:
-                self._told = self._watching.arm(rest, "prompt")
+                self._told = self._trigger_watch.arm(rest, "prompt")
                 return ""
             if line == MARK:
                 return self._mark()
@@ -359,10 +359,10 @@ class Console:
         self.bench, self.player, self.session = bench, None, Session(bench)
         self._received = JobHistory(bench, StreamIndex())
         self._history = HistoryReader(self._received)
-        self._watching = Watching(bench, self._received)
+        self._trigger_watch = TriggerWatch(bench, self._received)
         self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
         self.holding, self.wanted = False, 0
-        self._trials = Trials()
+        self._trials = SplitTests()
         self._bench_number += 1
 
     # -- scans -----------------------------------------------------------------------------------------
@@ -382,7 +382,7 @@ class Console:
         self._waves.read(self.bench.project)
         self._received.scanned()
         self.session.scanned()
-        fired = self._watching.scanned()
+        fired = self._trigger_watch.scanned()
         if fired is not None and fired.holds:
             self.holding, self.wanted = True, 0
         if self.player is not None:
@@ -438,7 +438,7 @@ class Console:
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
         )
-        return self._watching.completed(picture, request.partial_of, since) if known else picture
+        return self._trigger_watch.completed(picture, request.partial_of, since) if known else picture
 
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger

@@ -20,9 +20,9 @@ from trcvtui.files import close_files
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench, enter_own_network
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.engine.controller import Console, fresh_bench
+from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.timing import Punctuality, be_punctual, quiet_collector
-from trcvtui.rig.engine.update_pipe import Courier
+from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.snapshots import EngineTiming
 
 
@@ -88,8 +88,8 @@ class Engine:
 
     def __init__(self, channel: Channel, bench: Bench) -> None:
         self._channel = channel
-        self._console = Console(bench)
-        self._courier = Courier(channel)
+        self._controller = Controller(bench)
+        self._pipe = UpdatePipe(channel)
         self._request: UpdateRequest | None = None
         self._gaps_waited = 0
         self._picture_ns = 0  # what the last picture took
@@ -122,11 +122,11 @@ class Engine:
 
     def _scan(self) -> None:
         began = clock.now_ns()
-        if self._console.scan(began - self._start if self._bench.kernel_name == "live" else None):
+        if self._controller.scan(began - self._start if self._bench.kernel_name == "live" else None):
             ended = clock.now_ns()
             self._timing.scanned(self._due, began, ended, self._interval)
         else:
-            self._console.rest()
+            self._controller.rest()
             ended = clock.now_ns()
         self._due += self._interval
         if ended > self._due:
@@ -134,8 +134,8 @@ class Engine:
 
     def _hurry(self, until: int) -> None:
         """Let scans pass that wait for no clock."""
-        while self._console.hurries and clock.now_ns() < until:
-            self._console.scan()
+        while self._controller.hurries and clock.now_ns() < until:
+            self._controller.scan()
 
     def _serve(self) -> None:
         """Serve the screen right behind the scan, and again every STEP of a long gap.
@@ -160,20 +160,20 @@ class Engine:
     def _take(self, message: object) -> None:
         match message:
             case (int() as number, str() as line):
-                self._console.take(number, line)
-                if self._console.bench is not self._bench:
-                    self._begin(self._console.bench)
+                self._controller.take(number, line)
+                if self._controller.bench is not self._bench:
+                    self._begin(self._controller.bench)
             case UpdateRequest() as request:
                 self._request, self._gaps_waited = request, 0
 
     def _deliver(self, until: int) -> None:
         began = clock.now_ns()
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
-        if self._request is not None and not self._courier.is_busy() and self._has_room(until):
+        if self._request is not None and not self._pipe.is_busy() and self._has_room(until):
             timing, most_lines = self._timing.summary(), self._request.most_lines
-            self._courier.begin(self._console.picture(self._request, timing, most_lines))
+            self._pipe.begin(self._controller.picture(self._request, timing, most_lines))
             self._picture_ns, self._request = clock.now_ns() - began, None
-        self._courier.go_on(part)
+        self._pipe.go_on(part)
 
     def _has_room(self, until: int) -> bool:
         """Return whether a picture like the last one ends before the next scan, or has waited long enough.
@@ -188,7 +188,7 @@ class LocalDriver:
     """The bench in this process, for simulation and tests; `scan` lets scans pass."""
 
     def __init__(self, bench: Bench) -> None:
-        self.console = Console(bench)
+        self.console = Controller(bench)
         self._number = 0
         self._picture: BenchUpdate | None = None
 
@@ -216,7 +216,7 @@ class LocalDriver:
         """Begin anew with the project as it is now."""
         bench = self.console.bench
         bench.close()
-        self.console = Console(fresh_bench(bench.project, bench.kernel_name))
+        self.console = Controller(fresh_bench(bench.project, bench.kernel_name))
 
     def close(self) -> None:
         """End the bench."""

@@ -107,7 +107,7 @@ class Trigger:
     holds: bool = False
 
 
-class Watch:
+class OneTrigger:
     """At most one trigger on a bench; `scanned` looks at it."""
 
     def __init__(self, bench: Bench) -> None:
@@ -240,11 +240,11 @@ class _Kept:
     facts: tuple[tuple[str, Facts], ...]
 
 
-class Watching:
+class TriggerWatch:
     """The facts and the trigger of one bench."""
 
     def __init__(self, bench: Bench, history: JobHistory) -> None:
-        self.trigger = Watch(bench)
+        self.trigger = OneTrigger(bench)
         self._bench = bench
         self._history = history
         self._statistics = LinkStatistics(history.index)

@@ -28,7 +28,7 @@ WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
 PIECES_KNOWN: Final = 4096  # unpacked snapshots that the screen's side keeps
 
 
-class Courier:
+class UpdatePipe:
     """One picture at a time on its way into the channel."""
 
     def __init__(self, channel: Channel) -> None:

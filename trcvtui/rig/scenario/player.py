@@ -1,6 +1,6 @@
 """A scenario played step by step for a screen: what each step has come to, and which one is next.
 
-Rule: it judges by the same Stage as the runner; scans pass outside, one whenever `wants_scan`.
+Rule: it judges by the same StepRunner as the runner; scans pass outside, one whenever `wants_scan`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from trcvtui.errors import mistake
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.scenario.scenario import START_STEP, Scenario
-from trcvtui.rig.scenario.step_runner import Stage
+from trcvtui.rig.scenario.step_runner import StepRunner
 from trcvtui.rig.snapshots import (
     DONE,
     FAILED,
@@ -38,7 +38,7 @@ class Player:
         self.is_to_end = False
         self._path = path
         self._scenario = scenario
-        self._stage = Stage(bench)
+        self._stage = StepRunner(bench)
         self._steps = (*scenario.start, *scenario.steps)
         self._told = tuple([StepSnapshot(s.number, _cut(s.line), TO_COME) for s in self._steps])
         self._current = 0

@@ -34,7 +34,7 @@ from trcvtui.rig.commands.reader import after
 from trcvtui.rig.commands.table import parse_line, parse_script
 from trcvtui.rig.scenario.recorded_session import partners_left_out
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario, start_steps
-from trcvtui.rig.scenario.step_runner import Stage
+from trcvtui.rig.scenario.step_runner import StepRunner
 from trcvtui.udt.literals import format_time
 
 CALLED: Final = "called"
@@ -138,7 +138,7 @@ class _Lane:
     def __init__(self, dialect: str, project: Project, steps: dict[int, words.Step]) -> None:
         self.dialect = dialect
         self.bench = Bench(project, "sim")
-        self._stage = Stage(self.bench)
+        self._stage = StepRunner(self.bench)
         self._steps = steps  # by place in the scenario
         self._going: Iterator[None] = iter(())
         self._hashes: dict[str, str] = {}

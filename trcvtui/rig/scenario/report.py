@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.commands.words import Expect, ExpectTrace, Step, Wait
-from trcvtui.rig.scenario.runner import NONE_SENT, Delivery, Taken, Verdict, cause_record
+from trcvtui.rig.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
 from trcvtui.rig.scenario.scenario import START_STEP, Scenario
 from trcvtui.rig.scenario.step_runner import Failure
 
@@ -106,7 +106,7 @@ class FileReport:
 # -- steps to cases ----------------------------------------------------------------------------------------
 
 
-def _taken(taken: Iterable[Taken]) -> Iterator[Case]:
+def _taken(taken: Iterable[StepTaken]) -> Iterator[Case]:
     """Return a case for each step that judges, and for each other step that failed."""
     before = 0
     for one in taken:

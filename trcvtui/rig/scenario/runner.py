@@ -15,7 +15,7 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.diagnosis.advice import because
-from trcvtui.rig.scenario.step_runner import Failure, Stage
+from trcvtui.rig.scenario.step_runner import Failure, StepRunner
 
 MOST_KEPT: Final = 100
 NEWEST: Final = 5
@@ -119,7 +119,7 @@ def _delivery(bench: Bench, instance: str) -> Delivery | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class StepTaken:
     """One step that was carried out: when it was over, in ns of the run, and what failed in it."""
 
     step: words.Step
@@ -139,7 +139,7 @@ class Verdict:
     scans: int
     failures: tuple[Failure, ...]
     traces: tuple[tuple[str, str], ...]
-    taken: tuple[Taken, ...]
+    taken: tuple[StepTaken, ...]
     errors: tuple[ErrorTold, ...] = ()
 
     @property
@@ -178,8 +178,8 @@ class Runner:
         self._name = name
         self._pace = pace
         self._on_scan = on_scan
-        self._stage = Stage(bench)
-        self._taken: list[Taken] = []
+        self._stage = StepRunner(bench)
+        self._taken: list[StepTaken] = []
         self._errors = Errors()
 
     def play(self, steps: Iterable[words.Step]) -> Verdict:
@@ -189,7 +189,7 @@ class Runner:
                 self._scan()
             failure = self._stage.failure
             errors = self._errors.newest() if failure is not None else ()
-            self._taken.append(Taken(step, self._elapsed(), failure, errors))
+            self._taken.append(StepTaken(step, self._elapsed(), failure, errors))
             if self._stage.is_over:
                 break
         return Verdict(

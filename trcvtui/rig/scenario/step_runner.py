@@ -16,7 +16,7 @@ from typing import Final
 
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import found, holds
-from trcvtui.rig.bench.split_test import SplitTrial
+from trcvtui.rig.bench.split_test import SplitTest
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.patterns import ANY, Run, Scan, TracePattern, collapse, matches
 
@@ -99,14 +99,14 @@ class Failure:
     found: str
 
 
-class Stage:
+class StepRunner:
     """Steps on one bench. `failure` is that of the last step; `is_over` once a `wait` has failed."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
         self.failure: Failure | None = None
         self.is_over = False
-        self.trial: SplitTrial | None = None  # the last one
+        self.trial: SplitTest | None = None  # the last one
         self.traces: dict[str, Trace] = defaultdict(Trace)  # an instance may be created on the way
         for decl in bench.project.instances:
             self.traces[decl.name] = Trace()
@@ -154,7 +154,7 @@ class Stage:
             yield
 
     def _try_splits(self, step: words.Step, command: words.TrySplits) -> Iterator[None]:
-        self.trial = SplitTrial(self.bench, command)
+        self.trial = SplitTest(self.bench, command)
         yield from self.trial.run()
         wrong = self.trial.verdict()
         if wrong:

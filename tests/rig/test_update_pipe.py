@@ -1,4 +1,4 @@
-"""The courier brings whole pictures in pieces, stops when the time is up, and never waits for the screen."""
+"""The update pipe brings whole pictures in pieces, stops when the time is up, never waits for the screen."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from trcvtui.project.file import read_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
-from trcvtui.rig.engine.controller import Console
-from trcvtui.rig.engine.update_pipe import Courier
+from trcvtui.rig.engine.controller import Controller
+from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.snapshots import EngineTiming
 
 FAR_AWAY = 10_000_000_000
@@ -39,39 +39,39 @@ def two_ends() -> Iterator[tuple[Channel, Channel]]:
         yield ours, theirs
 
 
-def picture(console: Console, *data: str) -> BenchUpdate:
+def picture(console: Controller, *data: str) -> BenchUpdate:
     """Return the bench after one more scan, with the bytes of some variables."""
     console.bench.step()
     return console.picture(UpdateRequest(data=data), EngineTiming(mode="test"), 2000)
 
 
-def console() -> Console:
+def console() -> Controller:
     """Return the console of a simulated bench."""
-    return Console(Bench(read_project(DOCUMENT, "courier", Path()), "sim"))
+    return Controller(Bench(read_project(DOCUMENT, "pipe", Path()), "sim"))
 
 
 def test_a_picture_arrives_as_it_was_taken() -> None:
     bench = console()
     with two_ends() as (engine, screen):
-        courier = Courier(engine)
+        pipe = UpdatePipe(engine)
         for _ in range(5):
             sent = picture(bench, "rx0")
-            courier.begin(sent)
-            courier.go_on(clock.now_ns() + FAR_AWAY)
-            assert not courier.is_busy()
+            pipe.begin(sent)
+            pipe.go_on(clock.now_ns() + FAR_AWAY)
+            assert not pipe.is_busy()
             assert screen.recv() == sent
 
 
 def test_packing_stops_when_the_time_is_up_and_goes_on_later() -> None:
     bench = console()
     with two_ends() as (engine, screen):
-        courier = Courier(engine)
+        pipe = UpdatePipe(engine)
         sent = picture(bench)
-        courier.begin(sent)
+        pipe.begin(sent)
         gaps = 0
-        while courier.is_busy():
+        while pipe.is_busy():
             assert not screen.poll()
-            courier.go_on(clock.now_ns())  # no time at all: one piece
+            pipe.go_on(clock.now_ns())  # no time at all: one piece
             gaps += 1
         assert gaps > len(sent.snapshot.instances)
         assert screen.recv() == sent
@@ -80,26 +80,26 @@ def test_packing_stops_when_the_time_is_up_and_goes_on_later() -> None:
 def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
     bench = console()
     with two_ends() as (engine, screen):
-        courier = Courier(engine)
+        pipe = UpdatePipe(engine)
         sent = picture(bench, *(f"rx{n}" for n in range(8)))  # more than the channel holds
-        courier.begin(sent)
-        courier.go_on(clock.now_ns() + FAR_AWAY)
-        assert courier.is_busy(), "it has come back although the channel is full"
+        pipe.begin(sent)
+        pipe.go_on(clock.now_ns() + FAR_AWAY)
+        assert pipe.is_busy(), "it has come back although the channel is full"
         with ThreadPoolExecutor(1) as pool:
             arrived = pool.submit(screen.recv)
-            while courier.is_busy():
-                courier.go_on(clock.now_ns() + FAR_AWAY)
+            while pipe.is_busy():
+                pipe.go_on(clock.now_ns() + FAR_AWAY)
             assert arrived.result(timeout=10) == sent
 
 
 def test_what_has_not_changed_is_the_same_object_on_both_sides() -> None:
     bench = console()
     with two_ends() as (engine, screen):
-        courier = Courier(engine)
+        pipe = UpdatePipe(engine)
         arrived = []
         for _ in range(8):
-            courier.begin(picture(bench))
-            courier.go_on(clock.now_ns() + FAR_AWAY)
+            pipe.begin(picture(bench))
+            pipe.go_on(clock.now_ns() + FAR_AWAY)
             arrived.append(screen.recv())
         before, after = (each.snapshot.instance("T5") for each in arrived[-2:])
         assert before is after

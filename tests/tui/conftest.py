@@ -6,10 +6,12 @@ import asyncio
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from textual.css.model import RuleSet
 from textual.css.stylesheet import Stylesheet
+from textual.pilot import Pilot, WaitForScreenTimeout
 
 from trcvtui.rig.scenario import scenario as scenario_files
 from trcvtui.tui import app
@@ -53,6 +55,31 @@ def _parsed_once(sheet: Stylesheet, css: str, *place: object, **told: object) ->
 def styles_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep the parsed styles from test to test."""
     monkeypatch.setattr(Stylesheet, "_parse_rules", _parsed_once)
+
+
+async def _wait_for_the_busy(pilot: Any, timeout: float = 30.0) -> bool:
+    """Wait as Pilot does, but for the busy widgets only: it asks each of two hundred, each time."""
+    app, screen = pilot.app, pilot.app.screen
+    busy = (one for one in screen.walk_children() if one._message_queue.qsize() or one._next_callbacks)
+    answers = []
+    for pump in (app, screen, *busy):
+        answered = asyncio.Event()
+        if pump.call_later(answered.set):
+            answers.append(answered)
+    done = asyncio.gather(*(answered.wait() for answered in answers))
+    ends = [asyncio.ensure_future(done), asyncio.ensure_future(app._exception_event.wait())]
+    ended, left = await asyncio.wait(ends, timeout=timeout, return_when=asyncio.FIRST_COMPLETED)
+    for end in left:
+        end.cancel()
+    if not ended:
+        raise WaitForScreenTimeout("the screen has not done what was asked")
+    return all(answered.is_set() for answered in answers)
+
+
+@pytest.fixture(autouse=True)
+def idle_widgets_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let Pilot wait for the app, the screen and the widgets that have messages."""
+    monkeypatch.setattr(Pilot, "_wait_for_screen", _wait_for_the_busy)
 
 
 @pytest.fixture

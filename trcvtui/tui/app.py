@@ -103,7 +103,7 @@ class BenchApp(App[None]):
         self.framings: FramingScreen | None = None  # while it is open
         self._lab: Lab | None = None  # what was looked at in it
         self.last_words = ""
-        self._told_unsaved = 0
+        self._keys, self._warned = 0, (0, 0)  # keys so far; the key of the warning, and what was unsaved
         self._early_keys: list[events.Key | events.Paste] | None = []
         self._ended_by = 0  # a signal
         for theme in THEMES.values():
@@ -136,6 +136,7 @@ class BenchApp(App[None]):
     async def on_event(self, event: events.Event) -> None:
         """Obey a key at once; those typed before everything is there are kept for the moment it is."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
+            self._keys += 1
             if self._early_keys is not None:
                 self._early_keys.append(_as_typed(event))
                 return
@@ -421,10 +422,10 @@ class BenchApp(App[None]):
             self.submit(line)
 
     async def action_quit(self) -> None:
-        """End the bench; what would be lost by it is told once."""
+        """End the bench; what would be lost by it is told first, and asked again after another key."""
         unsaved = self.scene.unsaved
-        if unsaved and unsaved != self._told_unsaved and not self.last_words:
-            self._told_unsaved = unsaved
+        if unsaved and self._warned != (self._keys - 1, unsaved) and not self.last_words:
+            self._warned = self._keys, unsaved
             what = count(unsaved, self.scene.unsaved_word)
             text = f"{what} to the project unsaved: `save project` keeps them, q quits"
             (self.main.prompt.complain if self.screen is self.main else self._notify)(text)

@@ -135,6 +135,17 @@ async def test_quit_tells_once_what_would_be_lost() -> None:
         assert not looker.app.is_running
 
 
+async def test_quit_asks_again_after_any_other_key() -> None:
+    async with on_a_bench(SMALL) as looker:
+        looker.bench.do("add connect C9")
+        await looker.pictures()
+        await looker.press("q", "2", "q")
+        assert looker.app.is_running
+        assert "1 addition to the project unsaved" in looker.text
+        await looker.press("q")
+        assert not looker.app.is_running
+
+
 async def test_quit_asks_nothing_where_nothing_was_added() -> None:
     async with on_a_bench(SMALL) as looker:
         looker.bench.do("create TRCV_C X connect=C1")

@@ -39,6 +39,9 @@ class UdtTable(LineView):
         # A job of the past: its number and its bytes; number 0: they were thrown away.
         self.past: tuple[int, bytes] | None = None
         self._page: tuple[int, int] = (0, 0)
+        self._declared: DataDecl | None = (
+            None  # what the leaves are of: another may be selected before `show`
+        )
         self._leaves: tuple[Leaf, ...] = ()
         self._values: tuple[Value | None, ...] = ()
 
@@ -81,6 +84,7 @@ class UdtTable(LineView):
     def _decode(self, declared: DataDecl | None) -> None:
         top = self.scroll_offset.y
         self._page = (top, min(top + max(1, self.size.height), self.row_count()))
+        self._declared = declared
         if declared is None:
             self._leaves, self._values = (), ()
             return
@@ -108,7 +112,7 @@ class UdtTable(LineView):
 
     def row_at(self, y: int) -> Row:
         """Return one member."""
-        if not self._page[0] <= y < self._page[1]:
+        if not self._page[0] <= y < self._page[1] or self._scene.declaration is not self._declared:
             self._decode(self._scene.declaration)
         index = y - self._page[0]
         if not 0 <= index < len(self._leaves):

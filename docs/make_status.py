@@ -14,17 +14,17 @@ HERE: Final = Path(__file__).parent
 
 
 def pages() -> dict[str, tuple[Dialect, ...]]:
-    """Return which dialects have a page together, by its name: those with one table and one shelf."""
+    """Return which dialects have a page together, by its name: those with one table and one folder of scenarios."""
     found: dict[str, tuple[Dialect, ...]] = {}
     for dialect in DIALECTS.values():
-        found[dialect.shelf] = (*found.get(dialect.shelf, ()), dialect)
+        found[dialect.scenario_folder] = (*found.get(dialect.scenario_folder, ()), dialect)
     return found
 
 
 def page(dialects: tuple[Dialect, ...]) -> str:
     """Return the atlas of dialects that have one table."""
     first = dialects[0]
-    found = with_scenarios(explain([first], None, None), {first.name: scenarios_of(first.shelf)})
+    found = with_scenarios(explain([first], None, None), {first.name: scenarios_of(first.scenario_folder)})
     follows = [(dialect.name, dialect.follows) for dialect in dialects if dialect.follows]
     return as_page("; ".join(dialect.title for dialect in dialects), found, "../", follows)
 

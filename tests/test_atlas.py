@@ -73,7 +73,7 @@ def test_80c3_leads_to_the_orphan_lock_of_a_deleted_instance() -> None:
     assert "(../configs/scenarios/baosky/note-delete-mid-frame.toml)" in card
 
 
-def test_80aa_behind_tdiscon_and_t_reset_is_marked_as_unsure() -> None:
+def test_80aa_after_tdiscon_and_t_reset_is_marked_as_unsure() -> None:
     card = written("siemens").partition("## 16#80AA")[2].partition("## 16#")[0]
     assert "TDISCON or T_RESET has closed is named nowhere" in card
 

@@ -302,7 +302,7 @@ def test_a_reader_that_goes_away_ends_the_command_quietly() -> None:
     assert command.wait() == 141
 
 
-def test_a_full_disk_behind_stdout_is_one_line() -> None:
+def test_a_full_disk_after_stdout_is_one_line() -> None:
     with open("/dev/full", "wb") as full:
         done = subprocess.run(process("status"), env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 2

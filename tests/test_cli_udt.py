@@ -221,7 +221,7 @@ def test_a_stored_form_that_differs_is_exit_1(capsys: pytest.CaptureFixture[str]
     assert (code, json.loads(out)["equal"]) == (1, False)
 
 
-def test_bytes_behind_the_options_are_compared_as_values(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bytes_after_the_options_are_compared_as_values(capsys: pytest.CaptureFixture[str]) -> None:
     argv = "udt compare types.st --type Theirs --byte-order little --byte-order big --format json"
     code, out, _ = run(capsys, *argv.split(), *ONES.split())
     assert code == 1

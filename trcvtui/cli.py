@@ -216,14 +216,14 @@ def _status(args: argparse.Namespace) -> int:
         return _print(report.as_table(found))
     from trcvtui.rig.scenario.scenario_index import scenarios_of
 
-    shelf_of = {dialect.name: dialect.shelf for dialect in dialects}
+    folder_of = {dialect.name: dialect.scenario_folder for dialect in dialects}
     if args.format == "text":
         told = {one.row.code for one in found}  # one, or two: `10` may be a WORD, or a number
-        telling = report.with_telling(found, lambda name, wanted: scenarios_of(shelf_of[name], told, wanted))
+        telling = report.with_telling(found, lambda name, wanted: scenarios_of(folder_of[name], told, wanted))
         return _print(report.as_text(telling))
     codes = None if code is None else {one.row.code for one in found}
-    shelves = {dialect.name: scenarios_of(dialect.shelf, codes) for dialect in dialects}
-    return _print(report.as_json(report.with_scenarios(found, shelves)))
+    by_dialect = {dialect.name: scenarios_of(dialect.scenario_folder, codes) for dialect in dialects}
+    return _print(report.as_json(report.with_scenarios(found, by_dialect)))
 
 
 def _dialect_names() -> str:
@@ -336,7 +336,7 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=_Help, allow_abbrev=False, **settings)
         self.last_words: Callable[[], str] | None = None
-        self.given: Sequence[str] = ()  # what stands behind the command's name
+        self.given: Sequence[str] = ()  # what stands after the command's name
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong in one line and leave with 2."""

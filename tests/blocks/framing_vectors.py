@@ -61,7 +61,7 @@ class Vector:
         return [suffix for since, suffix in self.suffixes if since <= ms][-1]
 
     def arrived(self, before: int, until: int) -> bytes:
-        """Return what arrives behind one time and up to another."""
+        """Return what arrives after one time and up to another."""
         return b"".join(piece for ms, piece in self.fed if before < ms <= until)
 
     @property

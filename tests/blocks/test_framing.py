@@ -166,7 +166,7 @@ def test_p3_and_p4_a_good_frame_has_its_marks_and_no_frame_is_longer_than_size(
 
 
 @given(ALL, STREAMS, STREAMS, CUTS)
-def test_p6_behind_a_reset_a_framer_is_as_good_as_new(
+def test_p6_after_a_reset_a_framer_is_as_good_as_new(
     framing: Framing, before: bytes, after: bytes, cuts: list[int]
 ) -> None:
     used_one = Framer()

@@ -79,7 +79,7 @@ def test_it_tells_who_the_connection_is_how_it_stands_and_what_it_has_moved(
     desk.close()
 
 
-def test_what_stands_behind_the_answer_is_left_as_it_was(tmp_path: Path) -> None:
+def test_what_stands_after_the_answer_is_left_as_it_was(tmp_path: Path) -> None:
     desk = Desk(BENCH.format(connect=PLAIN), tmp_path)
     desk.say("write diag random 20 seed=1", "pulse TCON_1 REQ", "run 3")
     before = desk.bench.runtime.data("diag")

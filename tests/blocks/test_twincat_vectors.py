@@ -89,7 +89,7 @@ def test_a_vector_is_a_scenario_that_holds(vector: Vector, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=lambda v: f"{v.id} {v.case}")
-def test_behind_its_last_call_a_vector_leaves_what_the_table_says(vector: Vector, tmp_path: Path) -> None:
+def test_after_its_last_call_a_vector_leaves_what_the_table_says(vector: Vector, tmp_path: Path) -> None:
     path = tmp_path / "vector.toml"
     path.write_text(scenario_of(vector), encoding="utf-8")
     scenario = load_scenario(path)

@@ -16,7 +16,7 @@ from trcvtui.dialects.siemens.status import STATUS
 ROOT = Path(__file__).parents[2]
 
 # fmt: off
-# siemens.md 2.1 to 2.7; what a _C block passes through from TCON, TSEND, TRCV stands behind the first break.
+# siemens.md 2.1 to 2.7; what a _C block passes through from TCON, TSEND, TRCV stands after the first break.
 LISTED = {
     "TSEND_C": [
         0x0000, 0x0001, 0x0003, 0x7000, 0x7001, 0x7002, 0x7003, 0x7004, 0x7005,

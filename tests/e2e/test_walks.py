@@ -1,4 +1,4 @@
-"""Walks of a user through the installed program in tmux: keys in, screen text out, files left behind."""
+"""Walks of a user through the installed program in tmux: keys in, screen text out, files left after."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def queued_bytes_come_before_a_fin_which_stays(b: Bench) -> None:
 
 @needs_rdhup
 @fact
-def a_fin_shows_behind_unread_bytes_without_consuming_them(b: Bench) -> None:
+def a_fin_shows_after_unread_bytes_without_consuming_them(b: Bench) -> None:
     one = b.pair()
     b.send(one.client, b"frame")
     b.kernel.close(one.client)
@@ -147,7 +147,7 @@ def loss_takes_the_error_and_leaves_the_bytes(b: Bench) -> None:
 
 
 @fact
-def a_rst_behind_a_fin_stays_a_fin_for_the_reader_and_epipe_for_the_sender(b: Bench) -> None:
+def a_rst_after_a_fin_stays_a_fin_for_the_reader_and_epipe_for_the_sender(b: Bench) -> None:
     one = b.pair()
     b.send(one.client, b"five!")
     assert b.kernel.shutdown(one.client, both=False) is None
@@ -210,7 +210,7 @@ def data_for_a_connection_that_was_shut_down_is_answered_with_rst(b: Bench) -> N
 
 
 @fact
-def a_probe_puts_nothing_on_the_wire_so_that_the_abort_behind_it_is_a_rst(b: Bench) -> None:
+def a_probe_puts_nothing_on_the_wire_so_that_the_abort_after_it_is_a_rst(b: Bench) -> None:
     one = b.pair()
     assert b.kernel.probe(one.client) is None
     b.settle()

@@ -125,7 +125,7 @@ def neither_fin_nor_rst_crosses_a_cut_wire_and_only_the_fin_comes_again(b: Bench
 
 
 @on_the_wire
-def a_handle_freed_on_a_cut_wire_leaves_nothing_behind_for_the_next(b: Bench) -> None:
+def a_handle_freed_on_a_cut_wire_leaves_nothing_after_for_the_next(b: Bench) -> None:
     one = partners(b)
     cut(b)
     b.kernel.abort(one.client)

@@ -8,7 +8,7 @@ from tests.net.net_bench import Bench
 
 Fact = Callable[[Bench], None]
 FACTS: list[Fact] = []
-NEEDS_RDHUP: list[Fact] = []  # facts of a system that can show a FIN behind unread data
+NEEDS_RDHUP: list[Fact] = []  # facts of a system that can show a FIN after unread data
 OF_THE_WIRE: list[Fact] = []  # facts that take real time and in which the poll set has no part
 
 

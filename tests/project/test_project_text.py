@@ -38,7 +38,7 @@ APART = PLAIN + '\n[[connect]]\nname = "C2"\n\n[[peer]]\nname = "P1"\nremote = "
 TEXTS = {
     "plain": PLAIN,
     "apart": APART,
-    "a table behind": PLAIN + '\n[sim]\nseed = 7\n',
+    "a table after": PLAIN + '\n[sim]\nseed = 7\n',
     "scenario": PLAIN + '\n[scenario]\nsteps = """\n# not [[connect]]\nrun 1\n"""\n',
     "windows": PLAIN.replace("\n", "\r\n"),
     "no last line end": PLAIN.rstrip("\n"),
@@ -123,7 +123,7 @@ def test_the_keys_of_an_entry_are_read_as_that_entry_again(data: st.DataObject) 
         project = with_entry(project, decl)
 
 
-def test_an_entry_comes_behind_the_last_of_its_kind_and_comments_stay_where_they_belong() -> None:
+def test_an_entry_comes_after_the_last_of_its_kind_and_comments_stay_where_they_belong() -> None:
     new = with_entries(PLAIN, [ConnectConfig("C7", active=True)], "b.toml")
     assert new == PLAIN.replace(
         "# of C1, still\n", '# of C1, still\n\n[[connect]]\nname = "C7"\nActiveEstablished = true\n'

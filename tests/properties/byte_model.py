@@ -60,7 +60,7 @@ class ByteModel:
         self.created: deque[InstanceDecl] = deque()  # what is to come, in the order of the commands
         self.changes: deque[tuple[str, Callable[[bytes], bytes]]] = deque()
         self.said: dict[Ends, bytearray] = {}
-        self.finished: dict[Ends, int] = {}  # FIN behind so many bytes, seen by the PLC before it next acts
+        self.finished: dict[Ends, int] = {}  # FIN after so many bytes, seen by the PLC before it next acts
         self.ended: set[Ends] = set()  # FIN or RST seen by the PLC before it next acts
         self.links: dict[tuple[str, int], Link] = {}
         self.receiving: dict[str, Receiving] = {}
@@ -116,7 +116,7 @@ class ByteModel:
 
     def _link(self, connection: str, incarnation: int) -> Link:
         link = self.links[connection, incarnation]
-        assert not link.is_over, "nothing moves behind the end of a connection"
+        assert not link.is_over, "nothing moves after the end of a connection"
         return link
 
     # -- received bytes ------------------------------------------------------------------------------
@@ -187,5 +187,5 @@ class ByteModel:
                 if done:
                     assert job.taken == len(job.frame), "DONE: the stack has the whole frame"
                     assert not job.link.is_over
-                    assert (job.link.peer, job.link.local) not in self.ended, "no DONE behind a FIN"
+                    assert (job.link.peer, job.link.local) not in self.ended, "no DONE after a FIN"
                     self.done.append(instance)

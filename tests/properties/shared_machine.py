@@ -326,7 +326,7 @@ class SharedMachine(RuleBasedStateMachine):
 
     @rule(fill=st.binary(min_size=1, max_size=3))
     def write_while_sending(self, fill: bytes) -> None:
-        """Change DATA behind the bytes that the stack has taken: the frame was copied at the edge."""
+        """Change DATA after the bytes that the stack has taken: the frame was copied at the edge."""
         self.mend()
         for name in self.senders():
             self.do(f"set {name} LEN=0")

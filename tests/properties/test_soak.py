@@ -22,7 +22,7 @@ from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.timing import Punctuality
 
 LEAST_SCANS = int(os.environ.get("TRCVTUI_SOAK_SCANS", "1000000"))
-EXAMPLES = 150  # of one round; Hypothesis forgets them behind it
+EXAMPLES = 150  # of one round; Hypothesis forgets them after it
 MOST_GROWTH = 48 << 20  # bytes of the process, from the first round to the last
 LIFE = 100_000  # scans of the one long life
 MOST_GAIN = 256 << 10  # bytes that lines of trcvtui may hold more than in the middle of it

@@ -59,7 +59,7 @@ def test_a_cable_that_is_added_carries_what_an_added_block_sends(tmp_path: Path)
     assert console.bench.runtime.outputs("RB").byte == 65
 
 
-def test_a_stream_can_be_added_behind_blocks_that_run(tmp_path: Path) -> None:
+def test_a_stream_can_be_added_after_blocks_that_run(tmp_path: Path) -> None:
     console = desk(tmp_path)
     do(
         console,

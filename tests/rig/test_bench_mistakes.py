@@ -159,7 +159,7 @@ MISTAKES = [
     ("peer P1 send hex 0G {n}", f"w: hex, position 2: found 'G', expected {HEX_BYTES}"),
     ("peer P1 send hex {n} 0G", f"w: hex, position 6: found 'G', expected {HEX_BYTES}"),
     ("peer P1 send hex {crc32}", "w: found '{crc32}', expected at least one byte before the checksum"),
-    ("peer P1 send hex 01 n=9", "w: found n=9 behind 1 bytes, expected an offset from 0 to 1"),
+    ("peer P1 send hex 01 n=9", "w: found n=9 after 1 bytes, expected an offset from 0 to 1"),
     ("peer P1 send hex 01 n=x", "w: found n='x', expected a whole number from 0 to 16777216"),
     ("peer P1 send hex 01 n=0:9", f"w: found 'n=0:9', expected {FILL}"),
     ("peer P1 send hex 01 n=0:2:middle", "w: found 'n=0:2:middle', expected one of little, big"),
@@ -234,7 +234,7 @@ MISTAKES = [
         "w: Telegram.id: found '1 speed=2', expected DINT, a whole number from "
         "-2147483648 to 2147483647",
     ),
-    ("peer P1 send udt Telegram {name='a' id=1}", "w: found ' id=1}', expected , or } behind a value"),
+    ("peer P1 send udt Telegram {name='a' id=1}", "w: found ' id=1}', expected , or } after a value"),
     ("peer P1 send udt Telegram {id=1} x", f"w: found ' x', expected {MEMBERS}"),
     (
         "peer P1 send udt Telegram {idd=1}",

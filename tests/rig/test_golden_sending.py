@@ -65,7 +65,7 @@ def test_row_4_a_falling_cont_forgets_the_edge() -> None:
 
 
 @pytest.mark.parametrize("scan", [1, 2, 3])
-def test_row_4_an_edge_while_a_reset_shows_is_told_behind_it(scan: int) -> None:
+def test_row_4_an_edge_while_a_reset_shows_is_told_after_it(scan: int) -> None:
     before = f"run {scan - 1}\n" if scan > 1 else ""
     steps = UP + f"pulse TSEND_C_1 COM_RST\n{before}pulse TSEND_C_1 REQ\nrun {8 - scan}"
     assert sender(steps) == "0001 7001 7002 7004 8000 7003 7007 7002 80A1! 7004{2}"
@@ -120,7 +120,7 @@ def test_row_6_an_error_of_the_first_send_replaces_the_7005() -> None:
 
 
 @pytest.mark.parametrize(("end", "shown"), [("close", "80C5!"), ("rst", "80A9!")])
-def test_row_9_a_loss_behind_the_last_byte_is_no_7009(end: str, shown: str) -> None:
+def test_row_9_a_loss_after_the_last_byte_is_no_7009(end: str, shown: str) -> None:
     steps = UP + f"pulse TSEND_C_1 REQ\nrun 1\npeer P1 {end}\nrun 3"
     assert sender(steps) == f"0001 7001 7002 7004 7005 {shown} 7002 7004"
 
@@ -131,7 +131,7 @@ def test_row_9_a_loss_after_7009_is_no_error(end: str) -> None:
     assert sender(steps) == "0001 7001 7002 7004 7005 7009 7002{2} 7004"
 
 
-def test_row_18_a_stack_that_takes_nothing_is_80a8_at_the_edge_and_7005_behind_the_first_byte() -> None:
+def test_row_18_a_stack_that_takes_nothing_is_80a8_at_the_edge_and_7005_after_the_first_byte() -> None:
     at_the_edge = UP + "fault send EAGAIN on C1\npulse TSEND_C_1 REQ\nrun 2"
     assert sender(at_the_edge) == "0001 7001 7002 7004 80A8! 7004"
     part = "peer P1 stall\nresize tx ARRAY[1..60000] OF BYTE\npulse TSEND_C_1 REQ\nrun 40"

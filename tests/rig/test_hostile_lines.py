@@ -89,7 +89,7 @@ def do(bench: Bench, line: str) -> None:
 
 
 def flood(bench: Bench, source: str, scans: int) -> int:
-    """Let more come in each scan than a scan can take; return the most bytes that were held behind one."""
+    """Let more come in each scan than a scan can take; return the most bytes that were held after one."""
     most = 0
     for number in range(scans):
         payload = f"random {A_SCAN} seed={number}"

@@ -89,7 +89,7 @@ def test_a_failure_holds_the_line_and_what_was_found(tmp_path: Path, capsys: Cap
     assert (rest.get("name"), rest.get("time")) == ("the scenario runs to its end", "0.090")
 
 
-def test_behind_a_failed_wait_the_expectations_are_skipped(tmp_path: Path, capsys: Capture) -> None:
+def test_after_a_failed_wait_the_expectations_are_skipped(tmp_path: Path, capsys: Capture) -> None:
     steps = (
         "wait TRCV_C_1 STATUS=7004 within T#50ms\nrun 5\nexpect TRCV_C_1 STATUS=7004\nexpect peer P1 closed"
     )

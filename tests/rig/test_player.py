@@ -105,7 +105,7 @@ def test_each_step_waits_to_be_asked_for_and_asks_for_its_scans(driver: LocalDri
     assert player_of(driver).steps[2].found == "STATUS=7002"
 
 
-def test_steps_asked_for_while_one_is_under_way_come_behind_it(driver: LocalDriver, tmp_path: Path) -> None:
+def test_steps_asked_for_while_one_is_under_way_come_after_it(driver: LocalDriver, tmp_path: Path) -> None:
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
     for _ in range(4):
         driver.submit("scenario step")
@@ -113,10 +113,10 @@ def test_steps_asked_for_while_one_is_under_way_come_behind_it(driver: LocalDriv
     assert states(player_of(driver)) == [DONE, NOW, TO_COME, TO_COME, TO_COME]
     driver.scan(20)
     assert states(player_of(driver)) == [DONE, HELD, FAILED, DONE, TO_COME]
-    assert picture_of(driver).snapshot.scan == 8, "behind the fourth step no scan passes"
+    assert picture_of(driver).snapshot.scan == 8, "after the fourth step no scan passes"
 
 
-def test_a_step_asked_for_in_a_run_to_the_end_stops_it_behind_the_step_under_way(
+def test_a_step_asked_for_in_a_run_to_the_end_stops_it_after_the_step_under_way(
     driver: LocalDriver, tmp_path: Path
 ) -> None:
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
@@ -137,10 +137,10 @@ def test_a_run_to_the_end_takes_what_is_left(driver: LocalDriver, tmp_path: Path
     assert [step.number for step in player.failed] == [3]
     assert answer_to(driver, "scenario step") == "the scenario is over; loading it again begins anew"
     driver.scan(5)
-    assert picture_of(driver).snapshot.scan == 8, "no scan passes behind the last step"
+    assert picture_of(driver).snapshot.scan == 8, "no scan passes after the last step"
 
 
-def test_a_step_asked_for_during_a_run_stops_it_behind_the_running_one(
+def test_a_step_asked_for_during_a_run_stops_it_after_the_running_one(
     driver: LocalDriver, tmp_path: Path
 ) -> None:
     driver.submit(f"scenario load {scenario(tmp_path, *STEPS)} sim")
@@ -275,7 +275,7 @@ def test_a_peer_without_a_free_port_brings_the_opened_project_back(tmp_path: Pat
         second.bench.close()
 
 
-def test_a_bench_that_is_left_behind_keeps_no_socket() -> None:
+def test_a_bench_that_is_left_after_keeps_no_socket() -> None:
     console = Controller(fresh_bench(load_project(PASSIVE), "live"))
     left = [console.bench]
     for line in (f"scenario load {FIN} live", f"scenario load {FIN} live", "scenario stop"):

@@ -57,7 +57,7 @@ def test_it_writes_in_the_scan_that_its_steps_say(tmp_path: Path) -> None:
     assert on.runtime.inputs("X")["CONT"]
 
 
-def test_a_wait_ends_behind_the_scan_in_which_it_holds(tmp_path: Path) -> None:
+def test_a_wait_ends_after_the_scan_in_which_it_holds(tmp_path: Path) -> None:
     waiting = bench(tmp_path, "set X CONT=1", "wait X STATUS=7002", "set X EN_R=1")
     assert pins(waiting, 5, "EN_R") == "00011", "0001, 7001, 7002, and then"
 

@@ -194,7 +194,7 @@ def test_a_wait_that_holds_in_one_alone_ends_soon_and_the_race_goes_on(tmp_path:
     race = race_file(story(tmp_path, steps, project), BOTH)
     (late,) = notes(race)[-1:]
     assert late[:2] == ("baosky", 6)
-    assert late[2].endswith("20 scans behind another dialect it still does not hold")
+    assert late[2].endswith("20 scans after another dialect it still does not hold")
     assert walk(race, 0).endswith("8 7008 D 8 B | 9-30 7006 B")
 
 

@@ -108,9 +108,7 @@ def test_a_pulse_is_true_in_one_called_scan(tmp_path: Path, capsys: pytest.Captu
     assert main(["scenario", scenario(tmp_path, steps)]) == 0
 
 
-def test_a_set_behind_a_pulse_of_the_same_pin_wins(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_set_after_a_pulse_of_the_same_pin_wins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     steps = "run 1\npulse TRCV_C_1 EN_R\nset TRCV_C_1 EN_R=1\nrun 3\nexpect TRCV_C_1 EN_R=1"
     assert main(["scenario", scenario(tmp_path, steps)]) == 0
 

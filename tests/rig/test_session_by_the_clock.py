@@ -18,7 +18,7 @@ from trcvtui.rig.scenario.scenario import load_scenario
 from trcvtui.rig.snapshots import EngineTiming
 
 MS = 1_000_000
-LATE = 300_000  # ns that a live scan may begin behind its time
+LATE = 300_000  # ns that a live scan may begin after its time
 BENCH = """
 dialect = "baosky"
 start = "set TRCV_C_1 CONT=1 EN_R=1"
@@ -50,7 +50,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def drifting(console: Controller, scans: int, interval_ns: int = 10 * MS + LATE) -> None:
-    """Let scans pass whose times drift away from their numbers, as behind overruns."""
+    """Let scans pass whose times drift away from their numbers, as after overruns."""
     for _ in range(scans):
         console.scan(console.bench.runtime.scans * interval_ns)
 

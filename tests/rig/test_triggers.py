@@ -60,7 +60,7 @@ class Desk:
         self.do("set X CONT=1 EN_R=1", "run 4", "peer P1 connect", "run 4", *lines)
 
     def do(self, *lines: str) -> BenchUpdate:
-        """Carry out lines, `run` lets scans pass; return the picture behind them."""
+        """Carry out lines, `run` lets scans pass; return the picture after them."""
         for line in lines:
             if line.startswith("run "):
                 self.driver.scan(int(line.removeprefix("run ")))

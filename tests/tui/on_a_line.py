@@ -63,7 +63,7 @@ class LineBench:
         return found[0]
 
     def style_at(self, needle: str, offset: int = 0) -> Style:
-        """Return the style of the character `offset` behind the beginning of `needle`."""
+        """Return the style of the character `offset` after the beginning of `needle`."""
         for strip in self.app.screen._compositor.render_strips():
             place = strip.text.find(needle)
             if place >= 0:
@@ -86,7 +86,7 @@ async def on_a_line(
         async with app.run_test(size=size) as pilot:
             shown = LineBench(driver, app, pilot)
             await shown.do(*lines)
-            app.scene.selected = select
+            app.view_model.selected = select
             app.main.on_instance_selected()
             await follow(app, pilot)
             yield shown

@@ -112,13 +112,13 @@ async def test_a_fin_in_a_job_is_explained() -> None:
 
 async def test_hold_and_single_scans_are_the_benchs_own() -> None:
     async with stepped(WIDE) as bench:
-        before = bench.app.scene.snapshot
+        before = bench.app.view_model.snapshot
         await bench.press("space")
         await bench.scan(5)
-        held = bench.app.scene.snapshot
+        held = bench.app.view_model.snapshot
         await bench.press("full_stop")
         await bench.scan(5)
-        after = bench.app.scene.snapshot
+        after = bench.app.view_model.snapshot
         assert before and held and after
         assert (held.scan, after.scan) == (before.scan, before.scan + 1)
         assert "‖ HOLD" in bench.text

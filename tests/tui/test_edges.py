@@ -99,7 +99,7 @@ async def test_keys_that_come_faster_than_the_screen_follows_are_all_obeyed() ->
     async with looking(SMALL, picture(*many)) as looker:
         await looker.pilot.press("1", *["j"] * 100, *["k"] * 10)
         await looker.settle()
-        assert looker.app.scene.selected == "TRCV_C_91"
+        assert looker.app.view_model.selected == "TRCV_C_91"
 
 
 # -- keys in one batch: nothing on the screen has had the time to react to the one before ----------------

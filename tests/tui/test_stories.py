@@ -37,8 +37,8 @@ class Newcomer(Looker):
         """Let scans pass, and wait until the screen shows what they have brought."""
         self.bench.scan(scans)
         for _ in range(2):
-            before = self.app.scene.live
-            while self.app.scene.live is before:
+            before = self.app.view_model.live
+            while self.app.view_model.live is before:
                 self.app._frame()
                 await self.pilot.pause()
         await self.settle()

@@ -64,7 +64,7 @@ def described() -> list[ConnectConfig]:
 
 
 def udt_form(looker: BenchLooker) -> UdtForm:
-    form = form_of("Telegram {}", "udt", looker.app.scene)
+    form = form_of("Telegram {}", "udt", looker.app.view_model)
     assert form is not None
     return form
 
@@ -73,22 +73,24 @@ def udt_form(looker: BenchLooker) -> UdtForm:
 BASES = {FullScreen, SideScreen, Dialog, ListDialog, FormDialog}  # never opened themselves
 OPENED: dict[type[Any], Callable[[BenchLooker], Screen[Any] | None]] = {
     MainScreen: lambda looker: None,
-    AddScreen: lambda looker: AddScreen(lambda: looker.app.scene.project, "peer", {}),
-    ChangeScreen: lambda looker: ChangeScreen(lambda: looker.app.scene.project, ProjectPart("connect", "C1")),
+    AddScreen: lambda looker: AddScreen(lambda: looker.app.view_model.project, "peer", {}),
+    ChangeScreen: lambda looker: ChangeScreen(
+        lambda: looker.app.view_model.project, ProjectPart("connect", "C1")
+    ),
     UdtForm: udt_form,
     ConstantsForm: lambda looker: ConstantsForm(["GVL.MAX", "GVL.MIN"], "a file"),
-    MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.scene.project),
-    TrialScreen: lambda looker: TrialScreen(looker.app.scene, looker.app.submit),
+    MessagesScreen: lambda looker: MessagesScreen("P1", looker.app.view_model.project),
+    TrialScreen: lambda looker: TrialScreen(looker.app.view_model, looker.app.submit),
     ProblemsScreen: lambda looker: ProblemsScreen(["one"]),
     ChoiceScreen: lambda looker: ChoiceScreen("Types", [("abd", ""), ("xyz", "")], ""),
-    YankScreen: lambda looker: YankScreen(subject_of(looker.app.scene, False, None), "c"),
-    HelpScreen: lambda looker: HelpScreen(looker.app.scene, None),
+    YankScreen: lambda looker: YankScreen(subject_of(looker.app.view_model, False, None), "c"),
+    HelpScreen: lambda looker: HelpScreen(looker.app.view_model, None),
     DescriptionScreen: lambda looker: DescriptionScreen(described(), described()[0].name, {}),
-    FramingScreen: lambda looker: FramingScreen(looker.app.scene),
-    LabScreen: lambda looker: LabScreen(looker.app.scene, Lab(looker.app.scene), lambda line: None),
-    RaceScreen: lambda looker: RaceScreen(looker.app.scene, lambda line: None, None),
+    FramingScreen: lambda looker: FramingScreen(looker.app.view_model),
+    LabScreen: lambda looker: LabScreen(looker.app.view_model, Lab(looker.app.view_model), lambda line: None),
+    RaceScreen: lambda looker: RaceScreen(looker.app.view_model, lambda line: None, None),
     ScenariosScreen: lambda looker: ScenariosScreen(
-        looker.app.scene, lambda line: None, ScenarioListModel(Found((), False), None)
+        looker.app.view_model, lambda line: None, ScenarioListModel(Found((), False), None)
     ),
 }
 
@@ -165,7 +167,7 @@ async def test_a_whole_form_in_one_burst_with_the_key_that_opens_it_and_the_line
         assert looker.app.main.prompt._input.value == "trigger y"  # type: ignore[union-attr]
 
 
-async def test_another_block_in_one_burst_keeps_what_is_typed_behind_it() -> None:
+async def test_another_block_in_one_burst_keeps_what_is_typed_after_it() -> None:
     async with on_a_bench(WIDE) as looker:
         await at_once(looker, *burst(f"A\t\x15TSEND_D{BACK}C\tC1{BACK}2"))
         form = looker.app.screen

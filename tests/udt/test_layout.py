@@ -293,7 +293,7 @@ def test_a_layout_crosses_a_process_border(layout: Layout) -> None:
     assert [leaf.path for leaf in there.leaves()] == [leaf.path for leaf in layout.leaves()]
 
 
-def test_bits_behind_the_last_byte_that_came_are_not_within() -> None:
+def test_bits_after_the_last_byte_that_came_are_not_within() -> None:
     members = tuple(
         Member(name, ELEMENTARY[type_]) for name, type_ in (("a", "BOOL"), ("b", "BIT"), ("c", "BIT"))
     )

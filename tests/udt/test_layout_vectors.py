@@ -167,7 +167,7 @@ def test_s16_an_array_of_three_dimensions() -> None:
     assert (layout.size, layout.leaf_count) == (4624, 68 * 17 * 2)
 
 
-def test_s8_without_string_even_goes_on_directly_behind_the_string() -> None:
+def test_s8_without_string_even_goes_on_directly_after_the_string() -> None:
     layout = lay_out(struct(StringType(5), "BYTE", "INT"), rules_for("s7-standard", string_even=False))
     assert f"{layout.size}: {' '.join(places(layout))}" == "10: 0 7 8"
 

@@ -87,7 +87,7 @@ def test_an_s7_sender_is_received_by_codesys_with_bits_and_without_gaps() -> Non
             "s : STRING[4]; i : INT;",
             "baosky",
             "codesys-8",
-            "s: not reached: a STRING with a NUL behind its characters in codesys-8, "
+            "s: not reached: a STRING with a NUL after its characters in codesys-8, "
             "with two lengths before them in baosky",
         ),
         (
@@ -113,7 +113,7 @@ def test_a_member_that_cannot_be_reached_is_raw_bytes_at_its_place() -> None:
     assert (lies["b"], lies["i"], found.layout.size) == ((5, 1, None), (6, 2, None), 8)
 
 
-TEXTS = "a STRING with a NUL behind its characters in codesys-8, with two lengths before them in baosky"
+TEXTS = "a STRING with a NUL after its characters in codesys-8, with two lengths before them in baosky"
 
 
 def test_a_union_that_cannot_be_declared_is_the_only_raw_member() -> None:

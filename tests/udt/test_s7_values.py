@@ -120,7 +120,7 @@ def test_what_an_s7_cannot_hold_is_refused_in_one_line(type_: str, value: object
 def test_a_codesys_string_ends_with_a_nul() -> None:
     layout = layout_of("STRING[3]", "codesys-8")
     assert encode(layout, {"": "AB"}) == b"AB\0\0"
-    assert shown(layout, b"AB\0X") == "'AB'", "what is behind the NUL is nothing"
+    assert shown(layout, b"AB\0X") == "'AB'", "what is after the NUL is nothing"
     assert shown(layout, b"ABC\0") == "'ABC'"
     assert shown(layout, b"ABCD") == "'ABC' (no NUL)"
     for wrong in ("ABCD", "A\0B", "€", 5):

@@ -36,7 +36,7 @@ def test_other_blocks_of_the_file_are_passed_over() -> None:
 
 def test_a_block_without_an_end_is_told_and_hides_nothing() -> None:
     types = types_of("PROGRAM MAIN x := 5; TYPE T : INT; END_TYPE", "f.st")
-    assert [str(p) for p in types.problems] == ["f.st:1:1: found 'PROGRAM', expected 'END_PROGRAM' behind it"]
+    assert [str(p) for p in types.problems] == ["f.st:1:1: found 'PROGRAM', expected 'END_PROGRAM' after it"]
     assert types.names() == ["T"]
     types = types_of("TYPE T : INT; PROGRAM MAIN END_PROGRAM TYPE U : INT; END_TYPE", "f.st")
     assert [str(p) for p in types.problems] == ["f.st:1:15: found 'PROGRAM', expected 'END_TYPE'"]

@@ -30,7 +30,7 @@ from trcvtui.udt.types import (
         "{attribute wpf [Container(Layout.Tabs)]}",
     ],
 )
-def test_pragmas_stand_before_and_behind_everything(pragma: str) -> None:
+def test_pragmas_stand_before_and_after_everything(pragma: str) -> None:
     types = good(
         f"{pragma} TYPE {pragma} T {pragma} : {pragma} STRUCT {pragma} a {pragma} : {pragma} INT;"
         f"{pragma} b : {pragma} BOOL {pragma} ; {pragma} END_STRUCT {pragma} END_TYPE {pragma}"
@@ -144,7 +144,7 @@ def test_named_values_of_other_types_are_those_types() -> None:
 @pytest.mark.parametrize(
     "head", ["T EXTENDS B :", "T : EXTENDS B :", "T : EXTENDS B", "T EXTENDS Lib.B :", "PUBLIC T EXTENDS b :"]
 )
-def test_extends_stands_before_or_behind_the_colon(head: str) -> None:
+def test_extends_stands_before_or_after_the_colon(head: str) -> None:
     types = good(
         f"TYPE {head} STRUCT x : INT; END_STRUCT END_TYPE TYPE B : STRUCT y : BOOL; END_STRUCT END_TYPE"
     )
@@ -193,7 +193,7 @@ def test_an_access_word_may_stand_before_a_name_and_be_one(word: str) -> None:
         ),
         (
             "TYPE T EXTENDS A : INT; END_TYPE",
-            "f.st:1:20: found 'INT', expected STRUCT or UNION behind EXTENDS",
+            "f.st:1:20: found 'INT', expected STRUCT or UNION after EXTENDS",
         ),
         (
             "TYPE A : STRUCT x : INT; END_STRUCT T EXTENDS A : STRUCT X : INT; END_STRUCT END_TYPE",

@@ -133,7 +133,7 @@ def test_structures_and_unions_in_place() -> None:
 
 
 @pytest.mark.parametrize("word", ["OVERLAP", "PERSISTENT"])
-def test_a_word_behind_struct_is_accepted_and_may_be_a_member(word: str) -> None:
+def test_a_word_after_struct_is_accepted_and_may_be_a_member(word: str) -> None:
     types = good(f"TYPE T : STRUCT {word} a : INT; END_STRUCT END_TYPE TYPE U : INT; END_TYPE")
     assert members(types, "T") == {"a": "INT"}
     assert list(types.notes) == (["t"] if word == "OVERLAP" else [])

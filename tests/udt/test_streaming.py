@@ -36,7 +36,7 @@ def test_a_million_leaves_are_shown_in_bounded_memory(answer: str, tmp_path: Pat
     source = tmp_path / "big.st"
     source.write_text(f"{POINTS} TYPE Big : ARRAY[1..{MOST_LEAVES // 4}] OF Point; END_TYPE")
     printed = lines_of("show", str(source), "--type", "Big", "--format", answer)
-    gaps = MOST_LEAVES // 2  # behind each BOOL and at the end of each Point
+    gaps = MOST_LEAVES // 2  # after each BOOL and at the end of each Point
     assert printed == (MOST_LEAVES + gaps + 2 if answer == "text" else MOST_LEAVES * 6 + gaps * 4 + 11)
 
 

@@ -49,7 +49,7 @@ class DataArea:
         self.generation = 0
 
     def write(self, offset: int, payload: bytes | memoryview) -> None:
-        """Overwrite bytes from `offset`; what would stand behind the end is left out."""
+        """Overwrite bytes from `offset`; what would stand after the end is left out."""
         room = max(0, self.size - offset)
         self.content[offset : offset + min(room, len(payload))] = payload[:room]
         self.generation += 1

@@ -47,7 +47,7 @@ class StatusSequence:
     `closes_together`: CONT that falls on two blocks of a connection at once is a close for both.
     `idle_loss`: the error of a loss while no job runs; None: no error, but for a dead link.
     `job_loss`: the error that ends a job, by kind of loss; a kind that is not named fails the job itself.
-    `still_asked`: the error of EN_R = 1 in the scan behind a loss that ended a job, and of a TRCV of its own
+    `still_asked`: the error of EN_R = 1 in the scan after a loss that ended a job, and of a TRCV of its own
     while its connection is being built again.
     `teardown`: "closing" shows before the error of a loss that ends a job.
     `silent_connect`: an attempt to connect that fails shows no error.
@@ -149,8 +149,8 @@ class Rules:
     max_datagram: int = 2048
     large_datagram_cut: bool = False
     lock_across_tasks: bool = False
-    part_follows_en_r: bool = False  # of a frame behind a TRCV_C: EN_R = 0 throws it away
-    lock_outlives: bool = True  # the lock of a job stays behind when its instance goes
+    part_follows_en_r: bool = False  # of a frame from a TRCV_C: EN_R = 0 throws it away
+    lock_outlives: bool = True  # the lock of a job stays when its instance goes
     one_class: bool = False  # blocks of another priority are kept off a connection while one works on it
     policy: Policy = field(default_factory=Policy)
     buffers: int = 64

@@ -1,4 +1,4 @@
-"""A vendor's STATUS table: the word, the condition behind it, and what a person should know of it."""
+"""A vendor's STATUS table: the word, the condition that it shows, and what a person should know of it."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class Dialect:
         return self.words.get(condition, condition)
 
     @property
-    def shelf(self) -> str:
+    def scenario_folder(self) -> str:
         """Return the folder of its scenarios."""
         return self.folder or self.name
 

@@ -24,8 +24,10 @@ REACH_TEXT: Final = {
 MOST_TELLING: Final = 3
 NOTE: Final = "note-"  # so begins the name of a scenario for a note of the manual
 
-Shelf = Mapping[tuple[int, str], Sequence[str]]  # a code and a block: the scenario files that show it
-NO_SCENARIOS: Final[Shelf] = {}
+ScenariosByCode = Mapping[
+    tuple[int, str], Sequence[str]
+]  # a code and a block: the scenario files that show it
+NO_SCENARIOS: Final[ScenariosByCode] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ class Explained:
     def telling(self) -> tuple[str, ...]:
         """Return the scenarios named for this code, first those whose name begins with it.
 
-        Behind them, of an error: a few that play a note of the manual. Where there are none: the first few.
+        After them, of an error: a few that play a note of the manual. Where there are none: the first few.
         """
         named = sorted(filter(self._is_named_in, self.scenarios), key=lambda file: self._place_in(file) > 0)
         notes = [file for file in self.scenarios if _plays_a_note(file) and file not in named]
@@ -112,30 +114,32 @@ def _is_number(row: StatusRow) -> bool:
     return all(block_row(block).on_buffer for block in row.blocks)
 
 
-def with_scenarios(found: Iterable[Explained], shelves: Mapping[str, Shelf]) -> list[Explained]:
-    """Return the rows with the scenarios that show them; `shelves` are those of the dialects by name."""
+def with_scenarios(found: Iterable[Explained], by_dialect: Mapping[str, ScenariosByCode]) -> list[Explained]:
+    """Return the rows with the scenarios that show them; `by_dialect` are those of the dialects by name."""
     return [
-        replace(one, scenarios=_showing(one.row, shelves.get(one.dialect, NO_SCENARIOS))) for one in found
+        replace(one, scenarios=_showing(one.row, by_dialect.get(one.dialect, NO_SCENARIOS))) for one in found
     ]
 
 
 def with_telling(
-    found: Iterable[Explained], shelf_of: Callable[[str, Callable[[str], bool]], Shelf]
+    found: Iterable[Explained], scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]
 ) -> list[Explained]:
-    """Return the rows with as many scenarios as a card names; `shelf_of` reads the files that it is told.
+    """Return the rows with as many scenarios as a card names; `scenarios_of` reads the files that it is told.
 
     Where some of those named for the code show it, no other is read: all of them take 100 ms.
     """
-    return [_told(one, shelf_of) for one in found]
+    return [_told(one, scenarios_of) for one in found]
 
 
-def _told(one: Explained, shelf_of: Callable[[str, Callable[[str], bool]], Shelf]) -> Explained:
-    scenarios = _showing(one.row, shelf_of(one.dialect, one.may_tell))
-    return replace(one, scenarios=scenarios or _showing(one.row, shelf_of(one.dialect, lambda file: True)))
+def _told(one: Explained, scenarios_of: Callable[[str, Callable[[str], bool]], ScenariosByCode]) -> Explained:
+    scenarios = _showing(one.row, scenarios_of(one.dialect, one.may_tell))
+    return replace(
+        one, scenarios=scenarios or _showing(one.row, scenarios_of(one.dialect, lambda file: True))
+    )
 
 
-def _showing(row: StatusRow, shelf: Shelf) -> tuple[str, ...]:
-    return tuple(sorted({file for block in row.blocks for file in shelf.get((row.code, block), ())}))
+def _showing(row: StatusRow, by_code: ScenariosByCode) -> tuple[str, ...]:
+    return tuple(sorted({file for block in row.blocks for file in by_code.get((row.code, block), ())}))
 
 
 def _known_block(dialects: Sequence[Dialect], block: str) -> str:

@@ -12,7 +12,7 @@ RIGHTS: Final = (
     "this user may not open it; on Linux its group may, most often dialout (`ls -l` of the port shows it): "
     "sudo usermod -aG dialout $USER, then log in again"
 )
-GONE: Final = "the device is gone, or what stands behind the port: is the cable plugged in?"
+GONE: Final = "the device is gone, or what is connected to the port: is the cable plugged in?"
 USED: Final = "another program has it open"
 HINTS: Final = {
     "EACCES": RIGHTS,

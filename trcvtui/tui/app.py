@@ -94,8 +94,8 @@ class BenchApp(App[None]):
         self.set_keymap(dict(self._settings.keymap))
         self._engine = driver
         self._home = project.path
-        self.scene = ViewModel(project)
-        self.main = MainScreen(self.scene, self.submit)
+        self.view_model = ViewModel(project)
+        self.main = MainScreen(self.view_model, self.submit)
         self.scenarios: ScenariosScreen | None = None  # while it is open
         self._scenario: Path | None = None  # the one that was chosen last
         self.lab: LabScreen | None = None  # while it is open
@@ -169,10 +169,10 @@ class BenchApp(App[None]):
             return
         try:
             picture = self._engine.picture()
-            before = self.scene.bench
+            before = self.view_model.bench
             if picture is not None:
-                self.scene.take(picture)
-            self._engine.request(self.scene.request())  # now: it is packed while this one is drawn
+                self.view_model.take(picture)
+            self._engine.request(self.view_model.request())  # now: it is packed while this one is drawn
             if picture is not None:
                 self._show(before)
         except EngineStopped as stopped:
@@ -186,7 +186,7 @@ class BenchApp(App[None]):
             if above.is_mounted:
                 above.show()
         elif self.main.is_mounted:
-            if self.scene.bench != before:
+            if self.view_model.bench != before:
                 self.main.begin_anew()
             self.main.show()
 
@@ -291,7 +291,7 @@ class BenchApp(App[None]):
             return
         self.last_words = ""
         self._engine.restart()
-        self.scene.restart()
+        self.view_model.restart()
         self.main.restart()
 
     # -- scenarios ----------------------------------------------------------------------------------
@@ -302,10 +302,10 @@ class BenchApp(App[None]):
         from trcvtui.tui.scenarios.screen import ScenariosScreen
 
         if self.scenarios is None and not self.last_words:
-            player = self.scene.picture.player if self.scene.picture is not None else None
+            player = self.view_model.picture.player if self.view_model.picture is not None else None
             loaded = Path(player.path) if player is not None else None
             model = ScenarioListModel(find_files(self._home), loaded or self._scenario)
-            self.scenarios = ScenariosScreen(self.scene, self._say, model, loaded)
+            self.scenarios = ScenariosScreen(self.view_model, self._say, model, loaded)
             self.push_screen(self.scenarios, self._scenarios_left)
 
     def _scenarios_left(self, chosen: Path | None) -> None:
@@ -314,8 +314,8 @@ class BenchApp(App[None]):
         self._scenario = chosen or self._scenario
         if keeps:
             self.main.begin_anew()
-        elif self.scene.picture is not None and self.scene.picture.player is not None:
-            self.scene.leave()
+        elif self.view_model.picture is not None and self.view_model.picture.player is not None:
+            self.view_model.leave()
             self.main.begin_anew()
         self.main.show()
 
@@ -331,9 +331,9 @@ class BenchApp(App[None]):
 
         if self.lab is not None or self.scenarios is not None or self.last_words:
             return
-        self._lab = self._lab or Lab(self.scene)
+        self._lab = self._lab or Lab(self.view_model)
         self._lab.begin()
-        self.lab = LabScreen(self.scene, self._lab, self._say)
+        self.lab = LabScreen(self.view_model, self._lab, self._say)
         self.push_screen(self.lab, self._lab_left)
         if line.split()[1:]:
             self.call_later(self.lab.obey, line)
@@ -351,10 +351,10 @@ class BenchApp(App[None]):
         """Show the connection description of the selected instance, where there is any."""
         from trcvtui.tui.forms.description import DescriptionScreen  # read when first asked for
 
-        configs = [each for each in self.scene.project.connects if each.description is not None]
-        instance = self.scene.instance
+        configs = [each for each in self.view_model.project.connects if each.description is not None]
+        instance = self.view_model.instance
         if configs and instance is not None:
-            self.push_screen(DescriptionScreen(configs, instance.connect, self.scene.listening()))
+            self.push_screen(DescriptionScreen(configs, instance.connect, self.view_model.listening()))
         else:
             self.main.prompt.complain("no CONNECT of this project has a connection description")
 
@@ -376,12 +376,12 @@ class BenchApp(App[None]):
         if self.refuses():
             return
         if self.race is None and self.lab is None and not self.last_words:
-            self.race = RaceScreen(self.scene, self._say, path)
+            self.race = RaceScreen(self.view_model, self._say, path)
             self.push_screen(self.race, self._race_left)
 
     def _race_left(self, nothing: None) -> None:
         self.race = None
-        self._show(self.scene.bench)
+        self._show(self.view_model.bench)
 
     # -- frames -------------------------------------------------------------------------------------
 
@@ -397,10 +397,10 @@ class BenchApp(App[None]):
 
         if self.screen is not self.main or self.refuses():
             return
-        if not self.scene.project.combuffers:
+        if not self.view_model.project.combuffers:
             self.main.prompt.complain("no ComBuffer in this project: framing advice looks at one's bytes")
             return
-        self.framings = FramingScreen(self.scene)
+        self.framings = FramingScreen(self.view_model)
         self.push_screen(self.framings, self._framing_chosen)
 
     def _framing_chosen(self, lines: tuple[str, ...] | None) -> None:
@@ -415,7 +415,7 @@ class BenchApp(App[None]):
         from trcvtui.tui.forms.add_screen import AddScreen  # read when first asked for
 
         if self.screen is self.main:
-            self.push_screen(AddScreen(lambda: self.scene.project, kind, {}), self._added)
+            self.push_screen(AddScreen(lambda: self.view_model.project, kind, {}), self._added)
 
     def _added(self, line: str | None) -> None:
         if line:
@@ -423,10 +423,10 @@ class BenchApp(App[None]):
 
     async def action_quit(self) -> None:
         """End the bench; what would be lost by it is told first, and asked again after another key."""
-        unsaved = self.scene.unsaved
+        unsaved = self.view_model.unsaved
         if unsaved and self._warned != (self._keys - 1, unsaved) and not self.last_words:
             self._warned = self._keys, unsaved
-            what = count(unsaved, self.scene.unsaved_word)
+            what = count(unsaved, self.view_model.unsaved_word)
             text = f"{what} to the project unsaved: `save project` keeps them, q quits"
             (self.main.prompt.complain if self.screen is self.main else self._notify)(text)
             return
@@ -457,7 +457,7 @@ class BenchApp(App[None]):
             yield from above.commands()
         else:
             for command in commands(
-                PaletteReach(self.scene, self.main, self.submit, self.action_add, self.action_lab)
+                PaletteReach(self.view_model, self.main, self.submit, self.action_add, self.action_lab)
             ):
                 yield self._with_the_users_key(command)
         for name, theme in THEMES.items():

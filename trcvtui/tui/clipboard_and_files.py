@@ -82,7 +82,7 @@ def to_clipboard(text: str) -> str:
 
 
 def _gives(program: str, arguments: list[str], content: bytes) -> bool:
-    # Its output goes nowhere: xclip stays behind as the owner of the selection and would hold a pipe open.
+    # Its output goes nowhere: xclip stays as the owner of the selection and would hold a pipe open.
     try:
         done = subprocess.run(
             [program, *arguments],

@@ -42,16 +42,18 @@ class Subject:
     line: str  # the bench command that the peer's composer makes
 
 
-def subject_of(scene: ViewModel, of_job: bool, line: str | None) -> Subject:
+def subject_of(view_model: ViewModel, of_job: bool, line: str | None) -> Subject:
     """Return what is selected: bytes of the job or of DATA; with a `line`, what the peer has received."""
-    name, content, declared = scene.selected, scene.partial, scene.declaration
+    name, content, declared = view_model.selected, view_model.partial, view_model.declaration
     if not of_job and declared is not None:
-        name, content = declared.name, scene.data
-    peer = scene.peer_snapshot
+        name, content = declared.name, view_model.data
+    peer = view_model.peer_snapshot
     if line is not None and peer is not None and peer.last_received:
         name, content, declared = peer.name, peer.last_received, None
-    edges = tuple(scene.history.of(scene.selected))
-    return Subject(scene.project, scene.instance, name, content, declared, edges, scene.peer, line or "")
+    edges = tuple(view_model.history.of(view_model.selected))
+    return Subject(
+        view_model.project, view_model.instance, name, content, declared, edges, view_model.peer, line or ""
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,9 +24,9 @@ GOOD: Final = ("suffix", "size reached")
 LABEL: Final = 9
 
 
-def buffer_for(scene: ViewModel) -> str:
+def buffer_for(view_model: ViewModel) -> str:
     """Return the ComBuffer that is looked at: that of the selected instance, the one it feeds, or any."""
-    project, instance = scene.project, scene.instance
+    project, instance = view_model.project, view_model.instance
     if instance is not None and block_row(instance.block).buffer_pin:
         return instance.connect
     names = [b.name for b in project.combuffers]
@@ -34,10 +34,12 @@ def buffer_for(scene: ViewModel) -> str:
     return next(iter((*fed, *names)), "")
 
 
-def framed_by(buffer: str, scene: ViewModel) -> str:
+def framed_by(buffer: str, view_model: ViewModel) -> str:
     """Return the block that is set: the selected one, or the first that cuts this ComBuffer's bytes."""
-    readers = [i.name for i in scene.project.instances if i.connect == buffer and block_row(i.block).marks]
-    return scene.selected if scene.selected in readers else next(iter(readers), "")
+    readers = [
+        i.name for i in view_model.project.instances if i.connect == buffer and block_row(i.block).marks
+    ]
+    return view_model.selected if view_model.selected in readers else next(iter(readers), "")
 
 
 class FramingList(TextView):
@@ -160,11 +162,11 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
     }
     """
 
-    def __init__(self, scene: ViewModel) -> None:
-        self._scene = scene
-        self.buffer = buffer_for(scene)
-        self.instance = framed_by(self.buffer, scene)
-        self.list = FramingList(self.instance, lambda: scene.project)
+    def __init__(self, view_model: ViewModel) -> None:
+        self._view_model = view_model
+        self.buffer = buffer_for(view_model)
+        self.instance = framed_by(self.buffer, view_model)
+        self.list = FramingList(self.instance, lambda: view_model.project)
         super().__init__(self.list, ())
         self.list.set_title(None, "Framing advice", f"{self.buffer} → {self.instance or 'no block'}")
         self.list.border_subtitle = "↑↓ choose · enter sets it · r: read again · page up, down · esc"
@@ -175,16 +177,16 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
 
     def action_again(self) -> None:
         """Take the bytes as they are now."""
-        self._scene.recordings_wanted = (self.buffer,)
+        self._view_model.recordings_wanted = (self.buffer,)
         self.list.draw()
 
     def show(self) -> None:
         """Look at the recording once it is here."""
-        picture = self._scene.live
+        picture = self._view_model.live
         found = dict(picture.recordings).get(self.buffer) if picture is not None else None
-        if found is None or not self._scene.recordings_wanted:
+        if found is None or not self._view_model.recordings_wanted:
             return
-        self._scene.recordings_wanted = ()
+        self._view_model.recordings_wanted = ()
         self.list.advice, self.list.cursor, self.list.problem = advise(found), 0, ""
         self.list.draw()
 
@@ -192,7 +194,7 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
         """Answer with the lines, if all of them can be carried out."""
         try:
             lines = self.list.lines() if self.instance else ()
-            parse_script("\n".join(lines), self._scene.project, "framing")
+            parse_script("\n".join(lines), self._view_model.project, "framing")
         except UserError as wrong:
             self.list.problem = wrong.lines()[0]
             self.list.draw()
@@ -202,5 +204,5 @@ class FramingScreen(ListDialog[tuple[str, ...]]):
 
     def action_leave(self) -> None:
         """Set nothing."""
-        self._scene.recordings_wanted = ()
+        self._view_model.recordings_wanted = ()
         super().action_leave()

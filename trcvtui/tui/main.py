@@ -107,31 +107,31 @@ class MainScreen(FullScreen[None]):
     ]
     CSS_PATH = "main.tcss"
 
-    def __init__(self, scene: ViewModel, submit: Callable[[str], None]) -> None:
-        super().__init__(scene, KeyLine())
+    def __init__(self, view_model: ViewModel, submit: Callable[[str], None]) -> None:
+        super().__init__(view_model, KeyLine())
         self._submit = submit
         self._pane = 3
         self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
         self._past = 4  # history or timing, where one place is for both
         actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.complain(text))
-        self.instances = InstanceList(scene)
+        self.instances = InstanceList(view_model)
         self.filter = FilterLine(
             self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
         )
         self.tabs = TabLine()
-        self.block = FunctionBlock(scene, actions)
-        self.status = StatusCard(scene)
-        self.timing = Timing(scene, actions)
-        self.history = StatusHistory(scene, actions)
-        self.received = Received(scene)
-        self.table = UdtTable(scene)
-        self.peer = PeerPanel(scene, actions)
+        self.block = FunctionBlock(view_model, actions)
+        self.status = StatusCard(view_model)
+        self.timing = Timing(view_model, actions)
+        self.history = StatusHistory(view_model, actions)
+        self.received = Received(view_model)
+        self.table = UdtTable(view_model)
+        self.peer = PeerPanel(view_model, actions)
         self._grid = Container(id="panes")
         self._rows = ""  # as the style sheet writes them
         self._peer_rows: int | None = None
         self._sizes: dict[str, bool] = {}
         self._instances = 0  # of the project, when the panes were arranged
-        self.prompt = Prompt(scene, self.peer.lines.heard(submit), self._only_looks)
+        self.prompt = Prompt(view_model, self.peer.lines.heard(submit), self._only_looks)
 
     def compose(self) -> Iterator[Widget]:
         """Compose header, instances, panes, prompt, keys."""
@@ -180,7 +180,7 @@ class MainScreen(FullScreen[None]):
         self.call_after_refresh(self._give_rows)
 
     def _fit(self, width: int, height: int) -> None:
-        self._instances = len(self._scene.project.instances)
+        self._instances = len(self._view_model.project.instances)
         self._sizes = sizes(width, height, self._instances)
         self._status_rows.clear()
         self.update_classes(self._sizes)
@@ -215,8 +215,8 @@ class MainScreen(FullScreen[None]):
 
     def show(self) -> None:
         """Let every pane repaint what changed."""
-        self.set_class(self._scene.is_frozen, FROZEN)
-        if self._instances != len(self._scene.project.instances):  # more of them leave less to the panes
+        self.set_class(self._view_model.is_frozen, FROZEN)
+        if self._instances != len(self._view_model.project.instances):  # more of them leave less to the panes
             self._fit(*self.size)
             self._arrange()
         panes = self.header, self.instances, self.block, self.status, self.timing, self.history, self.table
@@ -224,12 +224,12 @@ class MainScreen(FullScreen[None]):
             pane.show()
         self.received.show()
         self.peer.show()
-        self.prompt.answered(self._scene.answers)
+        self.prompt.answered(self._view_model.answers)
         self._give_rows()
         self._show_keys()
 
     def _show_keys(self) -> None:
-        picture = self._scene.live
+        picture = self._view_model.live
         self.key_line.show_keys_of(self.focused, bool(picture and picture.holding))
 
     def begin_anew(self) -> None:
@@ -300,7 +300,7 @@ class MainScreen(FullScreen[None]):
     def on_past_selected(self, message: messages.PastSelected) -> None:
         """Decode the job that the selected byte of the past belongs to, and show its member."""
         of_job = self.received.job_of_cursor()
-        mine = of_job is not None and of_job[0] == self._scene.selected
+        mine = of_job is not None and of_job[0] == self._view_model.selected
         self.table.past = of_job[1:] if of_job is not None and mine else None
         if self.table.was_thrown_away:
             self.table.cursor = None
@@ -402,7 +402,7 @@ class MainScreen(FullScreen[None]):
         """View DATA as theirs: in the layout that fits what came; as the PLC lays it out again."""
         from trcvtui.rig.diagnosis.data_view import own_line, view_line  # read when first asked for
 
-        decl, offer = self._scene.declaration, self.status.offer()
+        decl, offer = self._view_model.declaration, self.status.offer()
         line = "" if decl is None else view_line(decl, offer.choice) if offer else own_line(decl)
         if line:
             self._submit(line)
@@ -439,7 +439,7 @@ class MainScreen(FullScreen[None]):
 
         of_job = pane == "job" or (pane == "udt" and self.table.of_job)
         of_peer = pane in ("peers", "payload")
-        return subject_of(self._scene, of_job, self.peer.composer.line if of_peer else None)
+        return subject_of(self._view_model, of_job, self.peer.composer.line if of_peer else None)
 
     def _yanked(self, taken: tuple[Format, str] | None) -> None:
         from trcvtui.tui.clipboard_and_files import take
@@ -459,8 +459,8 @@ class MainScreen(FullScreen[None]):
         from trcvtui.tui.forms.fields import all_parts, parts_at_hand  # read when first asked for
         from trcvtui.tui.widgets.dialogs import ChoiceScreen
 
-        near = parts_at_hand(self._scene, self.peer in (self.focused.ancestors if self.focused else ()))
-        parts = [near, [part for part in all_parts(self._scene.project) if part not in near]]
+        near = parts_at_hand(self._view_model, self.peer in (self.focused.ancestors if self.focused else ()))
+        parts = [near, [part for part in all_parts(self._view_model.project) if part not in near]]
         choices = {
             f"{verb} {part}": (action, part)
             for some in parts
@@ -486,7 +486,7 @@ class MainScreen(FullScreen[None]):
         """Open the form that changes a part of the project."""
         from trcvtui.tui.forms.add_screen import ChangeScreen  # read when first asked for
 
-        self.app.push_screen(ChangeScreen(lambda: self._scene.project, part), self._changed)
+        self.app.push_screen(ChangeScreen(lambda: self._view_model.project, part), self._changed)
 
     def _changed(self, line: str | None) -> None:
         if line:
@@ -501,7 +501,7 @@ class MainScreen(FullScreen[None]):
         """Open the prompt to take the newest edit of the project back; there stands which one that is."""
         if self.prompt.is_open or self._is_refused():
             return
-        if self._scene.project.undoable:
+        if self._view_model.project.undoable:
             self.action_prompt("undo")
         else:
             self.prompt.complain("no edit of the project is there to be taken back")
@@ -522,14 +522,14 @@ class MainScreen(FullScreen[None]):
 
     def action_hold(self) -> None:
         """Hold the scans, or let them go on."""
-        picture = self._scene.live
+        picture = self._view_model.live
         self._submit("go" if picture and picture.holding else "hold")
         if picture and picture.holding:
             self._step_on()
 
     def action_single_scan(self) -> None:
         """Let one scan pass; hold first where scans are passing."""
-        picture = self._scene.live
+        picture = self._view_model.live
         if picture is not None and not picture.holding:
             self._submit("hold")
         self._submit("run 1")
@@ -537,12 +537,12 @@ class MainScreen(FullScreen[None]):
 
     def _step_on(self) -> None:
         """Where a trigger has held the scans, the view goes on with them."""
-        if self._scene.fired is not None and self._scene.fired.holds:
-            self._scene.thaw()
+        if self._view_model.fired is not None and self._view_model.fired.holds:
+            self._view_model.thaw()
 
     def action_freeze(self) -> None:
         """Keep what is shown while the PLC runs on; or show again what is now."""
-        self._scene.thaw() if self._scene.is_frozen else self._scene.freeze()
+        self._view_model.thaw() if self._view_model.is_frozen else self._view_model.freeze()
         self.show()
 
     def action_trigger(self) -> None:

@@ -20,11 +20,11 @@ class PaneActions(NamedTuple):
 
 
 class InstanceSelected(Message):
-    """Another instance was selected in the scene: the panes follow."""
+    """Another instance was selected in the view_model: the panes follow."""
 
 
 class PeerSelected(Message):
-    """Another peer was selected in the scene: composer and buttons speak for it."""
+    """Another peer was selected in the view_model: composer and buttons speak for it."""
 
 
 class ByteSelected(Message):

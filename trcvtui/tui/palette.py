@@ -102,7 +102,7 @@ async def _press(main: MainScreen, key: PaneKey) -> None:
 class PaletteReach(NamedTuple):
     """What the commands may reach."""
 
-    scene: ViewModel
+    view_model: ViewModel
     main: MainScreen
     submit: Callable[[str], None]
     add: Callable[[str], None]
@@ -132,7 +132,7 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
     ):
         yield SystemCommand(title, _said(line, key), partial(bench.submit, line))
     yield SystemCommand("One single scan", "run 1 · key .", bench.main.action_single_scan)
-    frozen = bench.scene.is_frozen
+    frozen = bench.view_model.is_frozen
     about = "the PLC runs on, the screen keeps what it shows · key F"
     yield SystemCommand("View live again" if frozen else "Freeze the view", about, bench.main.action_freeze)
     yield SystemCommand(
@@ -146,7 +146,7 @@ def _of_scans(bench: PaletteReach) -> Iterator[SystemCommand]:
 
 
 def _of_block(bench: PaletteReach) -> Iterator[SystemCommand]:
-    name = plain(bench.scene.selected)
+    name = plain(bench.view_model.selected)
     for pin in bench.main.block.drawing().inputs:
         title = f"{'Pulse' if pin.edge else 'Toggle' if pin.is_bool else 'Write'} {pin.name}"
         about = f"{name}: {pin.text}" + (f" · key {pin.letter}" if pin.letter else "")
@@ -162,7 +162,7 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
 
     about = "a part of the project: its form, or `remove` · key E"
     yield SystemCommand("Change or remove …", about, bench.main.action_change)
-    for part in parts_at_hand(bench.scene, peer_first=False):
+    for part in parts_at_hand(bench.view_model, peer_first=False):
         named = plain(f"{part.kind} {part.name}")
         yield SystemCommand(
             f"Change {plain(str(part))}", f"set {named} …: a form", partial(bench.main.change_part, part)
@@ -172,13 +172,13 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
         )
     about = "undo: the newest add, set or remove of the project · key ctrl+z"
     yield SystemCommand("Undo", about, bench.main.action_undo)
-    save = "save project" + (" " if bench.scene.project.path == demo_path() else "")
+    save = "save project" + (" " if bench.view_model.project.path == demo_path() else "")
     yield SystemCommand(
         "Save the project",
         f"{save}: what was added, changed and removed, into its file",
         partial(bench.main.action_prompt, save),
     )
-    instance = bench.scene.instance
+    instance = bench.view_model.instance
     if instance is None:
         return
     name = plain(instance.name)
@@ -197,15 +197,15 @@ def _of_program(bench: PaletteReach) -> Iterator[SystemCommand]:
 
 
 def _of_peer(bench: PaletteReach) -> Iterator[SystemCommand]:
-    peer = bench.scene.peer_snapshot
+    peer = bench.view_model.peer_snapshot
     if peer is None:
         return
-    for button in buttons_for(bool(bench.scene.snapshot and bench.scene.snapshot.faults), peer):
+    for button in buttons_for(bool(bench.view_model.snapshot and bench.view_model.snapshot.faults), peer):
         line = bench.main.peer.composer.line or "the payload" if button.letter == SEND else button.line(peer)
         press = partial(bench.main.peer.action_button, button.letter)
         about = f"{plain(line)} · pane 7, key {button.letter}"
         yield SystemCommand(f"Peer {plain(peer.name)}: {button.label(peer)}", about, press)
-    for other in bench.scene.peers:
+    for other in bench.view_model.peers:
         if other.name != peer.name:
             yield SystemCommand(
                 f"Peer {plain(other.name)}", "speak for this peer", partial(_peer, bench, other.name)
@@ -213,8 +213,8 @@ def _of_peer(bench: PaletteReach) -> Iterator[SystemCommand]:
 
 
 def _of_instances(bench: PaletteReach) -> Iterator[SystemCommand]:
-    for instance in bench.scene.instances:
-        if instance.name != bench.scene.selected:
+    for instance in bench.view_model.instances:
+        if instance.name != bench.view_model.selected:
             about = f"select this instance of {instance.block}"
             yield SystemCommand(
                 f"Instance {plain(instance.name)}", about, partial(_select, bench, instance.name)
@@ -265,10 +265,10 @@ def _said(line: str, key: str) -> str:
 
 
 def _select(bench: PaletteReach, name: str) -> None:
-    bench.scene.selected = name
+    bench.view_model.selected = name
     bench.main.post_message(InstanceSelected())
 
 
 def _peer(bench: PaletteReach, name: str) -> None:
-    bench.scene.peer = name
+    bench.view_model.peer = name
     bench.main.post_message(PeerSelected())

@@ -126,11 +126,14 @@ class Prompt(Vertical):
     """
 
     def __init__(
-        self, scene: ViewModel, submit: Callable[[str], None], only_looks: Callable[[], bool] = lambda: False
+        self,
+        view_model: ViewModel,
+        submit: Callable[[str], None],
+        only_looks: Callable[[], bool] = lambda: False,
     ) -> None:
         super().__init__(id="prompt")
         self._only_looks = only_looks  # then no line is read: one may name a file
-        self._scene = scene
+        self._view_model = view_model
         self._submit = submit
         self._echo = EchoLine()
         self._open_line = Horizontal(id="open-line")
@@ -150,7 +153,7 @@ class Prompt(Vertical):
         """Make the input, so that it is there before the first key is obeyed."""
         from trcvtui.tui.completion import BenchSuggester
 
-        self._input = PromptInput(self, BenchSuggester(lambda: self._scene.project))
+        self._input = PromptInput(self, BenchSuggester(lambda: self._view_model.project))
         await self._open_line.mount(Static(":", markup=False), self._input)
 
     @property
@@ -190,7 +193,7 @@ class Prompt(Vertical):
             return
         line = self._input.value.strip()
         is_told = line.partition(" ")[0] in TOLD_BEFORE and not self._only_looks()
-        self._echo.foretell(said_before(line, self._scene.project) if is_told else "")
+        self._echo.foretell(said_before(line, self._view_model.project) if is_told else "")
         self._echo.display = bool(self._echo.note)
 
     def _fill(self, text: str) -> None:
@@ -209,7 +212,7 @@ class Prompt(Vertical):
         from trcvtui.tui.completion import complete
 
         if self._input is not None:
-            self._fill(complete(self._input.value, self._scene.project) or self._input.value)
+            self._fill(complete(self._input.value, self._view_model.project) or self._input.value)
 
     def submit(self) -> None:
         """Close the command line and send what was typed."""

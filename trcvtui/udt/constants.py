@@ -69,7 +69,7 @@ class _Evaluation:
         return value
 
     def accept(self, *symbols: str) -> str:
-        """Return the symbol at hand and go behind it, nothing if it is none of these."""
+        """Return the symbol at hand and go after it, nothing if it is none of these."""
         symbol = self.tokens[self.at]
         if not symbol or symbol not in symbols:
             return ""

@@ -145,7 +145,7 @@ def _layout_text(layout: Layout) -> str:
 
 def _extent(have: int, size: int) -> str:
     if have > size:
-        return f"{size} bytes, {have - size} more behind them"
+        return f"{size} bytes, {have - size} more after them"
     return f"{size} bytes" if have == size else f"{have} of {size} bytes"
 
 

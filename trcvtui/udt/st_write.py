@@ -39,7 +39,7 @@ def ascii_word(name: str) -> str:
 
 
 def escaper(reserved: Collection[str], first: str = "_") -> Callable[[str], str]:
-    """Return how a language escapes a name: `first` before a digit, `_` behind a reserved word."""
+    """Return how a language escapes a name: `first` before a digit, `_` after a reserved word."""
 
     def escaped(name: str) -> str:
         word = ascii_word(name)
@@ -87,7 +87,7 @@ ST_WORDS: Final = frozenset(WORDS.upper().split()) | {name.upper() for name in E
 
 
 def st_word(name: str) -> str:
-    """Return the name as IEC ST can carry it: a keyword, in any case, gets `_` behind it."""
+    """Return the name as IEC ST can carry it: a keyword, in any case, gets `_` after it."""
     word = ascii_word(name)
     if word != name:  # CODESYS takes no two underscores in a row
         word = re.sub("_+", "_", word)

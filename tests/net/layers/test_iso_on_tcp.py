@@ -274,7 +274,7 @@ def test_what_waits_can_be_dropped() -> None:
     assert (passive.has_data, passive.held) == (False, 0)
 
 
-def test_a_dr_behind_messages_leaves_them_readable() -> None:
+def test_a_dr_after_messages_leaves_them_readable() -> None:
     active, passive = pair()
     fed(passive, active.encode(b"last") + encode(Disconnect(1, 1, 0x80)))
     assert passive.ended == Ended("ECONNRESET", "DR, reason 80")

@@ -102,7 +102,7 @@ def test_a_message_that_the_stack_takes_in_pieces_is_one_message(b: IsoBench) ->
     b.close_all(caller, called, listener)
 
 
-def test_a_fin_comes_behind_the_last_message(b: IsoBench) -> None:
+def test_a_fin_comes_after_the_last_message(b: IsoBench) -> None:
     caller, called, listener = b.up()
     b.send(caller, b"last")
     assert b.kernel.shutdown(caller) is None

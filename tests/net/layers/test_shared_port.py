@@ -1,4 +1,4 @@
-"""Several CONNECTs of ISO-on-TCP behind one port: who gets whom, and what stays when one leaves."""
+"""Several CONNECTs of ISO-on-TCP after one port: who gets whom, and what stays when one leaves."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def errors(ends: tuple[LayerSession, LayerSession]) -> list[str]:
 
 @pytest.fixture
 def up(certificates: Certificates) -> Iterator[tuple[LayerSession, LayerSession]]:
-    """Return client and server behind their handshake."""
+    """Return client and server after their handshake."""
     client, server = met(certificates.settings(), certificates.settings("plc"))
     assert client.is_up
     assert server.is_up
@@ -72,7 +72,7 @@ def test_bytes_are_read_in_any_portions_and_in_their_order(up: tuple[LayerSessio
     assert [read(server, 2), read(server, 2), read(server, 9), read(server, 9)] == [b"ab", b"cd", b"efg", b""]
 
 
-def test_a_close_notify_is_the_end_behind_the_data(up: tuple[LayerSession, LayerSession]) -> None:
+def test_a_close_notify_is_the_end_after_the_data(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     last = client.encode(b"last")
     client.say_goodbye()
@@ -342,7 +342,7 @@ def test_a_feed_reads_as_many_records_as_it_may_and_the_rest_is_a_backlog(
     assert (server.has_backlog, read(server)) == (False, bytes(range(4, 10)))
 
 
-def test_what_waits_behind_a_full_buffer_is_read_when_there_is_room(
+def test_what_waits_after_a_full_buffer_is_read_when_there_is_room(
     up: tuple[LayerSession, LayerSession],
 ) -> None:
     client, server = up
@@ -351,7 +351,7 @@ def test_what_waits_behind_a_full_buffer_is_read_when_there_is_room(
     assert (server.feed(memoryview(b""), 9), len(read(server, CAP))) == (2, 16384)
 
 
-def test_the_end_stands_behind_a_backlog(up: tuple[LayerSession, LayerSession]) -> None:
+def test_the_end_stands_after_a_backlog(up: tuple[LayerSession, LayerSession]) -> None:
     client, server = up
     last = b"".join(client.encode(b"x") for _ in range(5))
     client.say_goodbye()

@@ -91,7 +91,7 @@ def test_what_cannot_be_read_is_named(what: str) -> None:
     assert read(bytes.fromhex(MALFORMED[what])) == [Malformed(what)]
 
 
-def test_behind_what_cannot_be_read_nothing_more_is_read() -> None:
+def test_after_what_cannot_be_read_nothing_more_is_read() -> None:
     reader = TpktReader()
     assert reader.feed(b"\x04\0\0\x07") == [Malformed("TPKT version 4")]
     assert reader.feed(bytes.fromhex(VECTORS["DT abc"][0])) == []

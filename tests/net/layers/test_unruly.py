@@ -230,7 +230,7 @@ def test_the_refusal_of_our_own_call_is_told_with_its_reason(b: IsoBench) -> Non
         (encode(Connect(Code.CR, 0, 1, E001, E002, 7)), "a CR out of turn"),
     ],
 )
-def test_garbage_behind_the_handshake_ends_the_connection_and_is_told(
+def test_garbage_after_the_handshake_ends_the_connection_and_is_told(
     b: IsoBench, bad: bytes, why: str
 ) -> None:
     listener = b.iso_listener(WAITS)

@@ -298,7 +298,7 @@ def test_a_real_cut_link_is_etimedout_idle_and_with_data_in_flight() -> None:
     assert (lines, run.stderr) == (["busy recv ETIMEDOUT", "idle recv ETIMEDOUT"], "")
 
 
-def test_a_loss_found_behind_bytes_is_kept_for_the_next_call(network: OsNetwork) -> None:
+def test_a_loss_found_after_bytes_is_kept_for_the_next_call(network: OsNetwork) -> None:
     b = Bench(network)
     one = b.pair()
     b.send(one.client, b"five!")

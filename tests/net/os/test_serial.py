@@ -61,8 +61,8 @@ def test_a_port_where_nobody_listens_is_refused_and_the_words_of_pyserial_are_ke
     assert wrong == Fault("open", "ECONNREFUSED") and url in wrong.words
 
 
-def behind(cause: Exception, words: str) -> Exception:
-    """Return what pyserial raises behind what the system has raised."""
+def after(cause: Exception, words: str) -> Exception:
+    """Return what pyserial raises after what the system has raised."""
     problem = OSError(words)
     problem.__context__ = cause
     return problem
@@ -71,10 +71,10 @@ def behind(cause: Exception, words: str) -> Exception:
 @pytest.mark.parametrize(
     ("problem", "name"),
     [
-        (behind(socket.gaierror(socket.EAI_NONAME, "unknown"), "Could not open port"), "EAI_NONAME"),
-        (behind(socket.gaierror(-3, "try again"), "Could not open port"), "EAI_AGAIN"),
-        (behind(TimeoutError("timed out"), "Could not open port"), "ETIMEDOUT"),
-        (behind(PermissionError(13, "denied"), "could not open port"), "EACCES"),
+        (after(socket.gaierror(socket.EAI_NONAME, "unknown"), "Could not open port"), "EAI_NONAME"),
+        (after(socket.gaierror(-3, "try again"), "Could not open port"), "EAI_AGAIN"),
+        (after(TimeoutError("timed out"), "Could not open port"), "ETIMEDOUT"),
+        (after(PermissionError(13, "denied"), "could not open port"), "EACCES"),
         (OSError("Remote does not seem to support RFC2217 or BINARY mode"), "ETIMEDOUT"),
         (OSError("read failed: socket disconnected"), "EOF"),
         (OSError("connection failed (reader thread died)"), "EOF"),

@@ -114,7 +114,7 @@ def test_random_sends_recvs_and_cuts_keep_every_byte_in_order(
     abort=st.booleans(),
     latency_ms=st.sampled_from((0, 3)),
 )
-def test_what_an_orderly_close_leaves_behind_arrives_and_an_abort_cuts_only_the_tail(
+def test_what_an_orderly_close_leaves_after_arrives_and_an_abort_cuts_only_the_tail(
     moves: list[tuple[str, int, int]], small: bool, abort: bool, latency_ms: int
 ) -> None:
     b = SimBench(SimKernel(latency_ns=latency_ms * MS))

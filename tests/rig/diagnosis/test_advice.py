@@ -311,7 +311,7 @@ def test_a_stream_without_a_pause_is_not_called_a_message() -> None:
     assert "if that is the sender's message" not in checks
 
 
-def test_of_a_burst_that_is_over_the_bytes_behind_its_last_frame_are_counted() -> None:
+def test_of_a_burst_that_is_over_the_bytes_after_its_last_frame_are_counted() -> None:
     told = Told(*UP, "peer P1 send random 200 seed=1", "run 200")
     known = told.evidence("X")
     stranger = replace(known, facts=replace(known.facts, sender="", messages=type(known.facts.messages)()))
@@ -350,10 +350,10 @@ def test_no_rule_is_asked_twice_for_one_condition() -> None:
 
 
 def test_a_rule_is_one_row_and_shows_on_the_card(monkeypatch: pytest.MonkeyPatch) -> None:
-    made_up = rows(Condition.PARTNER_CLOSED, lambda e: f"{e.instance}: look behind the machine")
+    made_up = rows(Condition.PARTNER_CLOSED, lambda e: f"{e.instance}: look after the machine")
     monkeypatch.setattr(advice, "RULES", (*RULES, *made_up))
     told = Told(*UP, "peer P1 close", "run 9")
-    assert "X: look behind the machine" in told.then("X", Condition.PARTNER_CLOSED).checks
+    assert "X: look after the machine" in told.then("X", Condition.PARTNER_CLOSED).checks
 
 
 def test_a_rule_of_what_moves_replaces_the_general_ones(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,7 +44,7 @@ def said(told: Told, instance: str) -> str:
     return "\n".join((advice.why, *advice.checks))
 
 
-# -- behind a failed attempt ---------------------------------------------------------------------------------
+# -- after a failed attempt ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("data", ["", "00 01 02 03 04 05 06 07 08 09 0a 0b 0c 0d"])
@@ -228,7 +228,7 @@ def test_done_of_tsend_c_on_udp_says_nothing_of_the_partner() -> None:
 # -- STOP and RUN -------------------------------------------------------------------------------------------
 
 
-def test_since_when_a_partner_is_waited_for_begins_anew_behind_stop_and_behind_cont() -> None:
+def test_since_when_a_partner_is_waited_for_begins_anew_after_stop_and_after_cont() -> None:
     told = shipped("s7-receiver", "set TRCV_C_1 CONT=1", "run 400")
     assert " since scan 3, 3.9 s" in told.of("TRCV_C_1").why
     told.do("plc stop", "run 100")

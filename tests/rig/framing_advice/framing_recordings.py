@@ -11,7 +11,7 @@ SCAN_NS = 10 * MILLISECOND
 
 
 def recorded(chunks: Iterable[tuple[int, bytes]], source: str = "serial") -> Recording:
-    """Return a recording of (milliseconds before it, bytes); the line is quiet for a second behind it."""
+    """Return a recording of (milliseconds before it, bytes); the line is quiet for a second after it."""
     recorder, now = Recorder(), 0
     for pause, payload in chunks:
         now += pause * MILLISECOND

@@ -76,13 +76,13 @@ def test_the_greeting_before_the_first_code_is_noise_and_who_takes_it_as_data_is
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
-def test_a_check_byte_behind_the_end_is_noise_before_the_next(size: int) -> None:
+def test_a_check_byte_after_the_end_is_noise_before_the_next(size: int) -> None:
     frames = [code[:-2] + b"\x03" + numbers(n, size).replace(b"\x02", b"!") for n, code in enumerate(SCANNED)]
     best = advise(every(200, frames)).proposals[0]
     assert best.title == "prefix 02 (STX), suffix 03 (ETX)"
     (doubt,) = best.doubt
     assert doubt.startswith(f"{size} byte")
-    assert doubt.endswith("between nearly all frames: a check behind the suffix? ReceiveData drops it")
+    assert doubt.endswith("between nearly all frames: a check after the suffix? ReceiveData drops it")
 
 
 @pytest.mark.parametrize(
@@ -183,7 +183,7 @@ def modbus(number: int) -> bytes:
 )
 def test_a_length_field_is_found_and_what_does_it_in_the_place_of_receivedata(recording: object) -> None:
     best = advise(recording).proposals[0]  # type: ignore[arg-type]
-    assert best.title == "length field: 2 bytes, high byte first, at byte 4; counts the bytes behind it"
+    assert best.title == "length field: 2 bytes, high byte first, at byte 4; counts the bytes after it"
     assert best.field == LengthField(4, 2, "big", 6)
     assert not best.can_be_set
     assert best.evidence[0] == "20 lengths lead from frame to frame, the last to byte 330 of 330"
@@ -200,7 +200,7 @@ def test_blocks_of_eight_bytes_have_a_fixed_size_and_no_start() -> None:
         "12 frames, all of 8 bytes: 96 of 96 bytes",
         "12 of 12 chunks begin where a frame does",
     )
-    assert best.doubt == ("nothing marks a start: one lost byte shifts all frames behind it until Reset",)
+    assert best.doubt == ("nothing marks a start: one lost byte shifts all frames after it until Reset",)
     assert gap.title == "a gap of T#50ms"
 
 

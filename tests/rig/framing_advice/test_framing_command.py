@@ -162,7 +162,7 @@ def test_where_nothing_fits_apply_says_so(plain: Controller) -> None:
     )
 
 
-def test_a_number_behind_the_last_is_answered_with_those_there_are(plain: Controller) -> None:
+def test_a_number_after_the_last_is_answered_with_those_there_are(plain: Controller) -> None:
     feed(plain, "RX", range(10, 20))
     wrong = say(plain, "framing RD apply 9").error
     assert wrong.startswith("prompt: found proposal 9, expected one of 1, 2")

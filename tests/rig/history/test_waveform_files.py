@@ -45,7 +45,7 @@ def whole(run: Run) -> ScanRange:
     return ScanRange(1, run.wave().until_scan)
 
 
-def test_the_vcd_read_back_is_what_every_pin_was_behind_every_scan() -> None:
+def test_the_vcd_read_back_is_what_every_pin_was_after_every_scan() -> None:
     run = random_run(21, 3000)
     told = read_back(vcd_text([run.wave(RECEIVER), run.wave(SENDER)], whole(run)))
     for instance, pins in run.seen.items():

@@ -124,7 +124,7 @@ def test_what_does_not_fit_into_one_picture_comes_with_the_next(monkeypatch: pyt
     whole = list(zip(run.lane("STATUS").scans, run.lane("STATUS").values, strict=True))
     news = run.console._waves.news(RECEIVER, 0, (400, 0), 10)
     assert news is not None and len(news.changes) == 10 and news.until_scan == news.changes[-1].scan
-    run.shelf = type(run.shelf)()
+    run.scenario_folder = type(run.scenario_folder)()
     for _ in range(1000):
         wave = run.wave()
         more = run.console._waves.news(RECEIVER, wave.number, (400, 3_990_000_000), 10)
@@ -150,7 +150,7 @@ def test_what_the_engine_no_longer_keeps_is_drawn_as_a_gap(monkeypatch: pytest.M
     assert text(run, "DONE", first, 3) == "░░░"
     assert text(run, "DONE", first, 3, zoom=20)[0] == "░"
     assert run.lane("DONE").at(first) is None, "between the two nobody can say"
-    assert run.lane("LEN").at(last) == 3, "what changed inside the gap is known behind it"
+    assert run.lane("LEN").at(last) == 3, "what changed inside the gap is known after it"
     for pin, values in run.seen[RECEIVER].items():
         for scan in range(last + 1, len(values) + 1):
             assert run.lane(pin).at(scan) == values[scan - 1], (pin, scan)
@@ -207,7 +207,7 @@ def test_a_deleted_instance_ends_and_a_created_one_begins() -> None:
 def test_a_fresh_bench_begins_with_fresh_waves() -> None:
     run = connected()
     run.console._go_home()
-    run.shelf = type(run.shelf)()
+    run.scenario_folder = type(run.scenario_folder)()
     run.scan(2)
     run.catch_up()
     assert run.wave().until_scan == 2 and run.lane("EN_R").at(2) == 0

@@ -44,7 +44,7 @@ class Run:
     def __init__(self) -> None:
         self.console = Controller(Bench(load_project(CONFIGS / "duplex.toml"), "sim"))
         self.seen: dict[str, PinsSeen] = {RECEIVER: {}, SENDER: {}}
-        self.shelf = WaveformCache()
+        self.scenario_folder = WaveformCache()
         self._number = 0
 
     def say(self, line: str) -> None:
@@ -53,7 +53,7 @@ class Run:
         self.console.take(self._number, line)
 
     def scan(self, scans: int = 1) -> None:
-        """Let scans pass and note every pin behind each."""
+        """Let scans pass and note every pin after each."""
         runtime = self.console.bench.runtime
         for _ in range(scans):
             self.console.scan()
@@ -68,10 +68,10 @@ class Run:
 
     def look(self, *instances: str) -> None:
         """Let the screen take one picture."""
-        asked = self.shelf.asked(instances or (RECEIVER, SENDER))
+        asked = self.scenario_folder.asked(instances or (RECEIVER, SENDER))
         request = UpdateRequest(self.console.bench.runtime.ledger.last_seq, waves=asked)
         picture = self.console.picture(request, EngineTiming(), request.most_lines)
-        self.shelf.take(picture.waves, picture.snapshot.interval_ns)
+        self.scenario_folder.take(picture.waves, picture.snapshot.interval_ns)
 
     def catch_up(self) -> None:
         """Look until nothing new comes."""
@@ -83,7 +83,7 @@ class Run:
 
     def wave(self, instance: str = RECEIVER) -> Waveform:
         """Return what the screen knows of an instance."""
-        return self.shelf.of(instance)
+        return self.scenario_folder.of(instance)
 
     def lane(self, pin: str, instance: str = RECEIVER) -> PinWaveform:
         """Return one lane of it."""

@@ -13,7 +13,7 @@ from trcvtui.net.sim.kernel import SimKernel
 
 @pytest.fixture(params=["sim", "live"])
 def wire(request: pytest.FixtureRequest) -> Iterator[Wire]:
-    """Return a wire on each of the two kernels; nothing stays open behind a test."""
+    """Return a wire on each of the two kernels; nothing stays open after a test."""
     kernel = SimKernel() if request.param == "sim" else OsKernel()
     wire = Wire(kernel)
     yield wire

@@ -123,7 +123,7 @@ def test_close_is_a_fin_even_with_unread_bytes(wire: Wire) -> None:
     assert wire.ending(other) == "FIN"
 
 
-def test_close_behind_the_partners_fin_leaves_the_listener_open(wire: Wire) -> None:
+def test_close_after_the_partners_fin_leaves_the_listener_open(wire: Wire) -> None:
     peer = wire.peer("P2", False)
     peer.listen()
     client = wire.client(peer)
@@ -132,7 +132,7 @@ def test_close_behind_the_partners_fin_leaves_the_listener_open(wire: Wire) -> N
     write(wire, client, b"unread")
     wire.kernel.close(client)
     wire.step()
-    assert peer.state == "connected", "a stalled peer reads neither the bytes nor the FIN behind them"
+    assert peer.state == "connected", "a stalled peer reads neither the bytes nor the FIN after them"
     peer.close()
     assert peer.is_in("closed") and peer.is_in("listening") and peer.has_received(b"unread")
 

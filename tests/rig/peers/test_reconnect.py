@@ -15,7 +15,7 @@ UP = "set TSEND_C_1 CONT=1; run 6; "
 LATER, AT_ONCE = "7001 7002{101} 7004{7}", "7001 7002 7004{7}"
 
 
-def test_a_connection_that_fell_before_a_byte_moved_is_called_again_behind_the_pause_of_retry() -> None:
+def test_a_connection_that_fell_before_a_byte_moved_is_called_again_after_the_pause_of_retry() -> None:
     walk = shown(SENDER, "TSEND_C_1", UP + "peer P1 close; run 110")
     assert walk == f"7001 7002{{2}} 7004{{3}} 80A3! {LATER}"
 

@@ -95,7 +95,7 @@ class Air:
 
 @pytest.fixture(params=["sim", "live"])
 def air(request: pytest.FixtureRequest) -> Iterator[Air]:
-    """Return both kernels in turn; nothing stays open behind a test."""
+    """Return both kernels in turn; nothing stays open after a test."""
     kernel = SimKernel() if request.param == "sim" else OsKernel()
     air = Air(kernel)
     yield air

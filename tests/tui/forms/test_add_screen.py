@@ -229,7 +229,7 @@ async def test_the_form_asks_a_receivedata_for_its_combuffer_and_its_marks(size:
         await choose(shown, "pPrefix", "prefix")
         await shown.press("enter")
         shown.driver.scan()
-        made = shown.app.scene.project.instance("ReceiveData_1")
+        made = shown.app.view_model.project.instance("ReceiveData_1")
         assert made is not None and made.pointers == ("prefix", "")
 
 
@@ -247,7 +247,7 @@ async def test_another_block_has_other_fields_and_what_was_typed_stays() -> None
 
 async def test_the_form_adds_a_combuffer_where_blocks_can_be_on_one() -> None:
     async with on_a_line() as shown:
-        project = shown.app.scene.project
+        project = shown.app.view_model.project
         for field in fields_of("combuffer", project)[1:]:
             others = {} if field.key == "line" else {"source": "serial", "port": "/dev/ttyUSB0"}
             for choice in field.choices:
@@ -261,6 +261,6 @@ async def test_the_form_adds_a_combuffer_where_blocks_can_be_on_one() -> None:
         await choose(shown, "source", "RX")
         await shown.press("enter")
         shown.driver.scan()
-        assert [buffer.name for buffer in shown.app.scene.project.combuffers] == ["RX", "B1"]
+        assert [buffer.name for buffer in shown.app.view_model.project.combuffers] == ["RX", "B1"]
     async with on_a_bench(SMALL) as looker:
-        assert "combuffer" not in kinds_of(looker.app.scene.project)
+        assert "combuffer" not in kinds_of(looker.app.view_model.project)

@@ -20,7 +20,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 
 
 def connect(looker: BenchLooker, name: str) -> ConnectConfig | None:
-    return looker.app.scene.project.connect(name)
+    return looker.app.view_model.project.connect(name)
 
 
 async def scanned(looker: BenchLooker) -> None:
@@ -58,13 +58,13 @@ async def test_keys_change_a_port_remove_a_peer_and_undo_both(size: tuple[int, i
         await looker.press("enter")
         await scanned(looker)
         assert looker.lines[1:] == ["remove peer P2"]
-        assert looker.app.scene.project.peer("P2") is None
+        assert looker.app.view_model.project.peer("P2") is None
 
         await looker.press("ctrl+z")
         assert "▸ taken back: peer P2 is added" in looker.text
         await looker.press("enter")
         await scanned(looker)
-        assert looker.app.scene.project.peer("P2") is not None
+        assert looker.app.view_model.project.peer("P2") is not None
         await looker.press("ctrl+z")
         said = " ".join(looker.text.split())
         assert "LocalPort 2500 before, none now; begins anew: CONNECT C2, instance TRCV_C_2" in said
@@ -97,7 +97,7 @@ async def test_a_connect_in_use_is_not_removed_and_one_that_nobody_uses_is(size:
         await looker.press("ctrl+z", "enter", "ctrl+z", "enter")
         await scanned(looker)
         assert connect(looker, "C2") is not None
-        assert [each.name for each in looker.app.scene.instances] == ["TRCV_C_1", "TRCV_C_2"]
+        assert [each.name for each in looker.app.view_model.instances] == ["TRCV_C_1", "TRCV_C_2"]
 
 
 async def test_a_mistake_marks_its_field_and_enter_waits_and_without_a_change_enter_leaves() -> None:
@@ -141,7 +141,7 @@ async def test_data_gets_another_type_or_layout_and_an_instance_another_data() -
             "set data small ARRAY[0..9] OF BYTE byte_order=big",
             "set instance TRCV_C_1 data=small",
         ]
-        made = looker.app.scene.project.instance("TRCV_C_1")
+        made = looker.app.view_model.project.instance("TRCV_C_1")
         assert made is not None and made.data == "small"
 
 

@@ -185,7 +185,7 @@ async def test_branches_fold_and_open(tmp_path: Path, size: tuple[int, int]) -> 
 async def test_padding_stands_in_the_tree_and_among_the_bytes(tmp_path: Path) -> None:
     async with lab(project(tmp_path)) as stage:
         cells = stage.row("(padding)").split("(padding)")[1].split()[:6]
-        assert cells == ["1", "3", "░░░", "1", "7", "░░░░"], "behind kind: offset and size on either side"
+        assert cells == ["1", "3", "░░░", "1", "7", "░░░░"], "after kind: offset and size on either side"
         assert "⋄░░░▒▒▒▒" in stage.row("0000 "), "ours and what only theirs has"
 
 
@@ -303,7 +303,7 @@ async def test_unknown_constants_are_asked_for_and_saved_with_the_project(tmp_pa
         await stage.press(*"12", "enter", *"16#3", "enter")
         assert stage.lab.lab.files.unknown_constants == ()
         await stage.press("t", *"Frame", "enter")
-        assert "32 B" in stage.row("o ours"), "12 and 3 of INT, and the gap behind"
+        assert "32 B" in stage.row("o ours"), "12 and 3 of INT, and the gap after"
         await stage.line("save project")
     assert load_project(path).constants == {"GVL.ROWS": 12, "GVL.COLS": 3}
     assert path.read_text(encoding="utf-8").startswith(PROJECT), "the rest stands as it stood"
@@ -419,10 +419,10 @@ def looked_at(data: bytes, job: bytes, jobs_done: int) -> LabBytes:
     """Return the lab's bytes on a bench of one receiver in this state."""
     receiver = SimpleNamespace(name="R", data="rx", sends=False, jobs_done=jobs_done)
     snapshot, declared = SimpleNamespace(instances=[receiver]), SimpleNamespace(name="rx")
-    scene = SimpleNamespace(
+    view_model = SimpleNamespace(
         data=data, partial=job, declaration=declared, snapshot=snapshot, instance=receiver, selected="R"
     )
-    return LabBytes(cast(ViewModel, scene))
+    return LabBytes(cast(ViewModel, view_model))
 
 
 def test_the_lab_opens_on_the_running_job_where_data_has_never_been_written() -> None:

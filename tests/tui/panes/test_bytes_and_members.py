@@ -16,7 +16,7 @@ ALL = bytes(range(256))
 async def test_a_row_drawn_right_after_another_instance_is_chosen_is_of_its_own_data() -> None:
     async with looking(WIDE, picture(receiving(), connecting())) as looker:
         table = looker.app.main.query_one(UdtTable)
-        looker.app.scene.selected = "TRCV_C_2"  # and nothing has been shown since
+        looker.app.view_model.selected = "TRCV_C_2"  # and nothing has been shown since
         assert "[0]" in str(table.row_at(0))
 
 

@@ -308,7 +308,9 @@ async def test_a_message_or_a_sequence_is_picked_from_the_library() -> None:
     async with looking(SMALL) as looker:
         named = (MessageDecl("hello", 'text "hello"'), MessageDecl("other", "hex 01", "P2"))
         sequence = SequenceDecl("start_up", ("hello", "T#100ms", "hello"))
-        looker.app.scene.project = replace(looker.app.scene.project, messages=named, sequences=(sequence,))
+        looker.app.view_model.project = replace(
+            looker.app.view_model.project, messages=named, sequences=(sequence,)
+        )
         await looker.press("7", "p")
         text = screen_text(looker.app)
         assert "Messages of P1" in text and "hello → T#100ms → hello" in text and "other" not in text

@@ -219,7 +219,7 @@ async def test_the_fill_of_the_combuffer_and_what_had_no_room_stand_below_the_bo
 # -- warnings ------------------------------------------------------------------------------------------------
 
 
-async def test_what_goes_wrong_behind_a_stream_is_said_beforehand() -> None:
+async def test_what_goes_wrong_after_a_stream_is_said_beforehand() -> None:
     async with on_a_line(project=STREAM, lines=()) as shown:
         await shown.press("3")
         assert " warn " not in shown.words
@@ -251,14 +251,14 @@ async def test_a_line_is_fed_whole_byte_by_byte_and_its_cable_is_pulled() -> Non
         assert "4 of 4 B fed" in shown.words
         await shown.press("7", "s")
         await shown.do()
-        framer = shown.app.scene.instances[0].framer
+        framer = shown.app.view_model.instances[0].framer
         assert framer is not None and framer.tally.good == 2
         await shown.press("right", "right")
         await shown.do()
-        assert "02 41›0d 0a 2 of 4 B fed" in shown.words and shown.app.scene.partial == b"\x02\x41"
+        assert "02 41›0d 0a 2 of 4 B fed" in shown.words and shown.app.view_model.partial == b"\x02\x41"
         await shown.press("b")
         await shown.do()
-        framer = shown.app.scene.instances[0].framer
+        framer = shown.app.view_model.instances[0].framer
         assert framer is not None and framer.tally.reason == "line broken"
 
 

@@ -44,10 +44,10 @@ async def test_a_filter_lists_the_names_that_have_its_words(size: tuple[int, int
         assert f"of {count} with _4, esc: all" in looker.text
         assert "2 TRCV_C_4" in looker.text or "▸ TRCV_C_4" in looker.text, "the first one is selected now"
         await looker.press("down")
-        assert looker.app.scene.selected == "TRCV_C_40"
+        assert looker.app.view_model.selected == "TRCV_C_40"
         await looker.press("escape")
         assert len(looker.app.main.instances._listed) == count
-        assert looker.app.scene.selected == "TRCV_C_40", "and stays so"
+        assert looker.app.view_model.selected == "TRCV_C_40", "and stays so"
 
 
 @BOTH
@@ -64,16 +64,16 @@ async def test_while_it_is_typed_a_filter_moves_no_selection() -> None:
     async with looking(SMALL, bench(50)) as looker:
         await looker.press("down", "down")
         await looker.type("/_1")
-        assert looker.app.scene.selected == "TRCV_C_3"
+        assert looker.app.view_model.selected == "TRCV_C_3"
         await looker.press("escape")
-        assert looker.app.scene.selected == "TRCV_C_3" and listed(looker)[0] == "TRCV_C_1"
+        assert looker.app.view_model.selected == "TRCV_C_3" and listed(looker)[0] == "TRCV_C_1"
 
 
 async def test_words_that_no_instance_has_say_so() -> None:
     async with looking(SMALL, bench(50)) as looker:
         await looker.type("/zzz\r")
         assert "none has these words" in looker.pane("instances")
-        assert looker.app.scene.selected == "TRCV_C_1"
+        assert looker.app.view_model.selected == "TRCV_C_1"
 
 
 @BOTH
@@ -83,8 +83,8 @@ async def test_the_exclamation_mark_goes_from_error_to_error(size: tuple[int, in
         seen = []
         for _ in range(3):
             await looker.press("exclamation_mark")
-            assert f"▸ {looker.app.scene.selected}" in looker.pane("instances"), "it is in view"
-            seen.append(looker.app.scene.selected)
+            assert f"▸ {looker.app.view_model.selected}" in looker.pane("instances"), "it is in view"
+            seen.append(looker.app.view_model.selected)
         assert seen == ["TRCV_C_77", "TRCV_C_203", "TRCV_C_77"]
 
 
@@ -95,7 +95,7 @@ async def test_an_error_of_one_scan_long_ago_is_reached_too() -> None:
     later = replace(seen.snapshot, instances=instances, t_ns=99 * SECOND)
     async with looking(SMALL, replace(seen, snapshot=later)) as looker:
         await looker.press("exclamation_mark")
-        assert looker.app.scene.selected == "TRCV_C_33"
+        assert looker.app.view_model.selected == "TRCV_C_33"
 
 
 @BOTH
@@ -126,5 +126,5 @@ async def test_the_selection_stays_when_pictures_come() -> None:
     async with looking(SMALL, bench(250)) as looker:
         await looker.press("end")
         await looker.show(bench(250, 7), bench(250))
-        assert looker.app.scene.selected == "TRCV_C_250"
+        assert looker.app.view_model.selected == "TRCV_C_250"
         assert "▸ TRCV_C_250" in looker.pane("instances")

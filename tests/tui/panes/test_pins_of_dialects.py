@@ -46,7 +46,7 @@ class Bench:
 
     async def select(self, name: str) -> None:
         """Look at the block of another instance."""
-        self.app.scene.selected = name
+        self.app.view_model.selected = name
         self.app.main.on_instance_selected()
         await self.press("2")
 
@@ -74,7 +74,7 @@ class Bench:
 
     def offset_of(self, connect: str, field: str) -> int:
         """Return where a field of a description begins."""
-        config = self.app.scene.project.connect(connect)
+        config = self.app.view_model.project.connect(connect)
         assert config is not None and config.description is not None
         found = config.description.structure.field(field)
         assert found is not None
@@ -201,9 +201,9 @@ async def test_a_description_stands_there_byte_for_byte(size: tuple[int, int]) -
 @BOTH
 async def test_what_a_cpu_finds_wrong_is_named_at_its_field(size: tuple[int, int]) -> None:
     async with bench("siemens/description-faults.toml", size) as shown:
-        wrong = next(each for each in shown.app.scene.project.connects if each.flaw and each.flaw.field)
+        wrong = next(each for each in shown.app.view_model.project.connects if each.flaw and each.flaw.field)
         assert wrong.flaw is not None
-        await shown.select(next(i.name for i in shown.app.scene.instances if i.connect == wrong.name))
+        await shown.select(next(i.name for i in shown.app.view_model.instances if i.connect == wrong.name))
         await shown.press("C")
         assert f"✗ {wrong.flaw.text}"[:50] in shown.words
         assert f"✗ {shown.offset_of(wrong.name, wrong.flaw.field):>4}   {wrong.flaw.field} " in shown.text
@@ -221,7 +221,7 @@ async def test_a_long_name_takes_as_many_lines_as_it_needs_and_its_zeros_one() -
 async def test_a_long_value_goes_on_below_instead_of_being_cut() -> None:
     name = "a-rather-long-host-name.of-a-line.in-a-hall.of-a-plant.example."
     async with bench("siemens/80d3-names.toml") as shown:
-        config = shown.app.scene.project.connects[0]
+        config = shown.app.view_model.project.connects[0]
         assert config.description is not None
         values = {**config.description.values(), "RemoteQDN": name}
         structure = config.description.structure

@@ -41,7 +41,7 @@ async def shifted(looker: BenchLooker) -> None:
 
 
 async def press(looker: BenchLooker, *keys: str) -> None:
-    """Press keys, each behind the picture that the one before has asked for."""
+    """Press keys, each after the picture that the one before has asked for."""
     for key in keys:
         await looker.press(key)
         await looker.pictures(2)

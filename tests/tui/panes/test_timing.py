@@ -54,7 +54,7 @@ class Analyser:
         return screen_text(self.app)
 
     def row(self, name: str) -> str:
-        """Return what is drawn behind the label of a row."""
+        """Return what is drawn after the label of a row."""
         region = self.pane.content_region
         lines = [line[region.x : region.right] for line in self.text.splitlines()[region.y : region.bottom]]
         found = [line[LABEL:].rstrip() for line in lines if line[1:].startswith(f"{name:<12}")]

@@ -224,7 +224,7 @@ async def test_r_races_the_session_as_far_as_it_is_now() -> None:
         assert "5 scans of T#10ms" in stage.words
         await stage.press("escape")
         await follow(stage.app, stage.pilot)
-        assert folder is not None and not folder.file.parent.exists(), "nothing is left behind"
+        assert folder is not None and not folder.file.parent.exists(), "nothing is left after"
 
 
 async def test_a_session_that_cannot_be_written_says_why() -> None:

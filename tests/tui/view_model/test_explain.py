@@ -41,8 +41,8 @@ class Desk(Looker):
     async def see(self) -> None:
         """Wait until a picture of now has been shown."""
         for _ in range(2):
-            before = self.app.scene.live
-            while self.app.scene.live is before:
+            before = self.app.view_model.live
+            while self.app.view_model.live is before:
                 self.app._frame()
                 await self.pilot.pause()
         await self.settle()
@@ -167,7 +167,7 @@ async def test_another_instance_of_a_frozen_view_shows_its_own_bytes_of_then(siz
         await desk.press("F")
         await desk.do("write small hex FFFFFFFFFFFFFFFF", "run 100")
         await desk.press("1", "down", "5")
-        assert desk.app.scene.selected == "TRCV_C_2"
+        assert desk.app.view_model.selected == "TRCV_C_2"
         assert "01 02 03 04 05 06 07 08" in desk.words("data")
         assert "FROZEN at scan 9" in desk.header
         await desk.press("F")
@@ -178,7 +178,7 @@ async def test_another_instance_of_a_frozen_view_shows_its_own_bytes_of_then(siz
 async def test_a_frozen_view_says_whose_bytes_it_has_not_kept() -> None:
     async with looking(WIDE) as looker:
         await looker.press("F", "1", "down", "5")
-        assert looker.app.scene.selected == "TRCV_C_2"
+        assert looker.app.view_model.selected == "TRCV_C_2"
         assert "its bytes were not kept when the view froze: F shows those of now" in looker.pane("received")
         await looker.press("1", "up", "5")
         assert "not kept" not in looker.pane("received")
@@ -188,9 +188,9 @@ async def test_what_comes_along_for_a_frozen_view_is_bounded() -> None:
     many = [replace(receiving(), name=f"R{n}", data="rx") for n in range(300)]
     large = replace(receiving(), name="L", data="small")
     async with looking(WIDE, picture(receiving(), large, *many)) as looker:
-        looker.app.scene._sizes["small"] = 65_535
-        assert looker.app.scene.request().data == ("rx",)
-        assert looker.app.scene.request().partial_of == ("TRCV_C_1", *(f"R{n}" for n in range(16)))
+        looker.app.view_model._sizes["small"] = 65_535
+        assert looker.app.view_model.request().data == ("rx",)
+        assert looker.app.view_model.request().partial_of == ("TRCV_C_1", *(f"R{n}" for n in range(16)))
 
 
 async def test_no_edge_of_a_frozen_time_is_lost() -> None:
@@ -200,11 +200,11 @@ async def test_no_edge_of_a_frozen_time_is_lost() -> None:
             desk.bench.submit("peer P1 send random 24 seed=1")
             desk.bench.scan(4)
         await desk.see()
-        frozen = len(desk.app.scene.history.of("TRCV_C_1"))
+        frozen = len(desk.app.view_model.history.of("TRCV_C_1"))
         await desk.press("F")
         await desk.see()
-        assert len(desk.app.scene.history.of("TRCV_C_1")) == frozen + 600
-        assert desk.app.scene.history.skipped == 0
+        assert len(desk.app.view_model.history.of("TRCV_C_1")) == frozen + 600
+        assert desk.app.view_model.history.skipped == 0
 
 
 async def test_a_command_is_answered_while_the_view_is_frozen() -> None:
@@ -261,9 +261,9 @@ async def test_a_fresh_bench_is_not_frozen() -> None:
     async with looking(WIDE, picture(fired_at := receiving(), connecting())) as looker:
         fired = Fired(1, "TRCV_C_1 STATUS=7006", 920, 0)
         await looker.show(replace(picture(fired_at, connecting()), fired=fired))
-        assert looker.app.scene.is_frozen
+        assert looker.app.view_model.is_frozen
         await looker.show(replace(picture(), bench=1))
-        assert not looker.app.scene.is_frozen
+        assert not looker.app.view_model.is_frozen
 
 
 @pytest.mark.parametrize("name", ["Freeze the view", "Trigger", "Trigger off"])

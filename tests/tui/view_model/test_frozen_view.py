@@ -1,4 +1,4 @@
-"""A frozen view: every pane shows the one moment, whoever is looked at and whatever is done behind it."""
+"""A frozen view: every pane shows the one moment, whoever is looked at and whatever is done after it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ async def test_the_wave_of_an_instance_seen_before_goes_up_to_the_frozen_scan_an
     async with at_the_desk(LARGE, *UP) as desk:
         await desk.press("1", "down")
         await desk.see()
-        assert desk.app.scene.selected == "TRCV_C_2"
+        assert desk.app.view_model.selected == "TRCV_C_2"
         seen = desk.app.main.timing.wave.until_scan
         await desk.press("up")
         await desk.do("set TRCV_C_2 LEN=3", "run 50")
@@ -75,13 +75,13 @@ async def test_the_evidence_of_a_trigger_stays_when_its_instance_is_deleted(size
         await desk.do("peer P1 send random 24 seed=1", "run 20")
         assert "FROZEN at scan 9" in desk.header
         await desk.do("delete TRCV_C_1", "run 5")
-        assert desk.app.scene.selected == "TRCV_C_1"
+        assert desk.app.view_model.selected == "TRCV_C_1"
         await desk.press("3")
         assert "16#7008" in desk.line("Frame received", "status")
         assert level(desk, "DONE", 9) == 1 and desk.app.main.timing.wave.until_scan == 9
         await desk.press("F")
         await desk.see()
-        assert desk.app.scene.selected == "TRCV_C_2"
+        assert desk.app.view_model.selected == "TRCV_C_2"
 
 
 async def test_a_trigger_whose_instance_was_gone_when_it_was_told_shows_it() -> None:
@@ -92,7 +92,7 @@ async def test_a_trigger_whose_instance_was_gone_when_it_was_told_shows_it() -> 
         desk.bench.submit("delete TRCV_C_1")
         desk.bench.scan(2)
         await desk.see()
-        assert desk.app.scene.selected == "TRCV_C_1"
+        assert desk.app.view_model.selected == "TRCV_C_1"
         assert "FROZEN at scan 9" in desk.header
 
 
@@ -102,18 +102,18 @@ async def test_an_instance_of_the_same_name_does_not_show_the_one_that_was_delet
         await desk.do("create TRCV_C TRCV_C_1 connect=C1 data=rx", "run 6")
         await desk.press("F", "1", "end")
         await desk.see()
-        assert desk.app.scene.selected == "TRCV_C_1"
+        assert desk.app.view_model.selected == "TRCV_C_1"
         assert desk.app.main.timing.wave.until_scan == desk.scan
         assert level(desk, "CONT", desk.scan) == 0
 
 
 async def test_no_edge_of_the_selected_instance_is_lost_where_lines_come_too_fast() -> None:
     async with at_the_desk(WIDE, *UP) as desk:
-        before = len(desk.app.scene.history.of("TRCV_C_1"))
+        before = len(desk.app.view_model.history.of("TRCV_C_1"))
         for _ in range(200):
             desk.bench.submit("peer P1 send random 24 seed=1")
             desk.bench.scan(4)
         await desk.see()
-        assert desk.app.scene.history.skipped > 0
-        edges = [line.seq for line in desk.app.scene.history.of("TRCV_C_1")]
+        assert desk.app.view_model.history.skipped > 0
+        edges = [line.seq for line in desk.app.view_model.history.of("TRCV_C_1")]
         assert len(edges) == before + 400 and edges == sorted(edges)

@@ -15,7 +15,7 @@ PACKED = struct.pack(">ihBf", 41, 1, 1, 1234.5) + b"\x08\x05hello\x00\x00\x00"
 
 
 def rx(desk: Desk) -> DataDecl:
-    found = desk.app.scene.project.data_decl("rx")
+    found = desk.app.view_model.project.data_decl("rx")
     assert found is not None
     return found
 

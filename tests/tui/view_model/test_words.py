@@ -1,4 +1,4 @@
-"""The pure functions behind the screen: values to words, letters to pins, causes to reasons."""
+"""The pure functions after the screen: values to words, letters to pins, causes to reasons."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ class ComBuffer:
         return taken
 
     def end(self, reason: str) -> None:
-        """Mark the end of a connection behind the last byte."""
+        """Mark the end of a connection after the last byte."""
         self.recorded.end()
         if not self._ends or self._ends[-1] != (self.tail, reason):
             self._ends.append((self.tail, reason))

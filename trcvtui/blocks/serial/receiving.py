@@ -117,7 +117,7 @@ class Reception:
             self._note_dropped(part, reason)
 
     def _waiting(self) -> Outcome:
-        """Return what the last frame has left behind, or that another one has begun."""
+        """Return what the last frame has left, or that another one has begun."""
         if self.framer.busy:
             have = Cause(Why.BYTES, "the frame has no end yet", have=self.framer.size, need=self.need)
             if self._idle.cause != have:
@@ -211,7 +211,7 @@ class ReceiveData:
         return None
 
     def _deliver(self, content: bytes) -> None:
-        """Bytes behind the frame keep their old values (step 10)."""
+        """Bytes after the frame keep their old values (step 10)."""
         assert self._data is not None
         self._data.write(0, content)
 
@@ -243,7 +243,7 @@ class ReceiveString:
         if self._data is None or self._data.size < 2:
             cause = Cause(Why.PARAMETER, "ReceivedString is no STRING", pin="ReceivedString")
             return self.job.refuse(Condition.NULL_RECEIVE_POINTER, cause)
-        longest = min(self.longest, self._data.size - 1)  # one byte is the 00 behind the text
+        longest = min(self.longest, self._data.size - 1)  # one byte is the 00 after the text
         timeout = inputs.timeout * MILLISECOND
         framing = Framing(longest, text_of(self._prefix), text_of(self._suffix), timeout, text=True)
         return self.job.call(framing, self._data.shape)

@@ -205,7 +205,7 @@ class TsendC:
     def _keep_asking(self, inputs: Inputs, outcome: Outcome, req_rose: bool) -> Outcome:
         """Remember a REQ that stays 1: it sends when the connection is up; one that falls before is lost.
 
-        An edge that connects by itself is kept, whatever REQ does behind it.
+        An edge that connects by itself is kept, whatever REQ does after it.
         """
         if self._course.request_connects:
             self._asked = self._asked and not outcome.error

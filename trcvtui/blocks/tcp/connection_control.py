@@ -124,7 +124,7 @@ def _unless_poll_del(fault: Fault, otherwise: Condition) -> Condition:
 # Rule 2: what must show for exactly one scan stands in `_script`; one entry leaves it in each scan.
 
 
-class KeptOff:
+class ConnectInUse:
     """What one block that wants to build a connection knows of its rivals."""
 
     def __init__(self, env: Environment, connection: Connection, claim: Claim) -> None:
@@ -190,7 +190,7 @@ class ConnectionControl:
         self._close_wanted = False
         self._reset_wanted = False
         self._queued = False
-        self._kept_off = KeptOff(env, connection, claim)
+        self._connect_in_use = ConnectInUse(env, connection, claim)
         self._wait: tuple[tuple[str, str, str, str, bool], Outcome] | None = None
 
     def stands(self) -> bool:
@@ -238,8 +238,8 @@ class ConnectionControl:
             return self._script.popleft()
         if self.phase is Phase.IDLE:
             return self._start()
-        if self._kept_off.rival:
-            return self._go_on_kept_off()
+        if self._connect_in_use.rival:
+            return self._go_on_connect_in_use()
         if self.phase is Phase.STARTING:
             return self._go_on_starting()
         if self.phase is Phase.CONNECTING:
@@ -251,7 +251,7 @@ class ConnectionControl:
     def _start(self) -> Outcome:
         self._script.clear()
         self._close_wanted = self._reset_wanted = False
-        if self._kept_off.begin():
+        if self._connect_in_use.begin():
             self.phase, self._queued = Phase.STARTING, False
             return self._begun()
         self._connection.keeping.hold(self._claim)
@@ -266,13 +266,15 @@ class ConnectionControl:
     def _begun(self) -> Outcome:
         return Outcome(Condition.CREATING, self._level.begins)
 
-    def _go_on_kept_off(self) -> Outcome:
-        refused = self._kept_off.look()
+    def _go_on_connect_in_use(self) -> Outcome:
+        refused = self._connect_in_use.look()
         if refused is not None:
             self._script.extend(self._rebuilding(refused.cause))
             return refused
-        if self._kept_off.rival:
-            return self._wait_for("before the next attempt", detail=f"{self._kept_off.rival} works on it")
+        if self._connect_in_use.rival:
+            return self._wait_for(
+                "before the next attempt", detail=f"{self._connect_in_use.rival} works on it"
+            )
         begun = self._start()
         return (
             replace(begun, condition=Condition.ESTABLISHING)
@@ -418,7 +420,7 @@ class ConnectionControl:
         return replace(shown, clear_com_rst=self._env.rules.com_rst_autoclear)
 
     def _drop(self, cause: Cause) -> list[Outcome]:
-        """Reset or close the connection; return what that shows, behind the error of a job."""
+        """Reset or close the connection; return what that shows, after the error of a job."""
         first = (self._job_error,) if self._job_error else ()
         if not self._course.reset_closes:
             return show_reset(self._connection, cause, (*first, *self._course.reset))

@@ -152,7 +152,7 @@ class ReceiveJob:
         )
 
     def _collect(self) -> ConnectionLoss | None:
-        """Read what is there into the job's own buffer; return the loss that stands behind the last byte."""
+        """Read what is there into the job's own buffer; return the loss that stands after the last byte."""
         if self._is_message_oriented:
             return self._collect_message()
         have = self.have
@@ -181,7 +181,7 @@ class ReceiveJob:
         return None
 
     def _begin_span(self, offset: int) -> None:
-        """Go on behind bytes that a job of another priority has read in between."""
+        """Go on after bytes that a job of another priority has read in between."""
         if self.have:
             self._spans.append((self._span_offset, self._next_offset - self._span_offset))
         else:

@@ -1,7 +1,7 @@
 """The send job: what TSEND does between a rising edge of REQ and DONE.
 
 Rule 1: DATA is copied at the edge, at most LEN bytes; no edge is seen until the job has ended (7.15.2).
-Rule 2: a loss is looked for before each send and before DONE: never DONE behind a FIN (design 6, row 9).
+Rule 2: a loss is looked for before each send and before DONE: never DONE after a FIN (design 6, row 9).
 Rule 3: the REQ scan shows "sending" even when the stack took everything (row 6); DONE means that the local
 stack has every byte, not that the partner has.
 """

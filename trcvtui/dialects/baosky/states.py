@@ -235,7 +235,7 @@ STATES: Final = (
         "Frame handed over",
         (
             "the local network stack has taken every byte",
-            "this is no receipt: the partner may not have read it, or may be gone already",
+            "this is no receipt: the partner may not have read it, or may have left already",
         ),
         (
             "`ss -tn`: Send-Q at 0 means that the partner's machine has confirmed the bytes",

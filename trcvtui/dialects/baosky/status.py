@@ -135,7 +135,7 @@ CONNECTION_ERRORS: Final = (
             "it was unregistered already, or its number went to another socket (ENOENT)",
         ),
         (
-            "the ledger: call `poll_del`; the loss or close behind it stands in the same scan",
+            "the ledger: call `poll_del`; the loss or close after it stands in the same scan",
             "nothing to mend for the connection: it is gone, and 7002 or 7000 follows",
         ),
         Reach.INJECTED,
@@ -457,7 +457,7 @@ INNER_BLOCKS: Final[dict[str, tuple[int, ...]]] = {
 
 
 def with_inner_blocks(rows: Iterable[StatusRow]) -> tuple[StatusRow, ...]:
-    """Return the rows of the _C blocks with the inner blocks that show the same code behind them."""
+    """Return the rows of the _C blocks with the inner blocks that show the same code after them."""
     return tuple(replace(row, blocks=(*row.blocks, *_showing(row.code))) for row in rows)
 
 

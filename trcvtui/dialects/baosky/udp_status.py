@@ -164,7 +164,7 @@ UDP_STATES: Final = (
         ),
         (
             "copy RCVD_LEN in this very scan: together with DONE it is gone in the next",
-            "bytes of DATA behind RCVD_LEN are those of earlier datagrams",
+            "bytes of DATA after RCVD_LEN are those of earlier datagrams",
             "UDP may lose, double and reorder: only a number inside the telegram can tell",
         ),
         Reach.REAL,

@@ -39,7 +39,7 @@ CONNECTION_ERRORS: Final = (
             "it is being closed, or the interface starts anew",
         ),
         (
-            "the DONE of TCON: start jobs behind it; T_DIAG shows State 4 while it stands",
+            "the DONE of TCON: start jobs after it; T_DIAG shows State 4 while it stands",
             "the same CONNECT at both blocks",
             "TSEND: this edge is used up, the next job needs a new one",
         ),
@@ -112,7 +112,7 @@ CONNECTION_ERRORS: Final = (
         "There is no such connection",
         (
             "nobody has built it yet: no TCON, no _C block that CONT, REQ or EN_R asks",
-            "it is closed already; T_DIAG behind TDISCON ends here, too",
+            "it is closed already; T_DIAG after TDISCON ends here, too",
         ),
         (
             "the order of calls: TCON, then jobs, then TDISCON once",
@@ -149,7 +149,7 @@ CONNECTION_ERRORS: Final = (
             "the job took long because the partner does not read, and a watchdog raised COM_RST",
         ),
         (
-            "the data of this job is lost, in part or whole: send it again behind the next 7004",
+            "the data of this job is lost, in part or whole: send it again after the next 7004",
             "what raises COM_RST, and whether BUSY was 1 there",
         ),
         Reach.REAL,
@@ -166,7 +166,7 @@ CONNECTION_ERRORS: Final = (
             "a time-out of the program's own, shorter than the wait for the partner",
         ),
         (
-            "REQ of TDISCON: only behind DONE or ERROR of TCON",
+            "REQ of TDISCON: only after DONE or ERROR of TCON",
             "a new edge at TCON begins again",
         ),
         Reach.LOGIC,
@@ -308,7 +308,7 @@ JOB_ERRORS: Final = (
         True,
         "Not possible at this moment",
         (
-            "TRCV, TRCV_C: EN_R is 1 while the connection is built again, or in the scan behind its loss",
+            "TRCV, TRCV_C: EN_R is 1 while the connection is built again, or in the scan after its loss",
             "TSEND, TSEND_C: the partner takes no byte, so that a job cannot even begin",
             "a call of the network stack failed: the ledger names it",
             "TDISCON: the connection is still being built; or the partner's own reset came just before",
@@ -329,7 +329,7 @@ JOB_ERRORS: Final = (
             Condition.DISCONNECT_FAILED,
             Condition.RESET_FAILED,
         ),
-        unsure="80C4 for one scan behind 80C5 is a recommended reading",
+        unsure="80C4 for one scan after 80C5 is a recommended reading",
     ),
     StatusRow(
         0x80C4,

@@ -103,7 +103,7 @@ DESCRIPTION_ERRORS: Final = (
         (
             "LocalTSelector is empty, or has two bytes and does not begin with E0",
             "it begins with SIMATIC-, which is the system's own",
-            "S7-1200: behind E0 or E1 stands neither 00 nor 01, or no ASCII from the third byte on",
+            "S7-1200: after E0 or E1 stands neither 00 nor 01, or no ASCII from the third byte on",
         ),
         (
             "LocalTSelector byte by byte: length first, then E0 and rack / slot, or a text such as TCP-1",
@@ -213,7 +213,7 @@ DESCRIPTION_ERRORS: Final = (
         True,
         "The partner's name is empty",
         ("RemoteQDN has no character", "the bytes of the STRING are shifted: its length byte is 0"),
-        ("RemoteQDN: two bytes of header, then the name", "an active end needs a name with a dot behind it"),
+        ("RemoteQDN: two bytes of header, then the name", "an active end needs a name with a dot after it"),
         Reach.LOGIC,
         "siemens.md 2.3, 3.4",
     ),
@@ -369,7 +369,7 @@ _FAILURES: Final = {
 }
 _UNSURE: Final = "the sources list this code in a row of short names; which failure shows it is inferred"
 _NO_DATAGRAM_TLS: Final = "a UDP connection has no secure structure: ActivateSecureConn cannot be written"
-_NOT_BEFORE: Final = "a job starts behind the handshake: until then the connection is not up (80A1)"
+_NOT_BEFORE: Final = "a job starts after the handshake: until then the connection is not up (80A1)"
 
 
 def _tls_row(code: int) -> StatusRow:
@@ -411,7 +411,7 @@ TLS_ERRORS: Final = (
             "a job came before the secure connection was ready",
             "the partner does not go on with the handshake",
         ),
-        ("start jobs behind the DONE of TCON", "`tcpdump -ni any tcp port PORT`: whose message is missing?"),
+        ("start jobs after the DONE of TCON", "`tcpdump -ni any tcp port PORT`: whose message is missing?"),
         Reach.NEVER,
         "siemens.md 2.4, 2.5",
         unreached=_NOT_BEFORE,

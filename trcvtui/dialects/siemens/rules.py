@@ -87,7 +87,7 @@ SWITCHES: Final = (
         "retry",
         "duration",
         SECOND,
-        "pause behind a failed attempt to connect, or an active connection that fell before a byte moved",
+        "pause after a failed attempt to connect, or an active connection that fell before a byte moved",
     ),
     Switch("attempt_limit", "duration", 5 * SECOND, "longest time that one attempt to connect may take"),
     Switch("busy_while_connecting", "bool", False, "BUSY is 1 in 7001, 7002 and 7003 of the _C blocks (A1)"),
@@ -102,7 +102,7 @@ SWITCHES: Final = (
         "choice",
         "level",
         "level: CONT builds and closes the connection; manual: REQ and EN_R build it too, and with CONT = 0 "
-        "it ends behind the job; oneshot is the older word for manual (A9)",
+        "it ends after the job; oneshot is the older word for manual (A9)",
         ("level", "manual", "oneshot"),
     ),
     Switch("com_rst_autoclear", "bool", True, "the block writes COM_RST back to FALSE when the reset starts"),
@@ -395,7 +395,7 @@ _OWN: Final = {(row.code, block) for row in OWN_ROWS for block in row.blocks}
 # What newer instructions or structures say of themselves, and what stands for it here.
 _REWORDED: Final = {
     "; T_DIAG shows State 4 while it stands": "",
-    "; T_DIAG behind TDISCON ends here, too": "",
+    "; T_DIAG after TDISCON ends here, too": "",
     " (T_DIAG: RESULT)": "",
     ": T_DIAG tells whether it stands": ": a TSEND or TRCV tells whether it stands",
     "ADHOC = 1 into a symbolic DATA": "LEN = 0, ad hoc, into a symbolic DATA",

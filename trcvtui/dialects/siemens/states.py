@@ -154,7 +154,7 @@ STATES: Final = (
         ),
         Reach.LOGIC,
         "siemens.md 1.1, 1.5, 1.8, 1.9",
-        unsure="that it shows again behind 80AA and a failed attempt is an inference (A8)",
+        unsure="that it shows again after 80AA and a failed attempt is an inference (A8)",
     ),
     StatusRow(
         0x7001,
@@ -168,7 +168,7 @@ STATES: Final = (
         ),
         (
             "call the block on until DONE or ERROR: a call that is skipped hides the result",
-            "TRCV: it comes back behind each frame, as long as EN_R is 1",
+            "TRCV: it comes back after each frame, as long as EN_R is 1",
         ),
         Reach.LOGIC,
         "siemens.md 1.10, 2.3 to 2.7",
@@ -221,8 +221,8 @@ STATES: Final = (
         False,
         "Closing the connection",
         (
-            "CONT fell: 0003 and 7000 follow; cont_mode manual: behind the job, if one waits or runs",
-            "cont_mode manual: a job has ended that had CONT = 0; behind an error without 0003",
+            "CONT fell: 0003 and 7000 follow; cont_mode manual: after the job, if one waits or runs",
+            "cont_mode manual: a job has ended that had CONT = 0; after an error without 0003",
             "COM_RST rose while connected: 7002 follows, and the connection is built again",
             "switch teardown_before_error: the scan before a loss is told with its code",
         ),
@@ -233,7 +233,7 @@ STATES: Final = (
         ),
         Reach.REAL,
         "siemens.md 1.4, 1.9, A7, A16",
-        unsure="7003 behind COM_RST and before an error is not documented (A7, A16)",
+        unsure="7003 after COM_RST and before an error is not documented (A7, A16)",
     ),
     StatusRow(
         0x7004,

@@ -59,7 +59,7 @@ PARAMETER_ERRORS: Final = (
         ),
         (
             "the line CONNECT of the block: closed means that there is no endpoint",
-            "the order of calls: T_RESET behind TCON, and not behind TDISCON",
+            "the order of calls: T_RESET after TCON, and not after TDISCON",
         ),
         Reach.LOGIC,
         "siemens.md 1.10, 2.6",
@@ -79,7 +79,7 @@ PARAMETER_ERRORS: Final = (
         (
             "pin LEN and the size of DATA; `trcvtui udt show FILE` counts the padding, too",
             "where LEN comes from: a negative number turned into UDINT is huge",
-            "a longer message goes in several jobs, each behind the DONE of the one before",
+            "a longer message goes in several jobs, each after the DONE of the one before",
         ),
         Reach.LOGIC,
         "siemens.md 2.1, 2.4, 2.7, 4.1, A13",
@@ -115,7 +115,7 @@ PARAMETER_ERRORS: Final = (
         "ID belongs to a configured connection",
         (
             "a connection of the hardware configuration has the same ID",
-            "an ID above 4095 without a TCONSettings behind it",
+            "an ID above 4095 without a TCONSettings after it",
         ),
         (
             "the connection table of the hardware configuration: which IDs does it use?",
@@ -137,7 +137,7 @@ PARAMETER_ERRORS: Final = (
         ),
         (
             "field ID of CONNECT, 1 to 4095; as bytes: the third and fourth of a TCON_IP_v4",
-            "ConnectionType behind it: 0B or 11 there means that the bytes are not shifted",
+            "ConnectionType after it: 0B or 11 there means that the bytes are not shifted",
         ),
         Reach.LOGIC,
         "siemens.md 2.1, 2.3, 3.1",
@@ -150,7 +150,7 @@ PARAMETER_ERRORS: Final = (
         "ID is out of range",
         (
             "pin ID is 0 or above 4095",
-            "the tag behind ID has not been given its value yet",
+            "the tag after ID has not been given its value yet",
         ),
         (
             "the same constant at TCON, TSEND, TRCV and TDISCON",
@@ -295,7 +295,7 @@ PARAMETER_ERRORS: Final = (
         "DATA: no such area",
         (
             "nothing is bound to DATA",
-            "DATA points behind the end of its data block",
+            "DATA points beyond the end of its data block",
         ),
         (
             "pin DATA of the call, in a project file the key `data` of the instance",
@@ -331,7 +331,7 @@ PARAMETER_ERRORS: Final = (
         "DATA: no such area",
         (
             "nothing is bound to DATA",
-            "DATA points behind the end of its data block",
+            "DATA points beyond the end of its data block",
         ),
         (
             "pin DATA of the call, in a project file the key `data` of the instance",

@@ -131,7 +131,7 @@ COM_ERRORS: Final = (
         "a pointer to prefix, suffix or send data is 0",
         (
             "LenPrefix or LenSuffix is greater than 0, and no variable is there",
-            "the length is larger than the variable (here: memory behind it is nothing)",
+            "the length is larger than the variable (here: memory after it is nothing)",
         ),
         ("pPrefix and pSuffix := ADR(variable), the lengths := SIZEOF(variable)",),
     ),
@@ -152,7 +152,7 @@ COM_ERRORS: Final = (
         "SizeReceiveData is wrong",
         (
             "SizeReceiveData is 0 or less",
-            "it is larger than the variable (a real PLC would write over what lies behind)",
+            "it is larger than the variable (a real PLC would write over what lies after it)",
         ),
         ("SizeReceiveData := SIZEOF(variable)",),
     ),

@@ -284,7 +284,7 @@ def _firsts(asked: Asked) -> bytes:
 def narrow_tsap(local: bytes) -> Finding | None:
     """Return what an S7-1200 alone has against a local T-selector (siemens.md 3.2)."""
     if len(local) >= 2 and local[0] in T_CONNECTIONS and local[1] > 1:
-        return Finding(Flaw.TSAP, "LocalTSelector", f"behind {local[0]:02X} 00 or 01, not {local[1]:02X}")
+        return Finding(Flaw.TSAP, "LocalTSelector", f"after {local[0]:02X} 00 or 01, not {local[1]:02X}")
     if any(not 0x20 <= byte < 0x7F for byte in local[2:]):
         text = f"from the third byte on ASCII, not {local[2:].hex(' ')}"
         return Finding(Flaw.TSAP, "LocalTSelector", text)

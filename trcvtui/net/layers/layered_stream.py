@@ -206,7 +206,7 @@ class LayeredStream:
         """Return how many bytes of the data count as gone: all of them only when all that carries them is."""
         if not self._carried:
             return self._data_size
-        if self._data_size == 1:  # it cannot be gone in part: what is left of it waits here
+        if self._data_size == 1:  # it is never read in part: what is left of it waits here
             self._output += self._carried
             self._carried = memoryview(b"")
             return 1

@@ -15,7 +15,7 @@ from trcvtui.rig.commands.words import PeerSend, TrySplits
 from trcvtui.rig.snapshots import SplitRow, TrialSnapshot
 
 GAP_SCANS: Final = 3  # the scans of a chunk and of the next one lie two scans apart
-SETTLE_SCANS: Final = 2  # behind the last byte: DONE is over, the next job is armed
+SETTLE_SCANS: Final = 2  # after the last byte: DONE is over, the next job is armed
 PATIENCE_NS: Final = 2_000_000_000  # for bytes that are under way
 RUNNING, FINISHED, CANCELLED, FAILED = "running", "finished", "cancelled", "failed"
 MOST_LENGTHS: Final = 6  # RCVD_LENs that are written out

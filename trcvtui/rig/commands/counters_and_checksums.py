@@ -126,7 +126,7 @@ KINDS: Final = (*NUMBERS, *CHECKSUMS)
 class Fill:
     """`width` bytes at `offset`: n (binary), digits (decimal) or a checksum of all bytes before.
 
-    `hole`: it stands as {n} in the payload's text, not as an option behind it.
+    `hole`: it stands as {n} in the payload's text, not as an option after it.
     """
 
     kind: str

@@ -61,7 +61,7 @@ from trcvtui.rig.wording import count
 # bytes of anybody are a DONE.
 
 FIRST_PORT: Final = 2000
-LAST_PORT: Final = 49_151  # behind them the system's own, for active ends
+LAST_PORT: Final = 49_151  # after them the system's own, for active ends
 HOST: Final = "127.0.0.1"
 OF_CONNECT: Final = ("ActiveEstablished", "LocalAddress", "LocalPort", "RemoteAddress", "RemotePort")
 RECEIVED: Final = "ARRAY[0..1023] OF BYTE"
@@ -72,7 +72,7 @@ STARTS: Final = {"connect": "C", "udp_config": "U", "addr": "A", "combuffer": "B
 
 
 def free_port(project: Project, after: int = FIRST_PORT - 1) -> int:
-    """Return the first port from 2000 on, behind `after`, that no part has."""
+    """Return the first port from 2000 on, after `after`, that no part has."""
     ends = [each.local for each in project.connects] + [each.local for each in project.udp_configs]
     taken = {end.port for end in ends} | {
         getattr(end, "port", 0) for peer in project.peers for end in (peer.end, peer.source)
@@ -193,7 +193,7 @@ def _check_talk(decl: Declaration, project: Project, where: str) -> None:
 
 
 def _check_cuts(decl: MessageDecl, project: Project, where: str) -> None:
-    """Refuse cuts behind the end: such a message would go uncut."""
+    """Refuse cuts after the end: such a message would go uncut."""
     peer = decl.peer or next((peer.name for peer in project.peers), "")
     send = read_send(Words(decl.text, where), project, peer)
     size = len(send.payload)
@@ -224,7 +224,7 @@ def _pairs(words: Words, runs_on: bool = False) -> dict[str, Any]:
 
 
 def _data(words: Words) -> dict[str, Any]:
-    """Return a type, which may have blanks, and the keys behind it."""
+    """Return a type, which may have blanks, and the keys after it."""
     after = words.apart(lambda word: "=" in word)
     return {"type": words.rest_text("an IEC type or a UDT"), **_pairs(after)}
 

@@ -110,7 +110,7 @@ def matches(pattern: TracePattern, trace: Sequence[Run]) -> bool:
             if not reached:
                 return False
         if atom.more:
-            # A carry runs from each reached place through the run of matching scans behind it.
+            # A carry runs from each reached place through the run of matching scans after it.
             reached |= ((reached & here) + here) ^ here
     return bool(reached >> length & 1)
 
@@ -154,7 +154,7 @@ class _Part(NamedTuple):
 
 
 class _State(dict[int, "_State"]):
-    """The places that may have come last; asked for a byte, the state behind it."""
+    """The places that may have come last; asked for a byte, the state after it."""
 
     def __init__(self, machine: StreamPattern, places: int, is_end: bool) -> None:
         super().__init__()
@@ -177,7 +177,7 @@ class StreamPattern:
         self._follow: list[int] = []
         whole = self._choice()
         self._first, self._last = whole.first, whole.last
-        self._behind = [self._behind_chunk(at) for at in range(0, len(self._follow), CHUNK)]
+        self._behind = [self._after_chunk(at) for at in range(0, len(self._follow), CHUNK)]
         self._known = 0
         self._states: dict[int, _State] = {}
         self._begin = self._state(0)
@@ -205,7 +205,7 @@ class StreamPattern:
         return self._known
 
     def step(self, places: int, byte: int) -> _State:
-        """Return the state behind one more byte."""
+        """Return the state after one more byte."""
         if self._known >= MOST_KNOWN:
             for state in self._states.values():
                 state.clear()
@@ -222,7 +222,7 @@ class StreamPattern:
             self._states[places] = _State(self, places, bool(places & self._last))
         return self._states[places]
 
-    def _behind_chunk(self, at: int) -> list[int]:
+    def _after_chunk(self, at: int) -> list[int]:
         """Return what may follow each set of eight places."""
         table = [0] * (1 << CHUNK)
         for places in range(1, 1 << CHUNK):
@@ -285,10 +285,10 @@ class StreamPattern:
         return _Part(True) if most == 0 else result
 
     def _again(self, start: int, end: int) -> _Part:
-        behind, text = self._at, self._text
+        after, text = self._at, self._text
         self._at, self._text = start, text[:end]
         part = self._sequence()
-        self._at, self._text = behind, text
+        self._at, self._text = after, text
         return part
 
     def _one(self) -> _Part:

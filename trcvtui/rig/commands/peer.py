@@ -81,7 +81,7 @@ _HOLE: Final = re.compile(r"\{([^{}]*)\}")
 
 
 def read_send(words: Words, project: Project, peer: str, holes_in_text: bool = False) -> PeerSend:
-    """Return what stands behind `peer P1 send`; `holes_in_text`: {n} in a text is a number."""
+    """Return what stands after `peer P1 send`; `holes_in_text`: {n} in a text is a number."""
     project = project.beside(peer)
     options = words.cut(lambda word: _OPTION.fullmatch(word) is not None)
     payload, fills = _read_message(words, project, holes_in_text)
@@ -211,7 +211,7 @@ def _with_room(content: bytes, fills: list[Fill], words: Words) -> bytes:
     """Return the payload long enough for everything that is filled in; there is no hole between."""
     for fill in sorted(fills, key=lambda fill: fill.offset):
         if fill.offset > len(content):
-            found = f"{fill.kind}={fill.offset} behind {len(content)} bytes"
+            found = f"{fill.kind}={fill.offset} after {len(content)} bytes"
             raise words.wrong(found, f"an offset from 0 to {len(content)}")
         content += bytes(max(0, fill.offset + fill.width - len(content)))
     return content

@@ -82,7 +82,7 @@ def send_line(c: words.PeerSend) -> str:
 
 
 def message_text(c: words.PeerSend) -> str:
-    """Return what stands behind `peer P1 send`."""
+    """Return what stands after `peer P1 send`."""
     if c.text.startswith("message "):
         return c.text  # the library has the rest
     parts = [c.text or f"hex {c.payload.hex(' ')}"]

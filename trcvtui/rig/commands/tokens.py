@@ -1,6 +1,6 @@
 """A bench command cut into words, and what words give: pins, times, members, bytes (hex, text, udt ..).
 
-Rule: quotes and braces keep a word together; `#` behind a blank begins a comment (in T#1s it does not).
+Rule: quotes and braces keep a word together; `#` after a blank begins a comment (in T#1s it does not).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trcvtui.udt.layout.layout import Layout, Leaf, lay_out
 from trcvtui.udt.layout.values import decode_leaf, encode, encode_leaf
 from trcvtui.udt.literals import NAME
 
-# `name`, `st.arr[2].x`, `[1,2].y`, each with `=` behind it.
+# `name`, `st.arr[2].x`, `[1,2].y`, each with `=` after it.
 _STEPS: Final = rf"(?:\.{NAME}|\[[^\]]*\])*"
 _PATH: Final = re.compile(rf"\s*((?:{NAME}|\[[^\]]*\]){_STEPS})\s*=\s*")
 _EMPTY: Final = re.compile(r"\{\s*\}")
@@ -91,14 +91,14 @@ def _read_braces(text: str, at: int, where: str) -> tuple[list[tuple[str, str]],
         return [], empty.end()
     members: list[tuple[str, str]] = []
     while True:
-        path = _PATH.match(text, at + 1)  # behind { or ,
+        path = _PATH.match(text, at + 1)  # after { or ,
         if path is None:
             raise mistake(where, shown(text[at:]), VALUES_FORM)
         inner, at = _read_value(text, path.end(), where)
         members += [(_joined(path[1], name), value) for name, value in inner]
         end = _END.match(text, at)
         if end is None:
-            raise mistake(where, shown(text[at:]), ", or } behind a value")
+            raise mistake(where, shown(text[at:]), ", or } after a value")
         if end[1] == "}":
             return members, end.end()
         at = end.end() - 1
@@ -257,7 +257,7 @@ def _word_end(line: str, at: int, where: str) -> int:
 
 
 def _closed(line: str, start: int, where: str, depth: int = 1) -> int:
-    """Return the place behind the quote or brace that opens at start."""
+    """Return the place after the quote or brace that opens at start."""
     opening, at = line[start], start + 1
     if depth > MOST_NESTED:
         raise mistake(where, "braces nested too deeply", f"at most {MOST_NESTED} levels")

@@ -187,7 +187,7 @@ REFUSALS: Final[tuple[Rule, ...]] = (
     *rows(
         Condition.NAME_EMPTY,
         job.where_the_flaw_is,
-        says("an active end needs its partner's name, with a dot behind it"),
+        says("an active end needs its partner's name, with a dot after it"),
     ),
     *rows(
         Condition.NAME_NOT_FULL,

@@ -294,7 +294,7 @@ def message_stands(e: Evidence) -> str:
 
 
 def short_messages(e: Evidence) -> str:
-    """A message shorter than LEN is a whole job; DATA keeps older bytes behind it."""
+    """A message shorter than LEN is a whole job; DATA keeps older bytes after it."""
     is_here = e.condition in (Condition.RECEIVED, Condition.FINISHED)
     size = e.cause.have if is_here else e.done_len
     if not size or not e.need or size >= e.need:
@@ -393,7 +393,7 @@ def too_long_datagrams(e: Evidence) -> str:
 
 
 def short_datagrams(e: Evidence) -> str:
-    """A datagram shorter than LEN is a whole job; DATA keeps older bytes behind it."""
+    """A datagram shorter than LEN is a whole job; DATA keeps older bytes after it."""
     size = e.cause.have if e.condition == Condition.RECEIVED else e.done_len
     if not size or not e.need or size >= e.need or too_long_datagrams(e):
         return ""

@@ -50,7 +50,7 @@ LINES: Final = "udt reload, or udt constant NAME=VALUE; the rest of `udt` is for
 def read_again(rest: str, project: Project, where: str) -> tuple[Project, dict[str, int], str]:
     """Return the project with its types as they stand in their files now, the constants, what to tell.
 
-    `rest` is what stands behind `udt`. A type that somebody uses and that is bad now is refused.
+    `rest` is what stands after `udt`. A type that somebody uses and that is bad now is refused.
     """
     word, _, pairs = rest.strip().partition(" ")
     if word not in (RELOAD, CONSTANT) or (word == RELOAD) == bool(pairs.strip()):

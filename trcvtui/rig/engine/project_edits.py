@@ -175,7 +175,7 @@ class ProjectEdits:
         self._constants |= constants
 
     def save(self, words: str) -> str:
-        """Write `[FILE] [!]`, what is behind `save project`; return what to tell; raise UserError."""
+        """Write `[FILE] [!]`, what is after `save project`; return what to tell; raise UserError."""
         own = self.project.path
         path = target_of(words, own, self._written, WHERE)
         if not self.unsaved and os.path.realpath(path) == os.path.realpath(own):

@@ -41,7 +41,7 @@ def quiet_collector() -> None:
     """Move what exists out of the cyclic collector's sight and switch it off.
 
     A full collection took 45 to 138 ms (performance.md); the engine makes no reference cycles while it scans.
-    What was moved before is looked at again: a bench that is left behind shall go.
+    What was moved before is looked at again: a bench that nobody uses any more shall go.
     """
     gc.unfreeze()
     gc.collect()

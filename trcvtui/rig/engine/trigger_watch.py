@@ -158,7 +158,7 @@ class OneTrigger:
 
 
 def read_trigger(text: str, project: Project, where: str) -> Trigger | None:
-    """Return the trigger behind the word `trigger`, None for `off`; raise UserError."""
+    """Return the trigger after the word `trigger`, None for `off`; raise UserError."""
     text = text.strip()
     if text == OFF:
         return None

@@ -136,9 +136,9 @@ def _counts(field: LengthField) -> str:
         return "counts the whole frame"
     after = field.more - field.head
     if after == 0:
-        return "counts the bytes behind it"
+        return "counts the bytes after it"
     if after > 0:
-        return f"counts the bytes behind it but the last {after}"
+        return f"counts the bytes after it but the last {after}"
     return f"a frame has {field.more} bytes more than it says"
 
 
@@ -239,10 +239,10 @@ def doubt_of(kind: CutKind, framing: Framing, made: Cut, recording: Recording) -
     if left_out:
         stand = "byte stands" if left_out == 1 else "bytes stand"
         doubt.append(
-            f"{left_out} {stand} between nearly all frames: a check behind the suffix? ReceiveData drops it"
+            f"{left_out} {stand} between nearly all frames: a check after the suffix? ReceiveData drops it"
         )
     if kind is CutKind.SIZE:
-        doubt.append("nothing marks a start: one lost byte shifts all frames behind it until Reset")
+        doubt.append("nothing marks a start: one lost byte shifts all frames after it until Reset")
     if kind is CutKind.PREFIX and not framing.timeout_ns and made.noise == 0:
         doubt.append("that all frames are alike in size may change")
     return tuple(doubt)

@@ -1,4 +1,4 @@
-"""The recorder behind the timing pane: every change of every pin, kept where the scans pass.
+"""The recorder of the timing pane: every change of every pin, kept where the scans pass.
 
 Rule 1: it reads the ledger after each scan, so no frame of the screen and no flood can lose a pulse.
 Rule 2: what had to be dropped is known: the news says what every pin was before its first change.

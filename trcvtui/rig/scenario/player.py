@@ -32,7 +32,7 @@ JUDGED: Final = (words.Wait, words.Expect, words.ExpectTrace, words.TrySplits)
 
 
 class Player:
-    """One scenario on one bench; `is_to_end` while each step begins by itself behind the one before."""
+    """One scenario on one bench; `is_to_end` while each step begins by itself after the one before."""
 
     def __init__(self, path: str, scenario: Scenario, bench: Bench) -> None:
         self.is_to_end = False
@@ -63,7 +63,7 @@ class Player:
         return self._under_way is not None
 
     def step(self) -> None:
-        """Begin the next step, behind the one under way; a run to the end stops behind that one."""
+        """Begin the next step, after the one under way; a run to the end stops after that one."""
         if not self.is_to_end and not self.is_finished:
             self._wanted += 1
         self.is_to_end = False

@@ -269,7 +269,7 @@ class _Race:
                 left -= 1
             self._scan()
         for lane in going:
-            self._note(lane, step, f"{PATIENCE_SCANS} scans behind another dialect it still does not hold")
+            self._note(lane, step, f"{PATIENCE_SCANS} scans after another dialect it still does not hold")
 
     def _note(self, lane: _Lane, step: words.Step, text: str) -> None:
         self._notes.append(Note(lane.dialect, step.number, f"{step.line}: {text}"))

@@ -46,7 +46,7 @@ OF_THE_WIRE: Final = (
 ANYTHING: Final = str(ANY)
 SIMULATED: Final = "sim"
 MOST_NAMED: Final = 3
-MOST_FRAMES: Final = 200  # that are expected one by one; behind them the trace alone
+MOST_FRAMES: Final = 200  # that are expected one by one; after them the trace alone
 MOST_FRAME: Final = 256  # bytes of each
 OUTSIDE: Final = " A partner outside the bench took part ("
 # What a TRCV_C shows by turns while frames come.
@@ -83,7 +83,7 @@ class Seen:
     def pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
         """Return what was seen in the notation of a pattern, "" where nothing was.
 
-        Behind a first `done` any number of scans `by_turns` may follow.
+        After a first `done` any number of scans `by_turns` may follow.
         """
         newest = self._atoms(self._newest, self._count - len(self._newest) + 1)
         atoms = [*self._atoms(self._first, 1), *[ANY] * self._is_cut, *newest]
@@ -97,7 +97,7 @@ class Seen:
 
 
 def _any_number(atoms: list[Atom], by_turns: Collection[int], done: Collection[int]) -> Iterator[Atom]:
-    """Yield a pattern in which each stretch of scans by turns ends behind its first `done` with anything."""
+    """Yield a pattern in which each stretch of scans by turns ends after its first `done` with anything."""
     is_open = False
     for atom in atoms:
         if is_open and (atom is ANY or (atom.scan is not None and atom.scan[0] in by_turns)):
@@ -320,16 +320,16 @@ def scenario_text(session: Session, bench: Bench, path: Path, before: str | None
 
 
 def marked_scan(about: str) -> int:
-    """Return behind which scan a session was marked, as its text says; 0: it was not."""
-    _, mark, behind = about.partition(MARKED)
-    number = behind.partition(".")[0]
+    """Return after which scan a session was marked, as its text says; 0: it was not."""
+    _, mark, after = about.partition(MARKED)
+    number = after.partition(".")[0]
     return int(number) if mark and number.isdecimal() else 0
 
 
 def partners_left_out(about: str) -> str:
     """Return who took part in a session and can not be replayed, as its text says; "": nobody."""
-    _, mark, behind = about.partition(OUTSIDE)
-    who, _, where = behind.partition("): nothing is expected on ")
+    _, mark, after = about.partition(OUTSIDE)
+    who, _, where = after.partition("): nothing is expected on ")
     if not mark:
         return ""
     told = f"{who} was a partner outside the bench and is not replayed"

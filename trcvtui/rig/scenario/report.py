@@ -303,7 +303,7 @@ class Text:
 
 
 class Following:
-    """The document of a format whose files stand one behind the other and know nothing of each other."""
+    """The document of a format whose files stand one after the other and know nothing of each other."""
 
     def __init__(self, write: Write, report: Callable[[Write, int], Report]) -> None:
         self._write = write

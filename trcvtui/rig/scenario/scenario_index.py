@@ -1,8 +1,8 @@
 """The scenarios that come with the source, and which STATUS codes of which blocks each of them shows.
 
 What a scenario shows is read from its own `wait` and `expect` lines. They are only split into words here,
-with the parser of trace patterns behind: loading the projects of all files would cost a command line a
-quarter of a second. An installed program has no configs/: then the shelf is empty.
+with the parser of trace patterns: loading the projects of all files would cost a command line a
+quarter of a second. An installed program has no configs/: then there are none.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Shown = tuple[int, str]  # a code, the block that shows it
 
 
 def scenarios_of(
-    shelf: str, codes: Collection[int] | None = None, wanted: Callable[[str], bool] | None = None
+    folder: str, codes: Collection[int] | None = None, wanted: Callable[[str], bool] | None = None
 ) -> Mapping[Shown, tuple[str, ...]]:
     """Return the files of a folder that show a code at a block; paths start at the source's root.
 
@@ -30,7 +30,7 @@ def scenarios_of(
     `wanted` chooses by the file's name.
     """
     showing: dict[Shown, list[str]] = {}
-    for path in sorted((ROOT / "configs" / "scenarios" / shelf).glob("*.toml")):
+    for path in sorted((ROOT / "configs" / "scenarios" / folder).glob("*.toml")):
         if wanted is not None and not wanted(path.name):
             continue
         for shown in shown_by(path) if codes is None or _mentions(path, codes) else ():

@@ -48,14 +48,14 @@ class ProjectPart(NamedTuple):
         return f"{TABLES[self.kind].what} {self.name}"
 
 
-def parts_at_hand(scene: ViewModel, peer_first: bool) -> list[ProjectPart]:
+def parts_at_hand(view_model: ViewModel, peer_first: bool) -> list[ProjectPart]:
     """Return the parts of the selected instance and the selected peer, what is mended most often first."""
-    instance = scene.project.instance(scene.selected)
+    instance = view_model.project.instance(view_model.selected)
     own = list(_parts_of(instance)) if instance is not None else []
-    peer = scene.peer_snapshot
+    peer = view_model.peer_snapshot
     talks = [ProjectPart("peer", peer.name), ProjectPart("connect", peer.link)] if peer is not None else []
     found = dict.fromkeys([*talks, *own] if peer_first else [*own, *talks])
-    return [part for part in found if entry(*part, scene.project) is not None]
+    return [part for part in found if entry(*part, view_model.project) is not None]
 
 
 def _parts_of(instance: InstanceDecl) -> Iterator[ProjectPart]:

@@ -220,20 +220,20 @@ class UdtForm(FormDialog[str]):
             self.dismiss(self.payload)
 
 
-def form_of(text: str, mode: str, scene: ViewModel) -> UdtForm | None:
+def form_of(text: str, mode: str, view_model: ViewModel) -> UdtForm | None:
     """Return the form of the UDT that a payload names, else of DATA, else of the first; None without UDTs."""
-    types, declared = scene.project.types, scene.declaration
+    types, declared = view_model.project.types, view_model.declaration
     first = text.split("{")[0].strip() if mode == UDT else ""
     names = [first, declared.type_name if declared else "", *types.names()]
     name = next((name for name in names if name.casefold() in types.types), "")
     if not name:
         return None
-    layout = lay_out(types.named(name), scene.project.rules_of(name), name)
-    values = _values(text, scene) if mode == UDT and name == first else {}
-    return UdtForm(scene.project, scene.peer, name, layout, values)
+    layout = lay_out(types.named(name), view_model.project.rules_of(name), name)
+    values = _values(text, view_model) if mode == UDT and name == first else {}
+    return UdtForm(view_model.project, view_model.peer, name, layout, values)
 
 
-def _values(text: str, scene: ViewModel) -> dict[str, str]:
+def _values(text: str, view_model: ViewModel) -> dict[str, str]:
     """Return the members that a payload sets, as it writes them; none where it cannot be read."""
     from trcvtui.rig.commands.tokens import members_of  # read when first asked for
 

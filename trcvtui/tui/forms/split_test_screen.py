@@ -25,9 +25,9 @@ class TrialTable(LineView):
 
     BINDINGS: ClassVar = [Binding("enter", "choose", show=False)]
 
-    def __init__(self, scene: ViewModel, choose: Callable[[SplitRow], None]) -> None:
+    def __init__(self, view_model: ViewModel, choose: Callable[[SplitRow], None]) -> None:
         super().__init__(id="trial")
-        self._scene = scene
+        self._view_model = view_model
         self._choose = choose
         self.refusal = ""
         self.cursor = 0
@@ -37,7 +37,7 @@ class TrialTable(LineView):
         """Return the table as the newest picture has it; none where the trial was refused."""
         if self.refusal:
             return None
-        return self._scene.picture.trial if self._scene.picture else None
+        return self._view_model.picture.trial if self._view_model.picture else None
 
     def row_count(self) -> int:
         """Return head and rows."""
@@ -71,7 +71,7 @@ class TrialTable(LineView):
 
     def _verdict(self, trial: TrialSnapshot) -> Row:
         sign, style = _judged(trial)
-        if trial.state == "running" and self._scene.live is not None and self._scene.live.holding:
+        if trial.state == "running" and self._view_model.live is not None and self._view_model.live.holding:
             return row((HELD, "hold"))
         return row((sign + plain(trial.summary()), style))
 
@@ -128,11 +128,11 @@ class TrialScreen(ListDialog[int]):
     ]
     DEFAULT_CSS = "TrialScreen TrialTable { width: 120; height: 80%; border-subtitle-color: $text-muted; }"
 
-    def __init__(self, scene: ViewModel, submit: Callable[[str], None], line: str = "") -> None:
-        self.table = TrialTable(scene, self._cut_there)
+    def __init__(self, view_model: ViewModel, submit: Callable[[str], None], line: str = "") -> None:
+        self.table = TrialTable(view_model, self._cut_there)
         super().__init__(self.table, 0)
         self._submit = submit
-        self._scene = scene
+        self._view_model = view_model
         self._line = line
         self.table.set_title(None, "Every split", "")
         self.table.border_subtitle = KEYS_LINE
@@ -158,7 +158,7 @@ class TrialScreen(ListDialog[int]):
 
     def action_go_on(self) -> None:
         """Let the scans pass on which the trial waits."""
-        if self._scene.live is not None and self._scene.live.holding:
+        if self._view_model.live is not None and self._view_model.live.holding:
             self._submit("go")
 
     def action_yank(self) -> None:

@@ -128,8 +128,8 @@ class NamedBytes(NamedTuple):
 class LabBytes:
     """Which bytes are looked at; `back` counts the messages from the newest one."""
 
-    def __init__(self, scene: ViewModel) -> None:
-        self._scene = scene
+    def __init__(self, view_model: ViewModel) -> None:
+        self._view_model = view_model
         self.source = DATA
         self.is_chosen = False  # by the user
         self.back = 0
@@ -140,22 +140,22 @@ class LabBytes:
         """Take the running job's bytes where nobody chose and no job has written DATA; return what to say."""
         if self.is_chosen or self.source not in (DATA, JOB):
             return ""
-        declared, is_empty = self._scene.declaration, not any(self._scene.data)
-        self.source = JOB if is_empty and self._scene.partial and not self._is_written() else DATA
+        declared, is_empty = self._view_model.declaration, not any(self._view_model.data)
+        self.source = JOB if is_empty and self._view_model.partial and not self._is_written() else DATA
         if self.source == DATA or declared is None:
             return ""
         return f"DATA {plain(declared.name)} has never been written: these are the bytes of the running job"
 
     def _is_written(self) -> bool:
         """Return whether a job has ended that received into DATA of the selected instance."""
-        snapshot, instance = self._scene.snapshot, self._scene.instance
+        snapshot, instance = self._view_model.snapshot, self._view_model.instance
         if snapshot is None or instance is None:
             return False
         return any(one.jobs_done for one in snapshot.instances if one.data == instance.data and not one.sends)
 
     def request(self) -> HistoryRequest | None:
         """Return what of the stream to ask for: also under DATA, profiles are judged by what was sent."""
-        instance = self._scene.instance
+        instance = self._view_model.instance
         if instance is None:
             return None
         window, job = self._window(), None
@@ -166,7 +166,7 @@ class LabBytes:
         return HistoryRequest(instance.connect, END, MOST_WINDOW, job_at=job)
 
     def _window(self) -> HistoryWindow | None:
-        window, instance = self._scene.past, self._scene.instance
+        window, instance = self._view_model.past, self._view_model.instance
         return window if window is not None and instance and window.connect == instance.connect else None
 
     # -- what is there ------------------------------------------------------------------------------
@@ -176,9 +176,9 @@ class LabBytes:
         """Return the bytes."""
         match self.source:
             case "data":
-                return self._scene.data
+                return self._view_model.data
             case "job":
-                return self._scene.partial
+                return self._view_model.partial
             case "last":
                 window = self._window()
                 return window.job[1] if window is not None and window.job is not None else b""
@@ -193,10 +193,10 @@ class LabBytes:
         size = f"{len(self.content)} B"
         match self.source:
             case "data":
-                declared = self._scene.declaration
+                declared = self._view_model.declaration
                 return f"DATA {plain(declared.name)}, {size}" if declared else "no DATA"
             case "job":
-                return f"job of {plain(self._scene.selected)}, {size} so far"
+                return f"job of {plain(self._view_model.selected)}, {size} so far"
             case "last":
                 number = f" {self._last.number}" if self._last is not None else ""
                 return f"last job{number}, {size}" if self.content else "no job has ended yet"
@@ -236,7 +236,7 @@ class LabBytes:
         """
         if self._has_messages():
             return [piece.content for piece in self.messages()[-MOST_MESSAGES:]], True
-        instance = self._scene.instance
+        instance = self._view_model.instance
         is_sent = self.source == HEX or (self.source == LAST and instance is not None and instance.adhoc)
         content = self.content
         return [content] if content else [], is_sent
@@ -271,13 +271,13 @@ PROFILE_WORDS: Final = (*LAYOUTS, *LAYOUT_ALIASES, *BYTE_ORDERS, *TEXT_FORMS)
 class Lab:
     """One type, two profiles, some bytes; what follows from them is made when it is asked for."""
 
-    def __init__(self, scene: ViewModel) -> None:
-        self._scene = scene
-        self.bytes = LabBytes(scene)
+    def __init__(self, view_model: ViewModel) -> None:
+        self._view_model = view_model
+        self.bytes = LabBytes(view_model)
         self.opened: TypeFiles | None = None  # a file of the user's instead of the project's
         self._own = self._project_files()
-        self._project = scene.project
-        ours = profile_of(scene.project.layout)
+        self._project = view_model.project
+        ours = profile_of(view_model.project.layout)
         guess = FIRST_GUESS if ours.layout != FIRST_GUESS else OTHER_GUESS
         self.profiles = {OURS: ours, THEIRS: ours._replace(layout=guess)}
         self.news = ""  # what has happened to the files
@@ -300,7 +300,7 @@ class Lab:
     # -- types --------------------------------------------------------------------------------------
 
     def _project_files(self) -> TypeFiles:
-        project = self._scene.project
+        project = self._view_model.project
         return TypeFiles(project.udt_files, project.constants, project.types)
 
     @property
@@ -311,11 +311,11 @@ class Lab:
     @property
     def base(self) -> Path:
         """Return the folder in which names of files begin that are not found here."""
-        return self._scene.project.base
+        return self._view_model.project.base
 
     def type_names(self) -> list[str]:
         """Return what can be chosen: DATA first, as it is declared, then the types of the files."""
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         names = self.files.types.names()
         if declared is None or self.opened is not None:
             return names
@@ -333,7 +333,7 @@ class Lab:
         self._forget()
 
     def _type(self, name: str) -> Type:
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         if name.casefold() in self.files.types.types or declared is None:
             return self.files.types.named(name, "udt type")
         if declared.type_name == name:
@@ -342,7 +342,7 @@ class Lab:
 
     def open(self, path: Path) -> None:
         """Look at the types of a file; raise UserError when it cannot be read, or has no good type."""
-        fresh = TypeFiles([path], self._scene.project.constants)
+        fresh = TypeFiles([path], self._view_model.project.constants)
         if not fresh.types.types and not fresh.unknown_constants:
             raise UserError(fresh.problems) if fresh.problems else mistake(str(path), "no type", "a type")
         self.opened, self.news = fresh, f"{path.name} is opened and watched"
@@ -372,7 +372,7 @@ class Lab:
         self.news = f"{self.files.name} has changed: {plain(self.type_name)} now {self.size_text or 'gone'}"
         if before and before != self.size_text:
             self.news += f", before {before}"
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         if self.opened is None and declared is not None:
             self.news += f"; DATA {plain(declared.name)} stays as it is until R (resize) or a restart"
 
@@ -388,7 +388,7 @@ class Lab:
 
     def follow(self) -> None:
         """Take over another project: a fresh bench, an addition, another instance."""
-        project = self._scene.project
+        project = self._view_model.project
         if project is self._project:
             return
         is_other = project.path != self._project.path or project.types is not self._project.types
@@ -426,7 +426,7 @@ class Lab:
 
     def rules(self, side: str) -> LayoutRules:
         """Return the rules of one side."""
-        own, profile = self._scene.project.layout, self.profiles[side]
+        own, profile = self._view_model.project.layout, self.profiles[side]
         if profile.layout == own.name:  # with what else the project says of it
             base = replace(own, byte_order=profile.byte_order)
             return base if profile.text == own.text.name else replace(base, text=profile.rules.text)

@@ -170,8 +170,8 @@ class LabScreen(SideScreen[None]):
     CSS_PATH = "lab.tcss"
     LEAST_SIZE = 120, 30
 
-    def __init__(self, scene: ViewModel, lab: Lab, say: Callable[[str], int | None]) -> None:
-        super().__init__(scene, say, KEYS, ACTIONS)
+    def __init__(self, view_model: ViewModel, lab: Lab, say: Callable[[str], int | None]) -> None:
+        super().__init__(view_model, say, KEYS, ACTIONS)
         self.lab = lab
         self._trouble = self._told = ""
         self._open = TREE
@@ -215,7 +215,7 @@ class LabScreen(SideScreen[None]):
     def show(self) -> None:
         """Let every pane repaint what changed."""
         self.lab.follow()
-        self._scene.past_wanted = self.lab.bytes.request()
+        self._view_model.past_wanted = self.lab.bytes.request()
         self._hear_answers()
         self.header.show()
         self.head.show()
@@ -431,7 +431,7 @@ class LabScreen(SideScreen[None]):
 
     def action_into_data(self) -> None:
         """Let the PLC have the changed type: its types are read again, and DATA is resized."""
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         if self.lab.opened is not None or declared is None:
             self._trouble = "R is for DATA and the project's own files"
         else:
@@ -443,7 +443,7 @@ class LabScreen(SideScreen[None]):
         """Let DATA lie as theirs does: another cure, where the PLC can declare it so."""
         from trcvtui.rig.diagnosis.data_view import chosen, view_line
 
-        declared, theirs = self._scene.declaration, self.lab.profiles["theirs"]
+        declared, theirs = self._view_model.declaration, self.lab.profiles["theirs"]
         if self.lab.opened is not None or declared is None:
             self._trouble = "V is for DATA and the project's own types"
         elif line := view_line(declared, chosen(theirs.layout, theirs.byte_order, theirs.text)):

@@ -28,9 +28,9 @@ class Gap(NamedTuple):
     reason: str
 
 
-def gap_of(scene: ViewModel, instance: InstanceSnapshot) -> Gap | None:
+def gap_of(view_model: ViewModel, instance: InstanceSnapshot) -> Gap | None:
     """Return the gap timer of the selected instance, None where its block has none."""
-    framer, snapshot = instance.framer, scene.snapshot
+    framer, snapshot = instance.framer, view_model.snapshot
     if framer is None or snapshot is None:
         return None
     limit = framer.timeout_ns
@@ -38,15 +38,17 @@ def gap_of(scene: ViewModel, instance: InstanceSnapshot) -> Gap | None:
         return Gap(0, 0, NO_WATCH)
     if not instance.outputs.busy or instance.last_receive_ns is None:
         return Gap(0, limit, "waits for a first byte")
-    return Gap(max(0, scene.t_ns - instance.last_receive_ns), limit, _frozen(scene, snapshot.running))
+    return Gap(
+        max(0, view_model.t_ns - instance.last_receive_ns), limit, _frozen(view_model, snapshot.running)
+    )
 
 
-def _frozen(scene: ViewModel, running: bool) -> str:
+def _frozen(view_model: ViewModel, running: bool) -> str:
     if not running:
         return "frozen: the PLC is in STOP"
-    if scene.is_frozen:
+    if view_model.is_frozen:
         return "frozen view: F shows it as it runs"
-    if scene.picture is not None and scene.picture.holding:
+    if view_model.picture is not None and view_model.picture.holding:
         return "frozen: the scans are held"
     return ""
 
@@ -72,15 +74,15 @@ NEAR: Final = 4  # a ComBuffer with less than a quarter of its room left
 ROOMY: Final = 72
 
 
-def framer_lines(scene: ViewModel, instance: InstanceSnapshot, width: int) -> list[Row]:
+def framer_lines(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> list[Row]:
     """Return the lines, none for a block that has no ComBuffer."""
     if not block_row(instance.block).buffer_pin:
         return []
-    rows, data = [_buffer(scene, instance, width)], _data(scene, instance)
+    rows, data = [_buffer(view_model, instance, width)], _data(view_model, instance)
     if instance.framer is None:
         return [*rows, _jobs(instance), data, row()]
     rows.append(_frames(instance.framer))
-    gap = gap_of(scene, instance)
+    gap = gap_of(view_model, instance)
     if gap is not None:
         rows += _labelled("gap", gap_parts(gap), width)
     return [*rows, *_thrown(instance.framer, width), data, row()]
@@ -99,9 +101,9 @@ def _labelled(label: str, parts: list[Part], width: int) -> list[Row]:
     return [row(*whole[:-1]), row(_label(""), (clip(text.strip(" ·"), width - LABEL), style))]
 
 
-def _buffer(scene: ViewModel, instance: InstanceSnapshot, width: int) -> Row:
+def _buffer(view_model: ViewModel, instance: InstanceSnapshot, width: int) -> Row:
     """Return the fill of the ComBuffer, and what had no room in it."""
-    buffer = scene.snapshot.combuffer(instance.connect) if scene.snapshot is not None else None
+    buffer = view_model.snapshot.combuffer(instance.connect) if view_model.snapshot is not None else None
     if buffer is None:
         return row(_label("queue"), (plain(instance.connect), "strong"))
     full, empty = bar(buffer.count, buffer.size, BAR)
@@ -125,8 +127,8 @@ def source_words(buffer: ComBufferSnapshot) -> str:
     return known.get(buffer.source, f"from {plain(buffer.source)}")
 
 
-def _data(scene: ViewModel, instance: InstanceSnapshot) -> Row:
-    declared = scene.declaration
+def _data(view_model: ViewModel, instance: InstanceSnapshot) -> Row:
+    declared = view_model.declaration
     if declared is None:
         return row(_label("data"), ("not wired", "warn") if instance.data_pin else ("none", "dim"))
     size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
@@ -185,9 +187,9 @@ class LineFeed(LineView):
     ]
     DEFAULT_CSS = "LineFeed { height: auto; max-height: 8; min-height: 1; }"
 
-    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="lines")
-        self._scene = scene
+        self._view_model = view_model
         self._actions = actions
         self._cursor = 0
         self._fed: dict[str, tuple[bytes, int]] = {}  # by ComBuffer: the message, how much of it went in
@@ -196,7 +198,9 @@ class LineFeed(LineView):
     def names(self) -> list[str]:
         """Return the lines that can be fed."""
         return [
-            b.name for b in self._scene.project.combuffers if b.source in (SIMULATED, SERIAL) and not b.line
+            b.name
+            for b in self._view_model.project.combuffers
+            if b.source in (SIMULATED, SERIAL) and not b.line
         ]
 
     @property
@@ -224,7 +228,7 @@ class LineFeed(LineView):
     def _line(self, name: str) -> Row:
         chosen = name == self.chosen
         parts: list[Part] = [("▸ " if chosen else "  ", "key"), (pad(clip(plain(name), 12), 13), "strong")]
-        snapshot = self._scene.snapshot
+        snapshot = self._view_model.snapshot
         buffer = snapshot.combuffer(name) if snapshot is not None else None
         if buffer is not None:
             parts += _filled(buffer)
@@ -260,7 +264,7 @@ class LineFeed(LineView):
         from trcvtui.rig.commands.table import parse_line  # read when the first line is fed
 
         try:
-            command = parse_line(line, self._scene.project, FEED)
+            command = parse_line(line, self._view_model.project, FEED)
         except UserError:
             return  # the engine says what is wrong
         if isinstance(command, FeedLine) and command.payload and len(command.payload) <= LONGEST:

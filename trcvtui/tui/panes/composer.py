@@ -257,9 +257,9 @@ class Composer(Vertical):
     Composer:ansi PayloadField { text-style: underline; }
     """
 
-    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="composer")
-        self._scene = scene
+        self._view_model = view_model
         self._actions = actions
         self.mode = HEX
         self._texts = dict.fromkeys(MODES, "")
@@ -295,12 +295,12 @@ class Composer(Vertical):
     @property
     def line(self) -> str:
         """Return the command as it stands, "" without a payload."""
-        if not self._payload.value.strip() or not self._scene.peer:
+        if not self._payload.value.strip() or not self._view_model.peer:
             return ""
         options = tuple(
             (name, option.value) for (name, _), option in zip(OPTIONS, self._options, strict=True)
         )
-        return send_line(self._scene.peer, self.mode, self._payload.value, options)
+        return send_line(self._view_model.peer, self.mode, self._payload.value, options)
 
     def judge(self) -> None:
         """Ask whether the command would be taken, and show it in the fields."""
@@ -308,8 +308,8 @@ class Composer(Vertical):
         if line == self._seen:
             return
         self._seen = line
-        self.fault = fault_of(line, self._scene.project) if line else ""
-        bad_options = bool(self.fault) and not fault_of(self._without_options(), self._scene.project)
+        self.fault = fault_of(line, self._view_model.project) if line else ""
+        bad_options = bool(self.fault) and not fault_of(self._without_options(), self._view_model.project)
         self._draw(line if not self.fault else self._without_options() if bad_options else "")
         self._payload.set_class(bool(self.fault) and not bad_options, "-bad")
         for option in self._options:
@@ -321,7 +321,7 @@ class Composer(Vertical):
         )  # read at the first line, not before the first screen
         from trcvtui.rig.commands.words import PeerSend
 
-        send = parse_line(line, self._scene.project, "message") if line else None
+        send = parse_line(line, self._view_model.project, "message") if line else None
         if isinstance(send, PeerSend):
             self.split_row.draw(send.payload, splits_of(send))
         else:
@@ -347,7 +347,7 @@ class Composer(Vertical):
         gap = next(
             option.value for (name, _), option in zip(OPTIONS, self._options, strict=True) if name == "gap"
         )
-        return try_line(self._scene.peer, self.mode, self._payload.value, instance, gap)
+        return try_line(self._view_model.peer, self.mode, self._payload.value, instance, gap)
 
     def put(self, mode: str, text: str) -> None:
         """Put a payload in the place of the present one."""
@@ -361,12 +361,12 @@ class Composer(Vertical):
         return self._payload.value
 
     def _without_options(self) -> str:
-        return send_line(self._scene.peer, self.mode, self._payload.value, ())
+        return send_line(self._view_model.peer, self.mode, self._payload.value, ())
 
     def _is_bad(self, field: PayloadField) -> bool:
         name = (field.id or "").removeprefix("option-")
-        alone = send_line(self._scene.peer, self.mode, self._payload.value, ((name, field.value),))
-        return bool(fault_of(alone, self._scene.project))
+        alone = send_line(self._view_model.peer, self.mode, self._payload.value, ((name, field.value),))
+        return bool(fault_of(alone, self._view_model.project))
 
     def send(self) -> None:
         """Send the command, or go to the payload while there is none."""
@@ -405,7 +405,7 @@ class Composer(Vertical):
         self.mode = MODES[index]
         text = self._texts[self.mode]
         if self.mode == UDT and not text:
-            declared = self._scene.declaration
+            declared = self._view_model.declaration
             text = f"{declared.type_name} {{}}" if declared else ""
         self._payload.placeholder = EXAMPLES[self.mode]
         self._payload.value = text

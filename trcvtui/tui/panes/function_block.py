@@ -186,13 +186,13 @@ def mark_of(pin: str, framer: FramerSnapshot | None) -> bytes | None:
     return framer.prefix if pin.endswith("Prefix") else framer.suffix
 
 
-def line_for(pin: str, instance: InstanceSnapshot, scene: ViewModel) -> str:
+def line_for(pin: str, instance: InstanceSnapshot, view_model: ViewModel) -> str:
     """Return the beginning of the command that changes what stands at such a pin, "" where nothing does."""
     if pin in buffer_pins():
-        decl = next((b for b in scene.project.combuffers if b.name == instance.connect), None)
+        decl = next((b for b in view_model.project.combuffers if b.name == instance.connect), None)
         return f"feed {instance.connect} hex " if decl is not None and decl.source in FEEDABLE else ""
     if pin == instance.data_pin:
-        decl_data = scene.project.data_decl(instance.data) if instance.data else None
+        decl_data = view_model.project.data_decl(instance.data) if instance.data else None
         return f"resize {decl_data.name} {decl_data.type_name}" if decl_data is not None else ""
     mark = mark_of(pin, instance.framer)
     if mark is None:
@@ -225,9 +225,9 @@ class FunctionBlock(LineView):
         ("C", "description", "the connection description byte for byte"),
     ]
 
-    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="block")
-        self._scene = scene
+        self._view_model = view_model
         self._actions = actions
         self._drawings: dict[tuple[str, str], Drawing] = {}
         self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
@@ -240,7 +240,7 @@ class FunctionBlock(LineView):
         inputs = self.drawing().inputs
         levels = " ".join(pin.letter for pin in inputs if pin.is_bool and pin.letter)
         numbers = tuple((pin.letter, pin.name) for pin in inputs if not pin.is_bool and pin.letter)
-        described = (("C", "description"),) if self._scene.project.dialect.describes_connects else ()
+        described = (("C", "description"),) if self._view_model.project.dialect.describes_connects else ()
         return (("enter", "toggle"), (levels, "pins"), *numbers, *described)
 
     def forget(self) -> None:
@@ -252,33 +252,33 @@ class FunctionBlock(LineView):
 
     def drawing(self) -> Drawing:
         """Return the pins of the selected instance's block."""
-        instance = self._scene.instance or self._scene.project.instance(self._scene.selected)
+        instance = self._view_model.instance or self._view_model.project.instance(self._view_model.selected)
         if instance is None:
             return Drawing()
         drawn = instance.block, instance.connect
         if drawn not in self._drawings:
-            self._drawings[drawn] = drawing_of(self._scene.project, *drawn)
+            self._drawings[drawn] = drawing_of(self._view_model.project, *drawn)
         return self._drawings[drawn]
 
     def show(self) -> None:
         """Repaint what changed."""
-        instance = self._scene.instance
+        instance = self._view_model.instance
         about = f"{instance.block}{self._called_by(instance)}" if instance else ""
-        self.set_title(2, plain(self._scene.selected) or "Block", about)
+        self.set_title(2, plain(self._view_model.selected) or "Block", about)
         self._settle()
-        instance = self._scene.instance
-        self._told = framer_lines(self._scene, instance, self.line_width) if instance else []
+        instance = self._view_model.instance
+        self._told = framer_lines(self._view_model, instance, self.line_width) if instance else []
         super().show()
 
     def _called_by(self, instance: InstanceSnapshot) -> str:
         """Return the task of an instance where there are several: ` · SLOW T#40ms priority 2`."""
-        task = self._scene.project.task(instance.task)
-        if task is None or len(self._scene.project.tasks) < 2:
+        task = self._view_model.project.task(instance.task)
+        if task is None or len(self._view_model.project.tasks) < 2:
             return ""
         return f" · {plain(task.name)} {format_time(task.interval_ns)} priority {task.priority}"
 
     def _settle(self) -> None:
-        snapshot, instance = self._scene.snapshot, self._scene.instance
+        snapshot, instance = self._view_model.snapshot, self._view_model.instance
         if snapshot is None or instance is None:
             return
         for (name, pin), (value, scan) in list(self._pending.items()):
@@ -295,7 +295,7 @@ class FunctionBlock(LineView):
         drawing = self.drawing()
         left = " " * (drawing.name_width + self._lead() + len(self._joints()[0]))
         if y == 0:
-            instance = self._scene.instance
+            instance = self._view_model.instance
             width, name = self._box() + self._out_box(), instance.block if instance else ""
             name = f" {name} " if name and cells(name) + 2 <= width else name
             return row((f"{left}┌{name.center(width, '─')}┐", "dim"))
@@ -314,7 +314,7 @@ class FunctionBlock(LineView):
     def _out_box(self) -> int:
         if not self._is_tight():
             return OUT_BOX
-        instance = self._scene.instance
+        instance = self._view_model.instance
         shown = (len(output_text(pin, instance, False)[0]) for pin in self.drawing().outputs)
         if instance is None:
             return TIGHT_BOX
@@ -335,7 +335,7 @@ class FunctionBlock(LineView):
 
     def _value_text(self, pin: DrawnPin) -> str:
         """Return what stands at a pin that is no BOOL."""
-        instance = self._scene.instance
+        instance = self._view_model.instance
         if pin.is_wired:
             return wired_value(pin.name, instance) if instance is not None else ""
         return f"{self.value_of(pin)[0]}{' ms' if is_time(pin.name) else ''}"
@@ -369,9 +369,9 @@ class FunctionBlock(LineView):
         ]
 
     def _output(self, pin: DrawnPin) -> list[Part]:
-        scene = self._scene
-        glow = glow_text(pin, scene.instance, scene.afterglow, scene.t_ns)
-        text, style = output_text(pin, scene.instance, bool(glow))
+        view_model = self._view_model
+        glow = glow_text(pin, view_model.instance, view_model.afterglow, view_model.t_ns)
+        text, style = output_text(pin, view_model.instance, bool(glow))
         roomy = self.line_width >= ROOMY
         joint = self._joints()[1]
         name = pin.label if roomy or not glow else pin.label.partition(" ")[0]  # the scan is never cut
@@ -395,7 +395,7 @@ class FunctionBlock(LineView):
         ]
 
     def _below(self, y: int) -> Row:
-        instance = self._scene.instance
+        instance = self._view_model.instance
         if instance is None:
             return EMPTY
         if self._told:
@@ -424,20 +424,20 @@ class FunctionBlock(LineView):
 
         While bytes of ours are not acknowledged keep-alive rests, and their own limit of 3 intervals counts.
         """
-        connection = self._scene.connection
+        connection = self._view_model.connection
         if connection is None:
             return ""
         if connection.udp:
             return "UDP: nobody notices a dead link"
         interval = connection.keep_alive_s
         if connection.unacknowledged:
-            limited = self._scene.project.options.get("user_timeout", True)
+            limited = self._view_model.project.options.get("user_timeout", True)
             when = f"in {3 * interval}–{3 * interval + LATE_S} s" if limited else "in minutes"
             return f"unacknowledged: dead link {when}"
         return f"keep-alive {interval} s: dead link in {2 * interval}–{3 * interval} s"
 
     def _connection(self) -> str:
-        connection = self._scene.connection
+        connection = self._view_model.connection
         if connection is None:
             return ""
         if connection.udp:
@@ -445,19 +445,19 @@ class FunctionBlock(LineView):
         return f"  {'active' if connection.active else 'passive'}, {connection.state}"
 
     def _secured(self, instance: InstanceSnapshot) -> list[Part]:
-        found = security_of(self._scene.project.connect(instance.connect))
+        found = security_of(self._view_model.project.connect(instance.connect))
         return [(f"  {found.text}", "error strong" if found.is_unsafe else "dim")] if found else []
 
     def _address(self) -> str:
         """Return ADDR and what stands in it: `SOURCE 127.0.0.1:51322`."""
-        instance, picture = self._scene.instance, self._scene.picture
+        instance, picture = self._view_model.instance, self._view_model.picture
         if instance is None or picture is None:
             return ""
         addr = picture.snapshot.addr(instance.addr)
         return f"  {plain(addr.name)} {plain(addr.end)}" if addr is not None else ""
 
     def _data_parts(self, instance: InstanceSnapshot) -> list[Part]:
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         if declared is None:
             return [("not wired", "warn")] if instance.data_pin else [("none", "dim")]
         size = f"  {clip(plain(declared.type_name), 24)}, {declared.size} B"
@@ -467,11 +467,11 @@ class FunctionBlock(LineView):
 
     def value_of(self, pin: DrawnPin) -> tuple[bool | int, bool]:
         """Return the value of an input, and whether it still waits for the next scan."""
-        instance = self._scene.instance
+        instance = self._view_model.instance
         if instance is None:
             return 0, False
         if pin.is_fixed:
-            return self._scene.project.identity(instance.block, instance.connect) or 0, False
+            return self._view_model.project.identity(instance.block, instance.connect) or 0, False
         waiting = self._pending.get((instance.name, pin.name))
         return (instance.pin(pin.name) or 0, False) if waiting is None else (waiting[0], True)
 
@@ -480,19 +480,19 @@ class FunctionBlock(LineView):
         pin = next((p for p in self.drawing().inputs if p.letter == letter), None)
         if pin is not None:
             self.toggle(pin)
-        elif self._scene.instance is not None:
+        elif self._view_model.instance is not None:
             missing = next((name for name, key in PIN_LETTERS.items() if key == letter), "pin of this letter")
-            self._actions.complain(f"{self._scene.instance.block} has no {missing}")
+            self._actions.complain(f"{self._view_model.instance.block} has no {missing}")
         return pin is not None
 
     def toggle(self, pin: DrawnPin) -> None:
         """Ask for the command of a pin: a level changes over, an edge is pulsed, a number is typed."""
-        instance, snapshot = self._scene.instance, self._scene.snapshot
+        instance, snapshot = self._view_model.instance, self._view_model.snapshot
         if instance is None or snapshot is None:
             return
         value, _ = self.value_of(pin)
         if pin.is_wired:
-            line = line_for(pin.name, instance, self._scene)
+            line = line_for(pin.name, instance, self._view_model)
             self._actions.open_prompt(line) if line else self._actions.complain(why_not(pin.name, instance))
         elif pin.is_fixed:
             self._actions.complain(

@@ -48,17 +48,17 @@ class InstanceList(LineView):
         Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),
     ]
 
-    def __init__(self, scene: ViewModel, digit: int = 1) -> None:
+    def __init__(self, view_model: ViewModel, digit: int = 1) -> None:
         super().__init__(id="instances")
         self._digit = digit
-        self._scene = scene
+        self._view_model = view_model
         self._words: list[str] = []  # of the filter: those listed have all of them
         self._listed: Sequence[InstanceSnapshot] = ()
         self._columns = self._measure()
 
     def keys(self) -> tuple[tuple[str, str], ...]:
         """Return the keys; those for many instances where there are many."""
-        many = self._words or len(self._scene.instances) > MANY
+        many = self._words or len(self._view_model.instances) > MANY
         return (*self.KEYS, ("/", "filter"), ("!", "ERROR")) if many else self.KEYS
 
     @property
@@ -76,11 +76,11 @@ class InstanceList(LineView):
         """Return the number of instances that are listed."""
         if self._words:
             return max(1, len(self._listed))
-        return len(self._scene.instances) or len(self._scene.project.instances) or len(EMPTY_BENCH)
+        return len(self._view_model.instances) or len(self._view_model.project.instances) or len(EMPTY_BENCH)
 
     def show(self) -> None:
         """Repaint what changed; the title says how many a filter lets through, and who shows an ERROR."""
-        instances = self._scene.instances
+        instances = self._view_model.instances
         self._listed = [each for each in instances if self._has_words(each)] if self._words else instances
         told = [f"{len(self._listed)} of {len(instances)} with {plain(' '.join(self._words))}, esc: all"]
         told = told if self._words else []
@@ -96,7 +96,7 @@ class InstanceList(LineView):
             return self._row(self._listed[y], self._columns)
         if self._words:
             return row(("  none has these words in its name, code or address", "dim")) if y == 0 else EMPTY
-        declared = self._scene.project.instances
+        declared = self._view_model.project.instances
         if not declared:
             return row((EMPTY_BENCH[y], "key" if y == 0 else "dim")) if y < len(EMPTY_BENCH) else EMPTY
         return row((f"  {plain(declared[y].name)}", "dim")) if y < len(declared) else EMPTY
@@ -105,8 +105,8 @@ class InstanceList(LineView):
         pulses = self._pulses(instance)
         codes = {instance.outputs.status, *(pulse.status for pulse in pulses)}
         spoken = (
-            f"{instance.name} {instance.block} {self._scene.project.dialect.label(instance.condition)}",
-            _partner(self._scene.connection_of(instance), True),
+            f"{instance.name} {instance.block} {self._view_model.project.dialect.label(instance.condition)}",
+            _partner(self._view_model.connection_of(instance), True),
             " ".join(f"16#{code:04X}" for code in codes if code is not None),
             "error" if self._shows_error(instance) else "",
         )
@@ -114,24 +114,24 @@ class InstanceList(LineView):
         return all(word in text for word in self._words)
 
     def _pulses(self, instance: InstanceSnapshot) -> list[PinPulse]:
-        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
         found = [glow(instance.name, lamp_name, now) for lamp_name in (DONE, ERROR)]
         return [pulse for pulse in found if pulse is not None]
 
     def _shows_error(self, instance: InstanceSnapshot) -> bool:
         """Return whether its ERROR is 1, or was a moment ago."""
-        glowing = self._scene.afterglow.glow(instance.name, ERROR, self._scene.t_ns)
+        glowing = self._view_model.afterglow.glow(instance.name, ERROR, self._view_model.t_ns)
         return instance.outputs.error or glowing is not None
 
     def _measure(self) -> ListColumns:
-        shown, roomy = self._scene.instances, self.line_width >= ROOMY
+        shown, roomy = self._view_model.instances, self.line_width >= ROOMY
         if 0 < self.line_width < NARROW:
             return ListColumns(min(max((cells(i.name) for i in shown), default=8), 12), 0, 4, 0, 0, False)
         name = min(max((cells(instance.name) for instance in shown), default=8), 24 if roomy else 12)
         # What follows: STATUS, lamps, bar and numbers, age; the partner may have all that is left.
         room = max(24, self.line_width - name - 86) if roomy else 23
         # Where no block has a connection, what a block is doing may be told in full.
-        spare = 13 if not any(self._scene.connection_of(instance) for instance in shown) else 0
+        spare = 13 if not any(self._view_model.connection_of(instance) for instance in shown) else 0
         both = roomy and self._partner_width(True) <= room
         partner = min(self._partner_width(both), room)
         numbers = max((len(_numbers(instance)) for instance in shown), default=0)
@@ -142,22 +142,22 @@ class InstanceList(LineView):
         )
 
     def _partner_width(self, both: bool) -> int:
-        links = {instance.connect: instance for instance in self._scene.instances}  # one of each will do
+        links = {instance.connect: instance for instance in self._view_model.instances}  # one of each will do
         partners = (
-            _partner(self._scene.connection_of(instance), both) + self._mark(name)[0]
+            _partner(self._view_model.connection_of(instance), both) + self._mark(name)[0]
             for name, instance in links.items()
         )
         return max(map(len, partners), default=20)
 
     def _row(self, instance: InstanceSnapshot, columns: ListColumns) -> Row:
-        selected = instance.name == self._scene.selected
+        selected = instance.name == self._view_model.selected
         style = self.cursor_style(selected)
-        connection = self._scene.connection_of(instance)
+        connection = self._view_model.connection_of(instance)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
             (pad(squeeze(plain(instance.name), columns.name), columns.name) + " ", "strong"),
             *self._partner(connection, columns),
-            *_status(instance, self._scene.project.dialect.label(instance.condition), columns),
+            *_status(instance, self._view_model.project.dialect.label(instance.condition), columns),
             *self._lamps(instance),
             *self._progress(instance, columns),
         ]
@@ -165,7 +165,7 @@ class InstanceList(LineView):
 
     def _mark(self, connect: str) -> Part:
         """Return what stands after the partner of a secure connection: ` TLS`, ` TLS!` unchecked."""
-        found = security_of(self._scene.project.connect(connect))
+        found = security_of(self._view_model.project.connect(connect))
         if found is None:
             return "", ""
         return (f" {TLS}!", "error strong") if found.is_unsafe else (f" {TLS}", "dim")
@@ -180,7 +180,7 @@ class InstanceList(LineView):
         return [(text, "dim"), (mark, style), (gap, "")]
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
-        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
         done, error = glow(instance.name, DONE, now), glow(instance.name, ERROR, now)
         return [
             _lamp("B", instance.outputs.busy, "busy", False),
@@ -207,7 +207,7 @@ class InstanceList(LineView):
         last = instance.last_receive_ns
         return [
             *parts,
-            (f"  last byte {age(self._scene.t_ns - last)} ago" if last is not None else "", "dim"),
+            (f"  last byte {age(self._view_model.t_ns - last)} ago" if last is not None else "", "dim"),
         ]
 
     def _newest_pulse(self, instance: InstanceSnapshot) -> PinPulse | None:
@@ -220,16 +220,16 @@ class InstanceList(LineView):
         names = [instance.name for instance in self._listed]
         if not names:
             return
-        if self._scene.selected not in names:  # it is filtered away
+        if self._view_model.selected not in names:  # it is filtered away
             self._choose(0)
             return
-        here = names.index(self._scene.selected)
+        here = names.index(self._view_model.selected)
         self._choose(max(0, min(len(names) - 1, here + rows)))
 
     def action_next_error(self) -> None:
         """Select the next instance that shows an ERROR; where none does, the next that has had one."""
         names = [instance.name for instance in self._listed]
-        here = names.index(self._scene.selected) if self._scene.selected in names else -1
+        here = names.index(self._view_model.selected) if self._view_model.selected in names else -1
         order = [*range(here + 1, len(names)), *range(here + 1)]
         for found in (self._shows_error, _has_had_an_error):
             for y in order:
@@ -245,20 +245,20 @@ class InstanceList(LineView):
 
     def choose_listed(self) -> None:
         """Select the first one that a filter has left, where it has left the selected one out."""
-        if self._listed and self._scene.selected not in {each.name for each in self._listed}:
+        if self._listed and self._view_model.selected not in {each.name for each in self._listed}:
             self._choose(0)
 
     def _choose(self, y: int) -> None:
         # At once and not by the message: the next key may come before it is heard.
-        self._scene.selected = self._listed[y].name
+        self._view_model.selected = self._listed[y].name
         self.post_message(InstanceSelected())
         self.keep_in_view(y)
         self.show()
 
     def _keep_selected_in_view(self) -> None:
         names = [instance.name for instance in self._listed]
-        if self._scene.selected in names:
-            self.keep_in_view(names.index(self._scene.selected))
+        if self._view_model.selected in names:
+            self.keep_in_view(names.index(self._view_model.selected))
 
 
 def _has_had_an_error(instance: InstanceSnapshot) -> bool:

@@ -36,25 +36,25 @@ class PeerList(LineView):
     BINDINGS: ClassVar = [Binding("tab", "edit", "edit the payload", show=False)]
     DEFAULT_CSS = "PeerList { height: auto; max-height: 3; min-height: 1; }"
 
-    def __init__(self, scene: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="peers")
-        self._scene = scene
+        self._view_model = view_model
 
     def row_count(self) -> int:
         """Return the number of peers."""
-        return max(1, len(self._scene.project.peers))
+        return max(1, len(self._view_model.project.peers))
 
     def row_at(self, y: int) -> Row:
         """Return one peer."""
-        peers = self._scene.peers
-        if not self._scene.project.peers:
+        peers = self._view_model.peers
+        if not self._view_model.project.peers:
             return row(("no peer in this project: the partner is a real device", "dim"))
         if y >= len(peers):
-            return row((f"  {plain(self._scene.project.peers[y].name)}", "dim"))
+            return row((f"  {plain(self._view_model.project.peers[y].name)}", "dim"))
         return self._row(peers[y])
 
     def _row(self, peer: PeerSnapshot) -> Row:
-        selected = peer.name == self._scene.peer
+        selected = peer.name == self._view_model.peer
         style = self.cursor_style(selected)
         parts: list[Part] = [
             ("▸ " if selected else "  ", "key"),
@@ -75,11 +75,11 @@ class PeerList(LineView):
 
     def _ends(self, peer: PeerSnapshot) -> str:
         roomy = self._roomy()
-        width = max((cells(_ends(each, roomy)) for each in self._scene.peers), default=0)
+        width = max((cells(_ends(each, roomy)) for each in self._view_model.peers), default=0)
         return pad(plain(_ends(peer, roomy)), width) + "  "
 
     def _name_width(self) -> int:
-        return min(12, max((cells(peer.name) for peer in self._scene.peers), default=4))
+        return min(12, max((cells(peer.name) for peer in self._view_model.peers), default=4))
 
     def _roomy(self) -> bool:
         return self.line_width >= ROOMY
@@ -102,18 +102,18 @@ class PeerList(LineView):
 
     def action_move(self, rows: int) -> None:
         """Select another peer."""
-        names = [peer.name for peer in self._scene.peers]
-        if self._scene.peer in names:
-            self._choose(max(0, min(len(names) - 1, names.index(self._scene.peer) + rows)))
+        names = [peer.name for peer in self._view_model.peers]
+        if self._view_model.peer in names:
+            self._choose(max(0, min(len(names) - 1, names.index(self._view_model.peer) + rows)))
 
     def on_click(self, event: events.Click) -> None:
         """Select the peer under the mouse."""
         place = self.place_of(event)
-        if place is not None and place[1] < len(self._scene.peers):
+        if place is not None and place[1] < len(self._view_model.peers):
             self._choose(place[1])
 
     def _choose(self, y: int) -> None:
-        self._scene.peer = self._scene.peers[y].name
+        self._view_model.peer = self._view_model.peers[y].name
         self.post_message(PeerSelected())
         self.keep_in_view(y)
         self.show()
@@ -148,9 +148,9 @@ class PeerNotes(LineView, can_focus=False):
 
     DEFAULT_CSS = "PeerNotes { height: 1fr; }"
 
-    def __init__(self, scene: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="peer-notes")
-        self._scene = scene
+        self._view_model = view_model
 
     def row_count(self) -> int:
         """Return the number of lines."""
@@ -162,7 +162,7 @@ class PeerNotes(LineView, can_focus=False):
         return rows[y] if y < len(rows) else EMPTY
 
     def _rows(self) -> list[Row]:
-        peer = self._scene.peer_snapshot
+        peer = self._view_model.peer_snapshot
         if peer is None:
             return []
         return [*self._check(peer), *self._trial(peer), *self._replies(peer)]
@@ -171,7 +171,7 @@ class PeerNotes(LineView, can_focus=False):
         return [row(check_text(peer.check))] if peer.check is not None else []
 
     def _trial(self, peer: PeerSnapshot) -> list[Row]:
-        trial = self._scene.picture.trial if self._scene.picture else None
+        trial = self._view_model.picture.trial if self._view_model.picture else None
         if trial is None or trial.peer != peer.name:
             return []
         text = clip(plain(trial.summary()), self.line_width - 15)
@@ -211,19 +211,19 @@ class PeerPanel(Vertical):
         ("i", "payload", "edit the payload"),
     ]
 
-    def __init__(self, scene: ViewModel, actions: PaneActions) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions) -> None:
         super().__init__(id="peer")
-        self._scene = scene
+        self._view_model = view_model
         self._actions = actions
         self._title = ""
-        self.lines = LineFeed(scene, actions)
-        self.peers = PeerList(scene)
-        self.composer = Composer(scene, actions)
+        self.lines = LineFeed(view_model, actions)
+        self.peers = PeerList(view_model)
+        self.composer = Composer(view_model, actions)
         self._buttons = ButtonLine("buttons", self._labels, self._press)
-        self._notes = PeerNotes(scene)
+        self._notes = PeerNotes(view_model)
         self._preview = "", ""
         self._trial: TrialScreen | None = None
-        self._speaks = bool(scene.project.peers)  # the composer is there
+        self._speaks = bool(view_model.project.peers)  # the composer is there
 
     def compose(self) -> Iterator[Widget]:
         """Compose the pane."""
@@ -247,7 +247,7 @@ class PeerPanel(Vertical):
     @property
     def first(self) -> LineView:
         """Return where the focus goes: the lines of a project without peers, else the peers."""
-        return self.lines if self.lines.names and not self._scene.project.peers else self.peers
+        return self.lines if self.lines.names and not self._view_model.project.peers else self.peers
 
     @property
     def least_rows(self) -> int:
@@ -259,7 +259,11 @@ class PeerPanel(Vertical):
 
     def show(self) -> None:
         """Show the lines, the peers and what the buttons would do."""
-        name = plain(self._scene.peer) if self._scene.peer or not self.lines.names else self.lines.chosen
+        name = (
+            plain(self._view_model.peer)
+            if self._view_model.peer or not self.lines.names
+            else self.lines.chosen
+        )
         if name != self._title or not self.border_title:
             self._title = name
             kind = "Peer" if self.first is self.peers else "Line"
@@ -267,19 +271,19 @@ class PeerPanel(Vertical):
         self.lines.display, self.peers.display = bool(self.lines.names), self.first is self.peers
         self.lines.show()
         self.peers.show()
-        if self._scene.project.peers and not self._speaks:
+        if self._view_model.project.peers and not self._speaks:
             self._speaks = True
             self.run_worker(self._begin_to_speak())
-        if self._scene.project.peers and self._notes.is_mounted:
+        if self._view_model.project.peers and self._notes.is_mounted:
             self._buttons.show()
             self._notes.show()
             self._show_preview()
         if self._trial is not None:
-            self._trial.answered(self._scene.answers.values())
+            self._trial.answered(self._view_model.answers.values())
             self._trial.show()
 
     def _show_preview(self) -> None:
-        button, peer = self._pointed_at(), self._scene.peer_snapshot
+        button, peer = self._pointed_at(), self._view_model.peer_snapshot
         send = button is None or button.letter == SEND
         if peer is None:
             self._preview = "", ""
@@ -299,15 +303,15 @@ class PeerPanel(Vertical):
         return Content.assemble((sign + _shortened(plain(text), max(16, self.size.width - 6)), style))
 
     def _buttons_now(self) -> tuple[Button, ...]:
-        snapshot = self._scene.snapshot
-        return buttons_for(bool(snapshot and snapshot.faults), self._scene.peer_snapshot)
+        snapshot = self._view_model.snapshot
+        return buttons_for(bool(snapshot and snapshot.faults), self._view_model.peer_snapshot)
 
     def _pointed_at(self) -> Button | None:
         index = self._buttons.pointed_at()
         return None if index is None else self._buttons_now()[index]
 
     def _labels(self) -> list[tuple[str, str]]:
-        peer = self._scene.peer_snapshot
+        peer = self._view_model.peer_snapshot
         if peer is None:
             return []
         return [(button.letter, button.label(peer)) for button in self._buttons_now()]
@@ -316,7 +320,7 @@ class PeerPanel(Vertical):
         self._do(self._buttons_now()[index])
 
     def _do(self, button: Button) -> None:
-        peer = self._scene.peer_snapshot
+        peer = self._view_model.peer_snapshot
         if peer is None:
             return
         if button.letter == SEND:
@@ -330,18 +334,18 @@ class PeerPanel(Vertical):
 
     def _aim(self, button: Button, peer: PeerSnapshot) -> str:
         if button is CHECK:
-            instance = receiver_for(peer.link, self._scene.selected, self._scene.project)
+            instance = receiver_for(peer.link, self._view_model.selected, self._view_model.project)
             return f" on {instance}" if instance else ""
-        connection = self._scene.connection
+        connection = self._view_model.connection
         return connection.name if connection is not None and button is FAULT else ""
 
     def _try_line(self, peer: PeerSnapshot) -> str:
-        instance = receiver_for(peer.link, self._scene.selected, self._scene.project)
+        instance = receiver_for(peer.link, self._view_model.selected, self._view_model.project)
         return self.composer.try_line(instance) if instance else ""
 
     def _try_splits(self, peer: PeerSnapshot) -> None:
         """Try every split of the message and open the table; without a message, the table of the last one."""
-        trial = self._scene.picture.trial if self._scene.picture else None
+        trial = self._view_model.picture.trial if self._view_model.picture else None
         line = self._try_line(peer)
         if line and (trial is None or trial.state != "running"):
             self._actions.submit(line)
@@ -360,7 +364,7 @@ class PeerPanel(Vertical):
         """Open the table of the trial that this line has begun."""
         from trcvtui.tui.forms.split_test_screen import TrialScreen  # read when first asked for
 
-        self._trial = TrialScreen(self._scene, self._actions.submit, line)
+        self._trial = TrialScreen(self._view_model, self._actions.submit, line)
         self.app.push_screen(self._trial, self._trial_left)
 
     def _trial_left(self, place: int | None) -> None:
@@ -379,9 +383,9 @@ class PeerPanel(Vertical):
 
     def _nobody(self) -> bool:
         """Say, in a project without a peer, how one comes; return whether there is none."""
-        if not self._scene.peer:
+        if not self._view_model.peer:
             self._actions.complain("no peer in this project; A adds one")
-        return not self._scene.peer
+        return not self._view_model.peer
 
     def action_button(self, letter: str) -> None:
         """Press the button of this letter."""
@@ -411,7 +415,9 @@ class PeerPanel(Vertical):
         from trcvtui.tui.forms.messages import MessagesScreen  # read when first asked for
 
         if not self._nobody():
-            self.app.push_screen(MessagesScreen(self._scene.peer, self._scene.project), self._picked)
+            self.app.push_screen(
+                MessagesScreen(self._view_model.peer, self._view_model.project), self._picked
+            )
 
     def _picked(self, line: str | None) -> None:
         if line:
@@ -426,7 +432,7 @@ class PeerPanel(Vertical):
         text = self.composer.line.partition(" send ")[2]
         if text:
             self.app.push_screen(
-                AddScreen(lambda: self._scene.project, "message", {"text": text}), self._picked
+                AddScreen(lambda: self._view_model.project, "message", {"text": text}), self._picked
             )
         else:
             self.composer.ask_for_payload("keep")
@@ -437,7 +443,7 @@ class PeerPanel(Vertical):
             return
         from trcvtui.tui.forms.messages import form_of  # read when first asked for
 
-        found = form_of(self.composer.text, self.composer.mode, self._scene)
+        found = form_of(self.composer.text, self.composer.mode, self._view_model)
         if found is not None:
             self.app.push_screen(found, self._form_left)
         else:

@@ -34,13 +34,13 @@ ROOMY: Final = 100
 class JobLine(OneLine):
     """One line between both views: how far the job is."""
 
-    def __init__(self, scene: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="job-line")
-        self._scene = scene
+        self._view_model = view_model
 
     def line(self) -> Row:
         """Return the line."""
-        instance = self._scene.instance
+        instance = self._view_model.instance
         if instance is None:
             return EMPTY
         if instance.sends:
@@ -65,7 +65,7 @@ class JobLine(OneLine):
                 ("── unfinished ", "dim"), (full, "busy"), (empty, "faint"),
                 (f" {instance.have} of ≤{framer.size} B ", "strong"),
             ]  # fmt: skip
-            gap = gap_of(self._scene, instance)
+            gap = gap_of(self._view_model, instance)
             if gap is not None and gap.limit_ns and self.line_width >= GAP_BESIDE:
                 told += [("· gap ", "dim"), *gap_parts(gap), (" ", "")]
             return told
@@ -85,14 +85,14 @@ class JobLine(OneLine):
             full, empty = bar(instance.have, instance.need, BAR)
             numbers = f" {instance.have} of {instance.need} B in the stack  "
             parts += [("job ", "dim"), (full, "busy"), (empty, "faint"), (numbers, "strong")]
-        connection = self._scene.connection
+        connection = self._view_model.connection
         if connection is None or connection.state != "connected" or connection.udp:
             return parts if instance.need else [*parts, ("no job running ", "dim")]
         parts.append((f"{connection.bytes_sent} B accepted", "strong"))
         if connection.unacknowledged is not None:
             style = "warn" if connection.unacknowledged else "dim"
             parts.append((f" · {connection.unacknowledged} unacknowledged", style))
-        for peer in self._scene.peers:
+        for peer in self._view_model.peers:
             if (peer.local, peer.remote) == (connection.remote, connection.local):
                 parts.append((f" · {peer.received_here} read by {plain(peer.name)}", "dim"))
         return [*parts, (" ", "dim")]
@@ -211,15 +211,15 @@ class Received(Vertical):
         Binding("escape", "end_find", "look for nothing any more", show=False),
     ]
 
-    def __init__(self, scene: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="received")
-        self._scene = scene
+        self._view_model = view_model
         self.data = HexView("data", of_job=False)
         self.job = HexView("job", of_job=True)
         self.stream = StreamView()
         self.past_job: tuple[int, bytes] | None = None  # position and bytes of the job under the cursor
         self._job_here: JobSpan | None = None
-        self._line = JobLine(scene)
+        self._line = JobLine(view_model)
         self._origin_line = OriginLine()
         self._find = FindLine(self._look_for, self._back_to_bytes)
         self._wanted: Wanted | None = None
@@ -247,7 +247,7 @@ class Received(Vertical):
 
     def show(self) -> None:
         """Show the bytes of the selected instance."""
-        instance = self._scene.instance
+        instance = self._view_model.instance
         self._show_title(instance)
         if instance is None:
             self._show_nothing()
@@ -260,15 +260,15 @@ class Received(Vertical):
 
     def _show_now(self, instance: InstanceSnapshot) -> None:
         self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
-        self.data.show_bytes(self._scene.data, 0, self._starts(False))
+        self.data.show_bytes(self._view_model.data, 0, self._starts(False))
         self._line.show()
         self._size_job(instance)
         self._stand_together()
-        grown = len(self._scene.partial) > len(self.job.content)
-        self.job.show_bytes(self._scene.partial, instance.need, self._starts(True))
+        grown = len(self._view_model.partial) > len(self.job.content)
+        self.job.show_bytes(self._view_model.partial, instance.need, self._starts(True))
         self._show_origin()
         if grown and not self.job.has_focus:
-            self.job.keep_in_view(max(0, len(self._scene.partial) - 1) // self.job.per_row)
+            self.job.keep_in_view(max(0, len(self._view_model.partial) - 1) // self.job.per_row)
 
     def _show_nothing(self) -> None:
         """No instance is left: its bytes go with it."""
@@ -279,10 +279,14 @@ class Received(Vertical):
         self._show_origin()
 
     def _starts(self, of_job: bool) -> frozenset[int]:
-        return self._scene.stream_index.message_starts(self._scene.selected, of_job)
+        return self._view_model.stream_index.message_starts(self._view_model.selected, of_job)
 
     def _show_origin(self) -> None:
-        if self._scene.is_frozen and self._scene.instance is not None and not self._scene.has_bytes:
+        if (
+            self._view_model.is_frozen
+            and self._view_model.instance is not None
+            and not self._view_model.has_bytes
+        ):
             self._say_below(NOT_KEPT)
             return
         view = self.job if self.job.has_focus else self.data
@@ -298,7 +302,7 @@ class Received(Vertical):
     def _origin(self, view: HexView, byte: int) -> str:
         value = view.content[byte]
         text = f"byte {byte} = 16#{value:02X} = {value}"
-        origin = self._scene.stream_index.origin(self._scene.selected, view.of_job, byte)
+        origin = self._view_model.stream_index.origin(self._view_model.selected, view.of_job, byte)
         if origin is None:
             return text
         text += f" · job {origin.job.number}"
@@ -314,11 +318,11 @@ class Received(Vertical):
 
     def _take_past(self, instance: InstanceSnapshot) -> None:
         """Take what has come of the stream, and ask for what is in view next."""
-        known = instance.connect, self._scene.bench
+        known = instance.connect, self._view_model.bench
         if known != self._known:
             self._known, self.past_job, self._job_here = known, None, None
             self.stream.begin_anew()
-        window = self._scene.past
+        window = self._view_model.past
         if window is not None and window.connect == instance.connect:
             self.data.show_before(window.data)
             found = self.stream.take(window)
@@ -329,13 +333,13 @@ class Received(Vertical):
                 self.past_job = window.job
                 self.post_message(PastSelected())
         if self.is_past:
-            if self._scene.is_frozen:
+            if self._view_model.is_frozen:
                 self.stream.follows = False
-            self._scene.past_wanted = self.stream.request(instance.connect, self._job_wanted())
+            self._view_model.past_wanted = self.stream.request(instance.connect, self._job_wanted())
         else:
             first, size = self.data.in_view()
             wanted = HistoryRequest(instance.connect, data=(instance.name, first, size))
-            self._scene.past_wanted = None if instance.sends else wanted
+            self._view_model.past_wanted = None if instance.sends else wanted
 
     def _job_wanted(self) -> int | None:
         """Return where the job lies whose bytes are to come, None where they are here."""
@@ -349,7 +353,7 @@ class Received(Vertical):
         self._origin_line.say(self._search_text() or self._nowhere or self._past_origin())
 
     def _search_text(self) -> str:
-        window = self._scene.past
+        window = self._view_model.past
         sought = window.sought if window is not None else None
         if self.stream.seek is None:
             if self._seeks_drop and sought is not None:
@@ -366,7 +370,7 @@ class Received(Vertical):
         if self.stream.cursor is None:
             return "" if self.stream.window.end else "nothing was received yet"
         values = self.stream.value(), self.stream.before_value()
-        return origin_words(self.stream.cursor, values, self.stream.labels(), self._scene.project)
+        return origin_words(self.stream.cursor, values, self.stream.labels(), self._view_model.project)
 
     def job_here(self) -> JobSpan | None:
         """Return the job under the cursor of the stream, also when it has been scrolled out of the window."""
@@ -492,7 +496,7 @@ class Received(Vertical):
         past = self.job_of_cursor()
         if past is not None:
             return f"{past[0]}-job-{past[1]}", past[2]
-        return self._scene.selected, self._scene.data
+        return self._view_model.selected, self._view_model.data
 
     # -- layout ------------------------------------------------------------------------------------------
 
@@ -524,11 +528,11 @@ class Received(Vertical):
             self.set_class(wanted is not None, "-roomy")
 
     def _connected(self) -> bool:
-        connection = self._scene.connection
+        connection = self._view_model.connection
         return connection is not None and connection.state == "connected"
 
     def _show_title(self, instance: InstanceSnapshot | None) -> None:
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         detail = f"{plain(declared.name)}, {declared.size} B" if declared else "no DATA"
         if instance is None:
             detail = ""

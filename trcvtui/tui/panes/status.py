@@ -33,10 +33,10 @@ class StatusHistory(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: ViewModel, actions: PaneActions, digit: int = 4) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = 4) -> None:
         super().__init__(id="history")
         self._digit = digit
-        self._scene = scene
+        self._view_model = view_model
         self._actions = actions
         self._edges: list[Line] = []
         self._chosen: int | None = None
@@ -45,7 +45,7 @@ class StatusHistory(LineView):
     def show(self) -> None:
         """Repaint what changed; a view that is scrolled into the past stays on its edges."""
         before = self._edges[0].seq if self._edges else 0
-        self._edges = list(reversed(self._scene.history.of(self._scene.selected)))
+        self._edges = list(reversed(self._view_model.history.of(self._view_model.selected)))
         self._measure(before)
         self.set_title(self._digit, "History", self._detail())
         if self.scroll_offset.y:
@@ -65,12 +65,12 @@ class StatusHistory(LineView):
                 self._lamp = max(self._lamp, len(_lamp(line.event)))
 
     def _detail(self) -> str:
-        if not self._scene.history.skipped:
+        if not self._view_model.history.skipped:
             return ""
-        return f"{self._scene.history.skipped} lines came too fast for this list"
+        return f"{self._view_model.history.skipped} lines came too fast for this list"
 
     def _label(self, edge: StatusEdge) -> str:
-        condition = self._scene.project.dialect.label(edge.condition)
+        condition = self._view_model.project.dialect.label(edge.condition)
         return f"{status_word(edge.outputs.status)} {clip(condition, self._condition_width())}"
 
     def _condition_width(self) -> int:
@@ -137,7 +137,7 @@ class StatusHistory(LineView):
         if errors:
             self._choose(next((y for y in errors if y > here), errors[0]))
         else:
-            self._actions.complain(f"no ERROR in what is known of {plain(self._scene.selected)}")
+            self._actions.complain(f"no ERROR in what is known of {plain(self._view_model.selected)}")
 
     def action_ask_code(self) -> None:
         """Ask for the code to find; the timing pane looks for it, and this one follows."""
@@ -208,11 +208,11 @@ class StatusCard(LineView):
         """Return the way back to now, while an edge of the past is explained."""
         return (("esc", "now"),) if self._past is not None else ()
 
-    def __init__(self, scene: ViewModel, digit: int = 3) -> None:
+    def __init__(self, view_model: ViewModel, digit: int = 3) -> None:
         super().__init__(id="status")
         self._digit = digit
-        self._scene = scene
-        self._explainer = Explainer(scene)
+        self._view_model = view_model
+        self._explainer = Explainer(view_model)
         self._past: Line | None = None
         self._rows: list[Row] = []
         self._whole = 0
@@ -248,7 +248,7 @@ class StatusCard(LineView):
         return self._rows[y] if y < len(self._rows) else EMPTY
 
     def _card(self) -> list[Row]:
-        instance = self._scene.instance
+        instance = self._view_model.instance
         if instance is None:
             return self._nothing()
         if self._past is not None and isinstance(edge := self._past.event, StatusEdge):
@@ -260,14 +260,14 @@ class StatusCard(LineView):
 
     def _warnings(self, instance: InstanceSnapshot) -> Sequence[str]:
         """Return what will go wrong with the framing of a block on a ComBuffer."""
-        if instance.framer is None or self._scene.snapshot is None:
+        if instance.framer is None or self._view_model.snapshot is None:
             return ()
         from trcvtui.rig.diagnosis.serial import warnings_of  # read when the first framer is here
 
-        return warnings_of(self._scene.snapshot, self._scene.project, instance.name)
+        return warnings_of(self._view_model.snapshot, self._view_model.project, instance.name)
 
     def _nothing(self) -> list[Row]:
-        if self._scene.project.instances or self._scene.picture is None:
+        if self._view_model.project.instances or self._view_model.picture is None:
             return [row(("waiting for the first scan", "dim"))]
         texts = (
             "no instance is on this bench",
@@ -285,7 +285,7 @@ class StatusCard(LineView):
         lamps: list[Part],
         warnings: Sequence[str] = (),
     ) -> list[Row]:
-        found = self._scene.project.dialect.row(shown.outputs.status, shown.block)
+        found = self._view_model.project.dialect.row(shown.outputs.status, shown.block)
         title = found.title if found else shown.condition
         style = shown.outputs.lit or "strong"
         flag = "ERROR  " if shown.outputs.error else ""
@@ -308,7 +308,7 @@ class StatusCard(LineView):
         self._whole = len(rows)
         label = "else" if told.checks else "next"
         if told.code is not None:  # the last attempt's row says more than "connecting"
-            found = self._scene.project.dialect.row(told.code, shown.block) or found
+            found = self._view_model.project.dialect.row(told.code, shown.block) or found
             label = f"{told.code:04X}"
         if found is not None:
             rows += self._paragraph(label, found.checks_of(shown.block), "dim")
@@ -316,7 +316,7 @@ class StatusCard(LineView):
         return rows
 
     def _unsafe(self, shown: InstanceSnapshot | StatusEdge) -> list[str]:
-        project = self._scene.project
+        project = self._view_model.project
         name = shown.name if isinstance(shown, InstanceSnapshot) else shown.instance
         decl = project.instance(name)
         found = security_of(project.connect(decl.connect)) if decl is not None else None
@@ -333,7 +333,7 @@ class StatusCard(LineView):
         return rows
 
     def _lamps(self, instance: InstanceSnapshot) -> list[Part]:
-        glow, now = self._scene.afterglow.glow, self._scene.t_ns
+        glow, now = self._view_model.afterglow.glow, self._view_model.t_ns
         outputs = instance.outputs
         parts: list[Part] = [(f"BUSY {lamp(outputs.busy)}   ", "busy" if outputs.busy else "faint")]
         for name, on, style in ((DONE, outputs.done, "done"), (ERROR, outputs.error, "error")):

@@ -198,10 +198,10 @@ class Timing(LineView):
         ("escape", "now", "back to now"),
     ]
 
-    def __init__(self, scene: ViewModel, actions: PaneActions, digit: int = 8) -> None:
+    def __init__(self, view_model: ViewModel, actions: PaneActions, digit: int = 8) -> None:
         super().__init__(id="timing")
         self._digit = digit
-        self._scene = scene
+        self._view_model = view_model
         self._actions = actions
         self.view = TimingView()
         self._rows: list[Drawn] = []
@@ -217,16 +217,16 @@ class Timing(LineView):
     @property
     def wave(self) -> Waveform:
         """Return the wave of the selected instance."""
-        return self._scene.waves.of(self._scene.selected)
+        return self._view_model.waves.of(self._view_model.selected)
 
     @property
     def waves(self) -> list[Waveform]:
         """Return the waves that are drawn."""
-        return [self._scene.waves.of(name) for name in self._scene.drawn_instances]
+        return [self._view_model.waves.of(name) for name in self._view_model.drawn_instances]
 
     @property
     def _until(self) -> int:
-        return self._scene.frozen_at or self.wave.until_scan
+        return self._view_model.frozen_at or self.wave.until_scan
 
     @property
     def _columns(self) -> int:
@@ -248,11 +248,11 @@ class Timing(LineView):
         super().show()
 
     def _set_subtitle(self) -> None:
-        snapshot, zoom = self._scene.snapshot, self.view.zoom
+        snapshot, zoom = self._view_model.snapshot, self.view.zoom
         text = f"{count(zoom, 'scan')} a column"
         if snapshot is not None:
             text += f", {duration(zoom * snapshot.interval_ns)}"
-        if self._scene.is_frozen:
+        if self._view_model.is_frozen:
             text += " · frozen"
         else:
             text += " · follows" if self.view.follows else " · stands, f follows"
@@ -264,7 +264,7 @@ class Timing(LineView):
             return ASKED
         if self._note:
             return self._note
-        if self._scene.is_frozen and self._scene.waves.is_too_late(self._scene.selected):
+        if self._view_model.is_frozen and self._view_model.waves.is_too_late(self._view_model.selected):
             return NOT_KEPT
         cursor, stretch = self.view.cursor, self.view.stretch
         parts = [f"scan {cursor} at {self._time(cursor)}"] if cursor is not None else []
@@ -397,7 +397,7 @@ class Timing(LineView):
 
     def action_neighbours(self) -> None:
         """Draw the other instances of this CONNECT too, or no longer."""
-        self._scene.draws_neighbours = not self._scene.draws_neighbours
+        self._view_model.draws_neighbours = not self._view_model.draws_neighbours
         self.show()
 
     def action_now(self) -> None:
@@ -479,6 +479,6 @@ class Timing(LineView):
         markers = sorted(self.view.markers)
         known = ScanRange(self.wave.first_scan, max(1, self._until))
         span = ScanRange(*markers) if len(markers) == 2 else known
-        folder = target_folder(self._scene.project.path)
+        folder = target_folder(self._view_model.project.path)
         path = path or free_path(folder, f"timing-{self.wave.instance}", format)
         return path, write_waves(path, format, self.waves, span, self.view.zoom)

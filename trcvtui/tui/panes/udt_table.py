@@ -31,9 +31,9 @@ class UdtTable(LineView):
 
     KEYS: ClassVar = (("↑↓", "member"), ("v", "DATA | job"))
 
-    def __init__(self, scene: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="udt")
-        self._scene = scene
+        self._view_model = view_model
         self.of_job = False
         self.cursor: int | None = None
         # A job of the past: its number and its bytes; number 0: they were thrown away.
@@ -49,14 +49,14 @@ class UdtTable(LineView):
 
     def show(self) -> None:
         """Decode the rows in view and repaint those that changed."""
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         self._show_title(declared)
         self._decode(declared)
         super().show()
 
     def _show_title(self, declared: DataDecl | None) -> None:
         if declared is None:
-            self.set_title(6, "Members", "no DATA" if self._scene.instance else "")
+            self.set_title(6, "Members", "no DATA" if self._view_model.instance else "")
             return
         name = clip(plain(declared.type_name), 32)
         room = self.outer_size.width - cells(name) - 9  # the corners, the digit, the dot
@@ -71,14 +71,14 @@ class UdtTable(LineView):
             return f"job {self.past[0]} of the past, {len(self.past[1])} B"
         if self.of_job:
             return f"{job or 'no job running'} · v: DATA"
-        other = f" · v: {job}" if job and self._scene.partial else ""
+        other = f" · v: {job}" if job and self._view_model.partial else ""
         full = f"{plain(declared.name)}, {rules.name}, {rules.byte_order}-endian{other}"
         if cells(full) > room and declared.choice != NO_CHOICE:
             return f"{rules.name}, {rules.byte_order}-endian"
         return full if cells(full) <= room else f"{clip(plain(declared.name), 24)}{other}"
 
     def _job(self) -> str:
-        instance = self._scene.instance
+        instance = self._view_model.instance
         return f"job, {instance.have} of {instance.need} B" if instance and instance.need else ""
 
     def _decode(self, declared: DataDecl | None) -> None:
@@ -103,17 +103,17 @@ class UdtTable(LineView):
             return b""
         if self.past is not None:
             return self.past[1]
-        return self._scene.partial if self.of_job else self._scene.data
+        return self._view_model.partial if self.of_job else self._view_model.data
 
     def row_count(self) -> int:
         """Return the number of members."""
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         return declared.layout.leaf_count if declared else 0
 
     def row_at(self, y: int) -> Row:
         """Return one member."""
-        if not self._page[0] <= y < self._page[1] or self._scene.declaration is not self._declared:
-            self._decode(self._scene.declaration)
+        if not self._page[0] <= y < self._page[1] or self._view_model.declaration is not self._declared:
+            self._decode(self._view_model.declaration)
         index = y - self._page[0]
         if not 0 <= index < len(self._leaves):
             return EMPTY
@@ -150,7 +150,7 @@ class UdtTable(LineView):
 
     def gap_after(self, index: int) -> int:
         """Return how many bytes of padding follow the leaf at `index` of the page."""
-        declared, leaf = self._scene.declaration, self._leaves[index]
+        declared, leaf = self._view_model.declaration, self._leaves[index]
         if declared is None:
             return 0
         last = self._page[0] + index + 1 >= declared.layout.leaf_count
@@ -161,7 +161,7 @@ class UdtTable(LineView):
 
     def field_at(self, offset: int) -> range:
         """Put the cursor on the member that covers a byte, or before its padding; return its bytes."""
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         if declared is None or offset < 0:
             return range(0)
         place = offset
@@ -191,7 +191,7 @@ class UdtTable(LineView):
             self._choose(place[1])
 
     def _choose(self, number: int) -> None:
-        if self._scene.declaration is None:
+        if self._view_model.declaration is None:
             return
         self.cursor = number
         self.keep_in_view(number)
@@ -200,7 +200,7 @@ class UdtTable(LineView):
 
     def chosen_field(self) -> range:
         """Return the bytes of the member under the cursor."""
-        declared = self._scene.declaration
+        declared = self._view_model.declaration
         if declared is None or self.cursor is None:
             return range(0)
         leaf = declared.layout.leaf(self.cursor)

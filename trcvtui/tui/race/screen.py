@@ -64,7 +64,7 @@ class RaceFolder:
         signal.raise_signal(number)  # to whom it went before
 
     def close(self) -> None:
-        """Leave no file behind."""
+        """Leave no file."""
         self._folder.cleanup()
         if self._listens:
             self._listens = False
@@ -153,8 +153,8 @@ class RaceScreen(SideScreen[None]):
     ]
     CSS_PATH = "race.tcss"
 
-    def __init__(self, scene: ViewModel, say: Callable[[str], int | None], path: Path | None) -> None:
-        super().__init__(scene, say, KEYS, ACTIONS)
+    def __init__(self, view_model: ViewModel, say: Callable[[str], int | None], path: Path | None) -> None:
+        super().__init__(view_model, say, KEYS, ACTIONS)
         self._path = path
         self._folder: RaceFolder | None = None  # of a session's file
         self.run: RaceRun | None = None
@@ -191,7 +191,7 @@ class RaceScreen(SideScreen[None]):
         self.show()
 
     def on_unmount(self) -> None:
-        """Leave no file behind."""
+        """Leave no file."""
         self.forget()
 
     def forget(self) -> None:

@@ -231,15 +231,15 @@ class TraceList(TextView):
 
     DEFAULT_CSS = "TraceList { height: auto; min-height: 3; }"
 
-    def __init__(self, scene: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="traces")
-        self._scene = scene
+        self._view_model = view_model
         self.tail = 4
 
     def follow(self, player: PlayerSnapshot) -> None:
         """Show the instances of the scenario that is played."""
         self.set_title(4, "STATUS, scan by scan")
-        pins = {instance.name: _inputs(instance) for instance in self._scene.instances}
+        pins = {instance.name: _inputs(instance) for instance in self._view_model.instances}
         self._rows = []
         for name, trace in player.traces:
             self._rows.append(row((f"{clip(plain(name), 24)}  ", "strong"), *pins.get(name, [])))

@@ -70,29 +70,29 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     def __init__(
         self,
-        scene: ViewModel,
+        view_model: ViewModel,
         say: Callable[[str], int | None],
         model: ScenarioListModel,
         loaded: Path | None = None,
     ) -> None:
-        super().__init__(scene, say, KEYS, ACTIONS)
+        super().__init__(view_model, say, KEYS, ACTIONS)
         self._model = model
         self._kernel = KERNELS[0]
         self._loaded = loaded  # also while the engine has not answered yet
         self._question: Callable[[], None] | None = None  # what `y` does: it ends the live bench
         self.keeps_the_play = False  # left for the panes, with the scenario on them
-        self._bench = scene.bench
+        self._bench = view_model.bench
         self._trouble = ""
         self._open = STEPS if loaded is not None else LIST
         self._past = TRACES
         self.list = ScenarioList(model)
         self.text = ScenarioText(model)
-        self.instances = InstanceList(scene, digit=3)
-        self.traces = TraceList(scene)
+        self.instances = InstanceList(view_model, digit=3)
+        self.traces = TraceList(view_model)
         actions = PaneActions(self._refuse, self._refuse, self._complain)
-        self.status = StatusCard(scene, STATUS)
-        self.history = StatusHistory(scene, actions, HISTORY)
-        self.timing = Timing(scene, actions, TIMING)
+        self.status = StatusCard(view_model, STATUS)
+        self.history = StatusHistory(view_model, actions, HISTORY)
+        self.timing = Timing(view_model, actions, TIMING)
         self.tabs = TabLine(TABS_OF_PLAY[:2], LIST)
         self.filter = FilterLine(self._narrow, self.list.action_move, self.list)
         self._left = Vertical(id="left")
@@ -132,7 +132,7 @@ class ScenariosScreen(SideScreen[Path | None]):
     @property
     def _player(self) -> PlayerSnapshot | None:
         """Return how far the loaded scenario is; None until a picture of it has come."""
-        player = self._scene.picture.player if self._scene.picture else None
+        player = self._view_model.picture.player if self._view_model.picture else None
         return player if player is not None and player.path == str(self._loaded) else None
 
     def show(self) -> None:
@@ -154,15 +154,15 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     def _begin_or_end(self, plays: bool) -> None:
         """Show the panes of a play while there is one; of another bench nothing is pointed at any more."""
-        if self._bench != self._scene.bench:
-            self._bench = self._scene.bench
+        if self._bench != self._view_model.bench:
+            self._bench = self._view_model.bench
             self.on_instance_selected()
         if plays != self.has_class(PLAYING):
             self.set_class(plays, PLAYING)
             self.arrange_panes()
 
     def _kernel_shown(self, player: PlayerSnapshot | None) -> str:
-        picture = self._scene.picture
+        picture = self._view_model.picture
         return picture.kernel if player is not None and picture is not None else self._kernel
 
     def _hear_answers(self) -> None:
@@ -206,7 +206,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self.history.forget()
         self.timing.forget()
         self.status.point_at(None)
-        if self.is_mounted and self._bench == self._scene.bench:
+        if self.is_mounted and self._bench == self._view_model.bench:
             self.call_after_refresh(self.show)
 
     def on_edge_selected(self, message: messages.EdgeSelected) -> None:
@@ -286,7 +286,7 @@ class ScenariosScreen(SideScreen[Path | None]):
 
     def _is_live_bench(self) -> bool:
         """Return whether the opened project runs on real sockets: what ends it is asked for first."""
-        picture = self._scene.live
+        picture = self._view_model.live
         return picture is not None and picture.player is None and picture.kernel == LIVE
 
     def _ask(self, then: Callable[[], None]) -> None:

@@ -62,8 +62,8 @@ def why(shown: StatusEdge | InstanceSnapshot) -> str:
 class Explainer:
     """Explains the selected instance now, or an edge of its past; the last answers are kept."""
 
-    def __init__(self, scene: ViewModel) -> None:
-        self._scene = scene
+    def __init__(self, view_model: ViewModel) -> None:
+        self._view_model = view_model
         self._edge: tuple[int, int, Advice] | None = None  # bench, line
         self._bytes: tuple[object, bytes, str] | None = None  # layout, content, suspicion
         self._asked: tuple[object, int | None, bytes] | None = None
@@ -71,12 +71,16 @@ class Explainer:
 
     def now(self, instance: InstanceSnapshot) -> Advice:
         """Return what is known of an instance after the last scan."""
-        scene = self._scene
-        evidence = evidence_now(scene.picture, scene.project, instance.name) if scene.picture else None
+        view_model = self._view_model
+        evidence = (
+            evidence_now(view_model.picture, view_model.project, instance.name)
+            if view_model.picture
+            else None
+        )
         if evidence is None:
             return Advice(why(instance), ())
         told = advice_on(evidence)
-        checks = told.checks or tuple(notes_of(instance, scene.stream_index))
+        checks = told.checks or tuple(notes_of(instance, view_model.stream_index))
         swapped = self._swapped(evidence)
         offer = self.offer(evidence)
         shown = (swapped, *checks) if swapped else checks
@@ -87,7 +91,7 @@ class Explainer:
 
     def _missing(self, e: Evidence) -> str:
         """Return which member a stuck frame's bytes end at; of a shifted one nobody knows."""
-        decl = self._scene.declaration
+        decl = self._view_model.declaration
         if decl is None or decl.size != e.need or not is_stuck(e):
             return ""
         if e.facts.drop is not None or self._wanders(e):
@@ -103,21 +107,21 @@ class Explainer:
         if after == 1:
             missing += f" and {plain(decl.layout.leaf(number + 1).path)}"
         elif after:
-            missing += f" and the {after} members behind it"
+            missing += f" and the {after} members after it"
         return f"; {plain(last.path)} is the last whole member, {missing} {'are' if after else 'is'} missing"
 
     def offer(self, e: Evidence | None = None) -> Offer | None:
         """Return the layout in which DATA would take what came, None where nothing speaks for one."""
-        scene, decl = self._scene, self._scene.declaration
-        if e is None and scene.picture and scene.instance:
-            e = evidence_now(scene.picture, scene.project, scene.instance.name)
+        view_model, decl = self._view_model, self._view_model.declaration
+        if e is None and view_model.picture and view_model.instance:
+            e = evidence_now(view_model.picture, view_model.project, view_model.instance.name)
         if e is None or decl is None or e.facts.drop is not None:
             return None
-        size, content = e.facts.messages.only, scene.data
+        size, content = e.facts.messages.only, view_model.data
         if size is None and e.have and is_stuck(e):
             size = e.have
         if size is None or size != decl.size:
-            content = scene.partial or content
+            content = view_model.partial or content
         elif e.done_scan is None or self._wanders(e):
             return None
         asked = decl.layout, size, content
@@ -129,7 +133,7 @@ class Explainer:
 
     def _swapped(self, e: Evidence) -> str:
         """Return whether the last frame's members look swapped; a shifted one proves nothing."""
-        decl, content = self._scene.declaration, self._scene.data
+        decl, content = self._view_model.declaration, self._view_model.data
         if decl is None or e.done_scan is None or e.facts.drop is not None or self._wanders(e):
             return ""
         if self._bytes is None or self._bytes[0] is not decl.layout or self._bytes[1] != content:
@@ -147,10 +151,10 @@ class Explainer:
 
     def then(self, line: Line, edge: StatusEdge) -> Advice:
         """Return what the ledger knows of an edge of the past; the newest one still shows, so it is now."""
-        edges, instance = self._scene.history.of(edge.instance), self._scene.instance
+        edges, instance = self._view_model.history.of(edge.instance), self._view_model.instance
         if instance is not None and edges and edges[-1].seq == line.seq:
             return self.now(instance)
-        asked = self._scene.bench, line.seq
+        asked = self._view_model.bench, line.seq
         if self._edge is None or self._edge[:2] != asked:
             self._edge = (*asked, self._explained(line, edge))
         return self._edge[2]
@@ -158,11 +162,11 @@ class Explainer:
     def _explained(self, line: Line, edge: StatusEdge) -> Advice:
         from trcvtui.rig.history.link_statistics import facts_while  # read when the past is first asked about
 
-        project = self._scene.project
+        project = self._view_model.project
         decl = project.instance(edge.instance)
-        facts, until = facts_while(self._scene.lines, line, edge, decl.connect if decl else "")
+        facts, until = facts_while(self._view_model.lines, line, edge, decl.connect if decl else "")
         return advice_on(evidence_then(line, edge, facts, until, project, self._interval_ns))
 
     @property
     def _interval_ns(self) -> int:
-        return self._scene.snapshot.interval_ns if self._scene.snapshot else 0
+        return self._view_model.snapshot.interval_ns if self._view_model.snapshot else 0

@@ -181,9 +181,9 @@ SIGNS: Final = (
 class HelpText(TextView):
     """All of it as one scrolling text."""
 
-    def __init__(self, scene: ViewModel, focused: Widget | None) -> None:
+    def __init__(self, view_model: ViewModel, focused: Widget | None) -> None:
         super().__init__(id="help")
-        self._scene = scene
+        self._view_model = view_model
         self._focused = focused
 
     def make_rows(self) -> list[Row]:
@@ -208,7 +208,7 @@ class HelpText(TextView):
         return rows
 
     def _table(self) -> list[Row]:
-        dialect, instance = self._scene.project.dialect, self._scene.instance
+        dialect, instance = self._view_model.project.dialect, self._view_model.instance
         rows = [row((f"STATUS of {plain(dialect.title)}", "strong"))]
         for found in dialect.status:
             current = instance is not None and found.code == instance.outputs.status
@@ -257,7 +257,7 @@ class HelpScreen(ListDialog[None]):
     BINDINGS: ClassVar = [Binding("question_mark,f1", "leave", show=False, id="help")]
     DEFAULT_CSS = "HelpScreen HelpText { width: 100; height: 90%; }"
 
-    def __init__(self, scene: ViewModel, focused: Widget | None = None) -> None:
-        text = HelpText(scene, focused)
+    def __init__(self, view_model: ViewModel, focused: Widget | None = None) -> None:
+        text = HelpText(view_model, focused)
         text.set_title(None, "Help", "↑↓ and page keys scroll, esc closes")
         super().__init__(text, None)

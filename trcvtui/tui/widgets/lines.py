@@ -316,9 +316,9 @@ class HeaderLine(OneLine):
 
     DEFAULT_CSS = "HeaderLine { background: $panel; padding: 0 1; }"
 
-    def __init__(self, scene: ViewModel) -> None:
+    def __init__(self, view_model: ViewModel) -> None:
         super().__init__(id="header")
-        self._scene = scene
+        self._view_model = view_model
         self.ended = False
 
     def line(self) -> Row:
@@ -329,12 +329,12 @@ class HeaderLine(OneLine):
         return row(*_spaced(pieces))
 
     def _pieces(self) -> list[HeaderWord]:
-        project, picture = self._scene.project, self._scene.picture
+        project, picture = self._view_model.project, self._view_model.picture
         name = plain(project.path.name)
         pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(name, "strong", 10)]
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
-        if self._scene.unsaved:
-            pieces.append(HeaderWord(f"+{self._scene.unsaved} unsaved", "warn", 15))
+        if self._view_model.unsaved:
+            pieces.append(HeaderWord(f"+{self._view_model.unsaved} unsaved", "warn", 15))
         if self.ended:
             return [*pieces, HeaderWord(" ENGINE ENDED ", "stop", 0)]
         if picture is None:
@@ -344,10 +344,10 @@ class HeaderLine(OneLine):
             pieces.append(HeaderWord(f"scenario, step {min(at, count_of)} of {count_of}", "warn", 4))
         snapshot, timing = picture.snapshot, picture.timing
         pieces += self._frozen()
-        now = self._scene.live or picture
+        now = self._view_model.live or picture
         pieces.append(_state(now.snapshot.running, now.holding))
         pieces.append(HeaderWord(format_time(snapshot.interval_ns), "", 30))
-        live = "live at " if self._scene.is_frozen else ""
+        live = "live at " if self._view_model.is_frozen else ""
         pieces.append(HeaderWord(f"{live}scan {now.snapshot.scan}", "", 2))
         if now.armed:
             pieces.append(HeaderWord(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
@@ -364,13 +364,13 @@ class HeaderLine(OneLine):
 
     def _frozen(self) -> list[HeaderWord]:
         """Say loudly that what is shown is not what is now."""
-        scene = self._scene
-        if not scene.is_frozen or scene.picture is None:
+        view_model = self._view_model
+        if not view_model.is_frozen or view_model.picture is None:
             return []
-        chip = f" * FROZEN at scan {scene.picture.snapshot.scan} *  F live "
-        if scene.fired is None:
+        chip = f" * FROZEN at scan {view_model.picture.snapshot.scan} *  F live "
+        if view_model.fired is None:
             return [HeaderWord(chip, "stop", 0)]
-        text = f" TRIGGER {clip(plain(scene.fired.text), MOST_TRIGGER)} "
+        text = f" TRIGGER {clip(plain(view_model.fired.text), MOST_TRIGGER)} "
         return [HeaderWord(text, "hold", 1), HeaderWord(chip, "stop", 0)]
 
 

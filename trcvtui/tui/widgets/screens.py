@@ -28,10 +28,10 @@ class FullScreen(Screen[Result], Generic[Result]):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = COMPONENT_CLASSES
 
-    def __init__(self, scene: ViewModel, key_line: KeyLine) -> None:
+    def __init__(self, view_model: ViewModel, key_line: KeyLine) -> None:
         super().__init__()
-        self._scene = scene
-        self.header = HeaderLine(scene)
+        self._view_model = view_model
+        self.header = HeaderLine(view_model)
         self.key_line = key_line
 
     def action_pane(self, digit: int) -> None:
@@ -49,7 +49,7 @@ class FullScreen(Screen[Result], Generic[Result]):
         """Open the help."""
         from trcvtui.tui.widgets.help import HelpScreen  # read when first asked for
 
-        self.app.push_screen(HelpScreen(self._scene, self.focused))
+        self.app.push_screen(HelpScreen(self._view_model, self.focused))
 
 
 class SideScreen(FullScreen[Result], Generic[Result]):
@@ -62,9 +62,9 @@ class SideScreen(FullScreen[Result], Generic[Result]):
     LEAST_SIZE: ClassVar[tuple[int, int]] = (0, 0)
 
     def __init__(
-        self, scene: ViewModel, say: Callable[[str], int | None], keys: Keys, actions: Mapping[str, str]
+        self, view_model: ViewModel, say: Callable[[str], int | None], keys: Keys, actions: Mapping[str, str]
     ) -> None:
-        super().__init__(scene, KeyLine(keys, actions))
+        super().__init__(view_model, KeyLine(keys, actions))
         self._say = say
         self._asked: set[int] = set()
         self.outcome = OutcomeLine()
@@ -92,7 +92,7 @@ class SideScreen(FullScreen[Result], Generic[Result]):
 
     def answers(self) -> Iterator[Answer]:
         """Yield the answers to what was said here, each once."""
-        for number, answer in self._scene.answers.items():
+        for number, answer in self._view_model.answers.items():
             if number in self._asked:
                 self._asked.discard(number)
                 yield answer

@@ -30,7 +30,7 @@ class Run(NamedTuple):
 
 
 def pair(ours: Node, theirs: Node) -> list[Run]:
-    """Return the runs that hold every leaf of both: what only theirs has stands behind its siblings."""
+    """Return the runs that hold every leaf of both: what only theirs has stands after its siblings."""
     joined: list[Run] = []
     for run in _Pairing().runs(ours, theirs, 0, 0):
         last = joined[-1] if joined else None

@@ -156,8 +156,8 @@ def verdict(fits: Sequence[Fit]) -> str:
         return "this type cannot be laid out"
     best, tied = fits[0], leaders(fits)
     if best.fits_best:
-        behind = f"; next is {fits[1].name} ({fits[1].score:+.1f})" if len(fits) > 1 else ""
-        return f"{best} fits best{behind}"
+        after = f"; next is {fits[1].name} ({fits[1].score:+.1f})" if len(fits) > 1 else ""
+        return f"{best} fits best{after}"
     if best.score <= 0 or (best.members <= 0 and len(tied) == 1):
         return f"no profile fits these bytes well; the least bad is {best}"
     if len(tied) == 1:

@@ -75,7 +75,7 @@ def _text(
     type_: StringType, size: int, theirs: LayoutRules, ours: LayoutRules
 ) -> tuple[LeafType | None, str]:
     if theirs.text.header != ours.text.header:
-        forms = ("a NUL behind", "two lengths before")
+        forms = ("a NUL after", "two lengths before")
         there, here = forms[theirs.text.header], forms[ours.text.header]
         return None, f"a STRING with {there} its characters in {theirs.name}, with {here} them in {ours.name}"
     declared = theirs.text.length(type_)
@@ -206,7 +206,7 @@ def _without_indices(path: str) -> str:
 
 
 class _Raw(NamedTuple):
-    """A member that became raw: its path, the path behind it of what is why, and the words."""
+    """A member that became raw: its path, the path after it of what is why, and the words."""
 
     path: str
     inner: str
@@ -219,7 +219,7 @@ class _Raw(NamedTuple):
 
 
 class _Built(NamedTuple):
-    """A STRUCT that was rebuilt, or why it cannot be; paths are those behind its own."""
+    """A STRUCT that was rebuilt, or why it cannot be; paths are those after its own."""
 
     type: Struct | Union | None
     unreached: list[_Raw]

@@ -131,7 +131,7 @@ class _ImhexWriter:
         return self.written[key]
 
     def declaration(self, own: str, type_: Type, node: Node) -> tuple[str, str, str]:
-        """Return type, brackets behind the name, and a comment of one member."""
+        """Return type, brackets after the name, and a comment of one member."""
         if isinstance(type_, Array) and isinstance(node, PlacedArray):
             doc = f"ARRAY{bounds_text(type_)} OF {type_text(type_.element)}"
             if node.is_bits:

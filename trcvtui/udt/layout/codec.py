@@ -79,7 +79,7 @@ class Codec:
         return values + raw[done:]
 
     def read_filled(self, data: Data) -> Values:
-        """Return the values of all leaves of data that may end anywhere, zeros behind it."""
+        """Return the values of all leaves of data that may end anywhere, zeros after it."""
         return self.read(bytes(data[: self.end]).ljust(self.end, b"\0"))
 
 

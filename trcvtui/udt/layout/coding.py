@@ -63,7 +63,7 @@ def parse_hex_text(value: object, size: int) -> bytes | None:
     return raw if len(raw) == size else None
 
 
-# The bytes behind the text have any value; encode writes zeros. WSTRING is UTF-16 in the data's byte order.
+# The bytes after the text have any value; encode writes zeros. WSTRING is UTF-16 in the data's byte order.
 
 # What is no text in the encoding becomes codes that nothing else has, and comes back as the same bytes.
 ODD_CODES = {
@@ -405,7 +405,7 @@ def _literal(row: Elementary, _: LayoutRules) -> Coding:
 
 
 def _date(row: Elementary, rules: LayoutRules) -> Coding:
-    """Return DATE; a literal has whole days, the rest of a finer count is told behind it and taken back."""
+    """Return DATE; a literal has whole days, the rest of a finer count is told after it and taken back."""
     a_day = DAY // row.unit_ns
 
     def to_value(count: int) -> str:

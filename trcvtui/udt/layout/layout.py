@@ -123,7 +123,7 @@ class Layout:
         return leaves_within(self.root, length)
 
     def next_leaf(self, length: int) -> int | None:
-        """Return the number of the leaf that the byte behind `length` bytes belongs to; None at the end."""
+        """Return the number of the leaf that the byte after `length` bytes belongs to; None at the end."""
         return next_leaf(self.root, length)
 
     def number_of(self, path: str) -> int:

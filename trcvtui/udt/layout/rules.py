@@ -33,7 +33,7 @@ _T = TypeVar("_T")
 class TextForm:
     """How STRING lies in memory: `extra` units (bytes, words in WSTRING) beside its characters.
 
-    With `header` they are [longest][actual] before the characters, else NULs behind them. `default` is the
+    With `header` they are [longest][actual] before the characters, else NULs after them. `default` is the
     length of a STRING that names none, `longest` and `longest_wide` the limits of STRING and WSTRING.
     """
 

@@ -42,7 +42,7 @@ def form_text(type_: LeafType, rules: LayoutRules) -> str:
     """Return the same in words, such as `TIME in ms, with a sign`."""
     if isinstance(type_, StringType):
         word = "WSTRING" if type_.wide else "STRING"
-        where = "two lengths before it" if rules.text.header else "a NUL behind it"
+        where = "two lengths before it" if rules.text.header else "a NUL after it"
         return f"{word}[{rules.text.length(type_)}] with {where}"
     row = rules.stored(type_)
     if row.code.endswith("s"):

@@ -86,7 +86,7 @@ class _Stream(Generic[_M]):
                     yield at + place, before, one
 
     def made_of(self, element: Node, bit: int = 0) -> list[tuple[int, _M]]:
-        """Return what is made of an element; the path of its leaves begins behind the index."""
+        """Return what is made of an element; the path of its leaves begins after the index."""
         make, self.make = self.make, lambda leaf: make(leaf._replace(path=leaf.path[1:]))
         rows = self.few(element, "]", 0, bit)
         self.make = make
@@ -238,7 +238,7 @@ class Overlay:
         return part[:unit] + b"\xff" * unit + part[2 * unit :]
 
     def _needed(self, leaf: Leaf, part: bytes) -> bytes:
-        """Return which bytes of a text say what it is: not the longest length, nor what is behind the end."""
+        """Return which bytes of a text say what it is: not the longest length, nor what is after the end."""
         assert isinstance(leaf.type, StringType)
         unit = 2 if leaf.type.wide else 1
         text = str(decode_leaf(self._layout, leaf, part))

@@ -73,7 +73,7 @@ class CSource:
         return min(self.starts[min(max(line, 1), len(self.starts)) - 1] + max(column, 1) - 1, len(self.text))
 
     def pack(self, offset: int) -> int | None:
-        """Return the packing of the STRUCT whose brace opens at or behind a place."""
+        """Return the packing of the STRUCT whose brace opens at or after a place."""
         brace = self.text.find("{", offset)
         line = bisect_right(self.starts, offset)
         by_pragma = self.packs[bisect_right(self.packs, line, key=lambda row: row[0]) - 1][1]
@@ -262,7 +262,7 @@ class CSource:
 
 
 def _braced(text: str, begin: int, end: int, pairs: dict[int, int]) -> int | None:
-    """Return the brace of the STRUCT that an attribute belongs to: right behind it, or before its head."""
+    """Return the brace of the STRUCT that an attribute belongs to: right after it, or before its head."""
     if text[max(0, begin - 400) : begin].rstrip().endswith("}"):
         return pairs.get(text.rindex("}", 0, begin))
     ahead = _HEAD.match(text, end)

@@ -57,7 +57,7 @@ class Parser(SpecParser):
         self.types: list[ast.Declaration] = []
         self.constants: list[ast.Constant] = []
         self.layout = dialect.layout
-        self.since = 0  # the first token behind the last declaration: pragmas from here on belong to the next
+        self.since = 0  # the first token after the last declaration: pragmas from here on belong to the next
         self.ends = _block_ends(source.tokens)
 
     def file(self) -> ast.Declarations:
@@ -81,7 +81,7 @@ class Parser(SpecParser):
         return ast.Declarations(tuple(self.types), tuple(self.problems), tuple(self.constants), self.layout)
 
     def starts(self) -> tuple[str, ...]:
-        """Return the words with which reading can go on behind something unknown."""
+        """Return the words with which reading can go on after something unknown."""
         return ("TYPE", "END_TYPE", "NAMESPACE", "END_NAMESPACE", *OTHER_BLOCKS)
 
     def skip_name(self) -> None:
@@ -132,7 +132,7 @@ class Parser(SpecParser):
         )
 
     def declared(self) -> ast.Spec:
-        """Return what stands behind the name of a type: EXTENDS, colon or header, the type."""
+        """Return what stands after the name of a type: EXTENDS, colon or header, the type."""
         base = self.extends()
         self.header()
         if base is None:
@@ -143,7 +143,7 @@ class Parser(SpecParser):
         first = self.token
         spec = encoded(self.spec(), pragmas)
         if base is not None and not isinstance(spec, ast.StructSpec):
-            raise self.refusal("STRUCT or UNION behind EXTENDS", first)
+            raise self.refusal("STRUCT or UNION after EXTENDS", first)
         if isinstance(spec, ast.StructSpec):
             spec = spec._replace(base=base, pack=self.pack(pragmas, first))
         access = [found[1].upper() for text in pragmas if (found := re.search(_ACCESS, text))]
@@ -158,14 +158,14 @@ class Parser(SpecParser):
         return self.pragmas(self.since, self.at)
 
     def extends(self) -> ast.Reference | None:
-        """Return the name behind EXTENDS, None where there is no such word."""
+        """Return the name after EXTENDS, None where there is no such word."""
         if not self.accept("EXTENDS"):
             return None
         token, name = self.qualified("a type")
         return ast.Reference(name, self.where(token))
 
     def header(self) -> None:
-        """Go behind the colon, or in front of STRUCT behind the header lines of a TIA source."""
+        """Go after the colon, or in front of STRUCT after the header lines of a TIA source."""
         if self.accept(":"):
             return
         before = self.tokens[self.at - 1]
@@ -202,10 +202,10 @@ class Parser(SpecParser):
         return "END_VAR" if self.sees(*VARIABLES) else f"END_{self.token.upper}"
 
     def other_block(self) -> None:
-        """Go behind a block that declares no types; keep the constants of one that declares those."""
+        """Go after a block that declares no types; keep the constants of one that declares those."""
         end = self.end_of_block()
         if end is None:
-            self.note(self.refusal(f"'{self.end_word()}' behind it"))
+            self.note(self.refusal(f"'{self.end_word()}' after it"))
             self.advance()
             self.skip_to(*self.starts())
             return

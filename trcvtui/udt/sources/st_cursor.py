@@ -22,7 +22,7 @@ class SourceDialect(NamedTuple):
 
     # B&R: an enumeration without a base is a C enum of 4 bytes (udt.md 2.2).
     enum_base: str | None = None
-    # TIA: `TYPE "n"`, lines such as VERSION : 0.1, then STRUCT; no colon behind the name.
+    # TIA: `TYPE "n"`, lines such as VERSION : 0.1, then STRUCT; no colon after the name.
     has_header: bool = False
     # CODESYS 2.3: between the types stand objects that are no text of IEC 61131-3.
     has_objects: bool = False
@@ -63,8 +63,8 @@ class StToken(NamedTuple):
 
 ENDS_OF = {"(*": "*)", "/*": "*/", "{": "}", "'": "'", '"': '"'}
 
-# A quote in a pragma hides a brace when it opens behind no letter and closes on its line: not in `{don't}`;
-# a value behind `:=` may have several lines.
+# A quote in a pragma hides a brace when it opens after no letter and closes on its line: not in `{don't}`;
+# a value after `:=` may have several lines.
 _TOKEN = re.compile(
     r"""(?P<GAP>\s+|//[^\r\n]*|/\*.*?\*/|\{(?::=\s*+'[^']*+'(?=\s*[};,])
         |(?<!\w)'[^'\r\n]*'|(?<!\w)"[^"\r\n]*"|[^}])*+\})
@@ -89,7 +89,7 @@ class Source:
     def __init__(self, name: str, text: str, first_line: int = 1, nests_comments: bool = True) -> None:
         self.name, self.text, self.first_line = name, text, first_line
         self.nested = nests_comments
-        # Each with the index of the token behind it: attributes say how the next type is laid out.
+        # Each with the index of the token after it: attributes say how the next type is laid out.
         self.pragmas: list[tuple[int, str]] = []
         self.lines = [0, *(end.end() for end in _LINE_END.finditer(text))]
         self.tokens = self.cut()
@@ -184,26 +184,26 @@ class Cursor:
         return self.token.upper in texts
 
     def advance(self) -> StToken:
-        """Return the token and go behind it."""
+        """Return the token and go after it."""
         token = self.token
         if token.shape is not Shape.END:
             self.at += 1
         return token
 
     def accept(self, text: str) -> bool:
-        """Go behind the token if it is this keyword or symbol; return whether it was."""
+        """Go after the token if it is this keyword or symbol; return whether it was."""
         if not self.sees(text):
             return False
         self.at += 1
         return True
 
     def expect(self, text: str) -> None:
-        """Go behind this keyword or symbol; raise UserError when it is not there."""
+        """Go after this keyword or symbol; raise UserError when it is not there."""
         if not self.accept(text):
             raise self.refusal(f"'{text}'")
 
     def name(self, what: str) -> StToken:
-        """Return the name at the cursor and go behind it; raise UserError, naming what was expected."""
+        """Return the name at the cursor and go after it; raise UserError, naming what was expected."""
         if not self.is_name() or (self.token.upper in RESERVED and not self.is_member_type()):
             raise self.refusal(what)
         return self.advance()
@@ -216,7 +216,7 @@ class Cursor:
         return token.shape is Shape.WORD
 
     def qualified(self, what: str) -> tuple[StToken, str]:
-        """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go behind it."""
+        """Return where a name such as `Lib.T` or `_."T"` begins, and the name; go after it."""
         first = self.name(what)
         parts = [first.name]
         while self.sees(".") and self.is_name(1):
@@ -233,7 +233,7 @@ class Cursor:
         return self.at_end() or (self.sees(*BLOCK_ENDS) and not self.is_member_type())
 
     def number(self) -> Number:
-        """Return the number at the cursor, a formula if it is more than a literal, and go behind it."""
+        """Return the number at the cursor, a formula if it is more than a literal, and go after it."""
         first = self.at
         self.expression(0)
         formula = self.formula(first)
@@ -246,7 +246,7 @@ class Cursor:
         return Formula("".join(token.text for token in taken), self.where(self.tokens[first]))
 
     def expression(self, depth: int) -> None:
-        """Go behind an expression of literals and names."""
+        """Go after an expression of literals and names."""
         while True:
             while self.sees("+", "-"):
                 self.advance()
@@ -261,7 +261,7 @@ class Cursor:
             self.advance()
 
     def operand(self) -> None:
-        """Go behind `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""
+        """Go after `5`, `16#FF`, `UINT#1`, `Limits#UPPER` or `GVL.MAX`."""
         if self.token.shape is Shape.NUMBER and parse_integer(self.token.text) is not None:
             self.advance()
             return
@@ -295,7 +295,7 @@ class Cursor:
             self.advance()
 
     def skip_statement(self) -> None:
-        """Go behind the semicolon or STRUCT that ends this statement, or before what surely follows."""
+        """Go after the semicolon or STRUCT that ends this statement, or before what surely follows."""
         depth = 0
         while not self.block_ends():
             if depth == 0 and self.sees(*CLOSERS):

@@ -20,7 +20,7 @@ _UTF8 = r"""(?i)attribute\s+['"]TcEncoding['"]\s*:=\s*['"]UTF-?8['"]"""
 
 
 class SpecParser(Cursor):
-    """One method a rule of the grammar in udt.md section 5; each leaves the cursor behind what it read."""
+    """One method a rule of the grammar in udt.md section 5; each leaves the cursor after what it read."""
 
     def __init__(self, source: Source, dialect: SourceDialect = IEC) -> None:
         super().__init__(source)
@@ -81,7 +81,7 @@ class SpecParser(Cursor):
         return [text for _, text in pragmas[start:stop]]
 
     def rest(self, spec: ast.Spec, end: str) -> None:
-        """Skip initial value and semicolon, which may be missing behind END_STRUCT or before `end`."""
+        """Skip initial value and semicolon, which may be missing after END_STRUCT or before `end`."""
         if self.accept(":="):
             self.initial_value()
         elif isinstance(spec, ast.StructSpec):
@@ -96,7 +96,7 @@ class SpecParser(Cursor):
             raise self.refusal("a value")
         before = self.token
         while not self.at_end() and not self.sees(";", *MEMBER_ENDS):
-            # A colon stands in TOD#12:30 only; behind a name it is the next member: the semicolon is missing.
+            # A colon stands in TOD#12:30 only; after a name it is the next member: the semicolon is missing.
             if self.token.shape is Shape.UNCLOSED or (self.sees(":") and before.shape is not Shape.NUMBER):
                 raise self.refusal("';'")
             before = self.advance()
@@ -199,7 +199,7 @@ class SpecParser(Cursor):
         return ast.RangeSpec(base, low, high)
 
     def enumeration(self) -> ast.Spec:
-        """Return `(a, b := 5)`, with a base type behind it or without."""
+        """Return `(a, b := 5)`, with a base type after it or without."""
         first = self.token
         values = self.enumerators()
         if self.is_name() and not self.sees(*MEMBER_ENDS):
@@ -209,7 +209,7 @@ class SpecParser(Cursor):
         return ast.EnumSpec(ast.Reference(own, self.where(first)) if own else None, values)
 
     def enumerators(self) -> tuple[tuple[str, ast.Number | None], ...]:
-        """Return names and numbers of an enumeration; a comma may stand behind the last."""
+        """Return names and numbers of an enumeration; a comma may stand after the last."""
         self.expect("(")
         values: dict[str, tuple[str, ast.Number | None]] = {}
         while not values or not self.sees(")"):

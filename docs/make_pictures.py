@@ -255,10 +255,10 @@ async def do(move: str | int | Keys | Typed, driver: LocalDriver, app: BenchApp,
 async def caught_up(app: BenchApp, pilot: Pilot[None]) -> None:
     """Wait until the screen shows the bench as it is: what a picture asks for comes with the one after it."""
     for _ in range(3):
-        before = app.scene.live
+        before = app.view_model.live
         for _ in range(MOST_LOOKS):
             await pilot.pause(0.002)
-            if app.scene.live is not before:
+            if app.view_model.live is not before:
                 break
         await app.workers.wait_for_complete()
     await pilot.pause()

@@ -14,7 +14,7 @@ HERE: Final = Path(__file__).parent
 
 
 def pages() -> dict[str, tuple[Dialect, ...]]:
-    """Return which dialects have a page together, by its name: those with one table and one folder of scenarios."""
+    """Return which dialects have a page together, by its name: one table, one folder of scenarios."""
     found: dict[str, tuple[Dialect, ...]] = {}
     for dialect in DIALECTS.values():
         found[dialect.scenario_folder] = (*found.get(dialect.scenario_folder, ()), dialect)

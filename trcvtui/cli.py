@@ -166,7 +166,7 @@ def _is_there(path: Path) -> bool:
             return True
     except OSError:
         pass
-    from trcvtui.rig.engine.new_project import is_wanting, offer_in_the_terminal
+    from trcvtui.rig.engine.project_edits import is_wanting, offer_in_the_terminal
 
     return offer_in_the_terminal(path) if is_wanting(path) else True
 

@@ -129,7 +129,7 @@ VENDOR = re.compile(r"baosky|tianxing|siemens|s7[-_]1|nordwind", re.IGNORECASE)
 # Defaults, the layouts that bear a vendor's name because its manual is all that describes them, and the file
 # formats of a vendor's tool: none of them says what a block does.
 ALLOWED = {
-    "rig/engine/new_project.py": {"baosky"},  # what a new project is proposed
+    "rig/engine/project_edits.py": {"baosky"},  # what a new project is proposed
     "udt/cli_input.py": {"default: baosky, of a Siemens source s7-standard"},  # --layout
     "udt/command.py": {": a Siemens source, laid out as "},
     "udt/sources/__init__.py": {"Siemens Openness"},

@@ -46,7 +46,6 @@ from trcvtui.net.layer import LayerSettings
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
 from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, octets
-from trcvtui.project.names import expected_name, parse_reference
 from trcvtui.project.project import CertificateDecl, Certificates
 from trcvtui.project.tables import (
     ADDRESS,
@@ -57,7 +56,9 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
+    expected_name,
     of_text,
+    parse_reference,
     shown,
     whole,
 )

@@ -19,9 +19,18 @@ from trcvtui.dialects.dialect import Dialect, SwitchValue, read_switches
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.key_rows import Around
 from trcvtui.project.keys import SIM, TABLES, TOP, UDT, read_table, sharing, table_row
-from trcvtui.project.names import expected_name, is_identifier, parse_reference
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, InstanceDecl, Project, Task
-from trcvtui.project.tables import LINT, TEXT, Given, Table, read_toml, shown
+from trcvtui.project.tables import (
+    LINT,
+    TEXT,
+    Given,
+    Table,
+    expected_name,
+    is_identifier,
+    parse_reference,
+    read_toml,
+    shown,
+)
 from trcvtui.udt.layout.rules import rules_for
 from trcvtui.udt.sources import read_files
 from trcvtui.udt.type_set import NO_TYPES, TypeSet, join

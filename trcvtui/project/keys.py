@@ -44,7 +44,6 @@ from trcvtui.project.key_rows import (
     fixed,
     nothing,
 )
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import (
     DEFAULT_EVERY_NS,
     DEFAULT_INTERVAL_NS,
@@ -98,6 +97,7 @@ from trcvtui.project.tables import (
     UINT,
     Kind,
     Table,
+    expected_name,
     shown,
     whole,
 )

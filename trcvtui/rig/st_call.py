@@ -14,8 +14,8 @@ from trcvtui.blocks.table import BlockRow, block_row, is_time
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig
 from trcvtui.project.connect_view import REMARK, Initial, declaration, declaration_of_addr, record
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import InstanceDecl, Project
+from trcvtui.project.tables import expected_name
 from trcvtui.udt.literals import format_time
 
 PinValue = bool | int

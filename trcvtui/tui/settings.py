@@ -20,8 +20,7 @@ from textual.binding import Binding, BindingType
 from textual.keys import Keys, _character_to_key, format_key
 
 from trcvtui.files import read_bytes
-from trcvtui.project.names import expected_name
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import expected_name, shown
 from trcvtui.tui.widgets.theme import THEMES
 
 FEW_COLOURS: Final = (None, "standard")

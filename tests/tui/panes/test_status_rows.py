@@ -6,7 +6,7 @@ import pytest
 
 from tests.tui.looking import SMALL, WIDE, looking
 from tests.tui.on_a_bench import BenchLooker, on_a_bench
-from trcvtui.tui.breakpoints import REST, grown
+from trcvtui.tui.main import REST, grown
 
 PAIRED = pytest.mark.parametrize("size", [(100, 30), (120, 36), (127, 60)], ids=str)
 ROOMY = [(100, 30), (128, 38), WIDE, (180, 45), (200, 60)]

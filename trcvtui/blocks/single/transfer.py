@@ -9,7 +9,7 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Outcome, Why
 from trcvtui.blocks.pins import Inputs
-from trcvtui.blocks.single.steps import IDLE, end_of_job, no_socket, shown_as
+from trcvtui.blocks.single.connect import IDLE, end_of_job, no_socket, shown_as
 from trcvtui.blocks.tcp.job_checks import FaultRepeat, no_target, wrong_structure
 from trcvtui.blocks.tcp.no_connection import KnownConnection, not_connected
 from trcvtui.blocks.tcp.receive_job import ReceiveJob

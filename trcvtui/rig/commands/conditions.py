@@ -8,9 +8,8 @@ from typing import Final
 
 from trcvtui.blocks.table import MARKS, block_row
 from trcvtui.errors import UserError
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import expected_name, shown
 from trcvtui.rig.commands.patterns import parse_pattern
 from trcvtui.rig.commands.tokens import (
     KEPT_BYTES,

@@ -29,7 +29,6 @@ from trcvtui.project.edit import (
 )
 from trcvtui.project.key_rows import KeyValue
 from trcvtui.project.keys import EDITED, TABLES, forms_of, free_name, keys_of, kind_name, list_keys, names_of
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import (
     DataDecl,
     Declaration,
@@ -41,7 +40,7 @@ from trcvtui.project.project import (
     Project,
     SequenceDecl,
 )
-from trcvtui.project.tables import Given, shown
+from trcvtui.project.tables import Given, expected_name, shown
 from trcvtui.rig.commands.peer import (
     check_library,
     check_message,

@@ -9,9 +9,8 @@ from typing import Any, Final, NamedTuple, Protocol
 
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import Problem, UserError
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import MessageDecl, PeerDecl, Project, SequenceDecl
-from trcvtui.project.tables import Kind, shown, whole
+from trcvtui.project.tables import Kind, expected_name, shown, whole
 from trcvtui.rig.commands.conditions import read_instance, read_peer
 from trcvtui.rig.commands.counters_and_checksums import (
     CHECKSUMS,

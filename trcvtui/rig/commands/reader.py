@@ -15,9 +15,8 @@ from trcvtui.net.serial_line import SERIAL_CALLS
 from trcvtui.project.edit import edited, undone
 from trcvtui.project.file import WORDS
 from trcvtui.project.keys import link_key
-from trcvtui.project.names import IDENTIFIER_TEXT, expected_name, is_identifier, with_article
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, DataDecl, InstanceDecl, Project
-from trcvtui.project.tables import shown, whole
+from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, is_identifier, shown, whole, with_article
 from trcvtui.rig.commands.conditions import read_instance
 from trcvtui.rig.commands.edit import edits_of, read_change
 from trcvtui.rig.commands.tokens import FORMS, Words, duration, is_payload, pin_value, read_payload, value_of

@@ -15,9 +15,8 @@ from trcvtui.blocks.table import block_row, is_time
 from trcvtui.errors import Problem, UserError
 from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import expected_name, shown
 from trcvtui.rig.commands import completion, reader
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.conditions import read_expect, read_prefix, read_suffix, read_wait, read_write

@@ -17,9 +17,8 @@ from trcvtui.blocks.pins import Pin
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.project.keys import kind_of
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import Project
-from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, shown, whole
+from trcvtui.project.tables import DELAY, TRUTH_WORDS, Kind, T, expected_name, shown, whole
 from trcvtui.udt.byte_text import parse_hex
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf, lay_out

@@ -18,9 +18,8 @@ from trcvtui.blocks.pins import Pin
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.ledger import Event, InputEdge, Line
 from trcvtui.plc.snapshot import Snapshot
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import expected_name, shown
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import pin_now
 from trcvtui.rig.bench_update import BenchUpdate

@@ -14,9 +14,8 @@ from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import mistake
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import InstanceDecl, Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import expected_name, shown
 from trcvtui.rig.commands.table import to_line
 from trcvtui.rig.commands.tokens import Words
 from trcvtui.rig.commands.words import Create

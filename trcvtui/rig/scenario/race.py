@@ -25,9 +25,8 @@ from trcvtui.dialects import DIALECTS
 from trcvtui.dialects.dialect import Dialect
 from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.project.convert_dialect import in_dialect
-from trcvtui.project.names import expected_name
 from trcvtui.project.project import Project
-from trcvtui.project.tables import shown
+from trcvtui.project.tables import expected_name, shown
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.reader import after

@@ -1,7 +1,7 @@
 """The ledger: what happened, in which scan, and why. Every view of the past is a view of this one list.
 
-Rule: what every frame writes is a NamedTuple (made in a quarter of the time of a frozen dataclass), and
-a line is only put together when somebody reads it.
+Rule: what every frame writes is a NamedTuple (made in a quarter of the time of a frozen dataclass), or only
+its fields; a line is put together when somebody reads it.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted, SerialNote
 from trcvtui.blocks.outcome import Cause
@@ -119,11 +119,24 @@ class Line(NamedTuple):
     event: Event
 
 
+# The ring holds (scan, t_ns, kind, event), or flat (scan, t_ns, kind, *fields): made in a tenth of the time.
+# No event has a single field, so the length tells which.
+Stamped = tuple[Any, ...]
+WHOLE: Final = 4
+
+
+def event_of(stamped: Stamped) -> Event:
+    """Return the event of an item of the ring."""
+    event: Event = stamped[3] if len(stamped) == WHOLE else tuple.__new__(stamped[2], stamped[3:])
+    return event
+
+
 class Ledger:
     """A bounded list of lines, the oldest dropped first. `scan` and `t_ns` stamp what is written."""
 
     def __init__(self, keep: int = KEPT_LINES) -> None:
-        self._stamped: deque[tuple[int, int, Event]] = deque(maxlen=keep)
+        self._ring: deque[Stamped] = deque(maxlen=keep)
+        self.append = self._ring.append  # of flat items; who calls it counts `last_seq` himself
         self.last_seq = 0
         self.scan = 0
         self.t_ns = 0
@@ -131,22 +144,28 @@ class Ledger:
     def write(self, event: Event) -> None:
         """Append one event of the running scan, or of the time after it."""
         self.last_seq += 1
-        self._stamped.append((self.scan, self.t_ns, event))
+        self._ring.append((self.scan, self.t_ns, event.__class__, event))
 
     def since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
         """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
-        fresh = min(self.last_seq - seq, len(self._stamped), most)
-        if fresh <= 0:
-            return ()
-        newest_first = islice(reversed(self._stamped), fresh)
-        return tuple([Line(self.last_seq - n, *stamped) for n, stamped in enumerate(newest_first)][::-1])
+        items = self.raw_since(seq, most)
+        first = self.last_seq - len(items) + 1
+        return tuple([_line(first + n, item) for n, item in enumerate(items)])
 
     def stamped_since(self, seq: int) -> list[tuple[int, int, Event]]:
         """Return (scan, t_ns, event) of what was written after `seq`, oldest first: cheaper than lines."""
-        fresh = min(self.last_seq - seq, len(self._stamped))
-        return list(islice(reversed(self._stamped), max(0, fresh)))[::-1]
+        return [(item[0], item[1], event_of(item)) for item in self.raw_since(seq)]
+
+    def raw_since(self, seq: int, most: int = KEPT_LINES) -> list[Stamped]:
+        """Return what was written after `seq`, oldest first; `event_of` puts together what a reader wants."""
+        fresh = min(self.last_seq - seq, len(self._ring), most)
+        return list(islice(reversed(self._ring), max(0, fresh)))[::-1]
 
     def __iter__(self) -> Iterator[Line]:
         """Return the kept lines, oldest first."""
-        first = self.last_seq - len(self._stamped) + 1
-        return (Line(first + n, *stamped) for n, stamped in enumerate(self._stamped))
+        first = self.last_seq - len(self._ring) + 1
+        return (_line(first + n, item) for n, item in enumerate(self._ring))
+
+
+def _line(seq: int, item: Stamped) -> Line:
+    return Line(seq, item[0], item[1], event_of(item))

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trcvtui.udt.byte_text import BLOCK, _last_row, _rows, hexdump, hexdump_blocks
+from trcvtui.udt import byte_text
+from trcvtui.udt.byte_text import BLOCK, _line, hexdump, hexdump_blocks
 
 NEEDS_HEXDUMP = pytest.mark.skipif(shutil.which("hexdump") is None, reason="needs the program hexdump")
 
@@ -31,21 +32,39 @@ def test_no_bytes_are_no_dump() -> None:
     assert hexdump(b"") == b""
 
 
-@pytest.mark.parametrize("size", [1, 7, 8, 9, 15, 16, 17, 32, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
+@pytest.mark.parametrize(
+    "size", [1, 7, 8, 9, 15, 16, 17, 32, 127, 128, 129, 250, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5]
+)
 def test_every_line_stands_as_if_it_were_made_alone(size: int) -> None:
     content = random.Random(size).randbytes(size)
-    lines = [_last_row(content[place : place + 16], place) for place in range(0, size, 16)]
+    lines = [_line(content[place : place + 16], place) for place in range(0, size, 16)]
     assert hexdump(content) == b"".join(lines) + f"{size:08x}\n".encode()
 
 
-def test_offsets_grow_beyond_eight_digits() -> None:
-    assert bytes(_rows(memoryview(bytes(16)), 1 << 32)).startswith(b"100000000  00 00")
+def test_offsets_grow_beyond_eight_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _line(bytes(16), 1 << 32).startswith(b"100000000  00 00")
+    content = random.Random(2).randbytes(BLOCK + 100)
+    dump = hexdump(content)
+    monkeypatch.setattr(byte_text, "_EIGHT_DIGITS", BLOCK + 32)  # as if the lines from there on were wider
+    assert hexdump(content) == dump
 
 
-def test_it_comes_in_blocks_of_bounded_size() -> None:
-    pieces = list(hexdump_blocks(bytes(2 * BLOCK + 3)))
-    assert len(pieces) == 4
-    assert b"".join(pieces) == hexdump(bytes(2 * BLOCK + 3))
+def test_it_comes_in_blocks_of_bounded_size_and_all_in_one_buffer() -> None:
+    content = random.Random(3).randbytes(3 * BLOCK + 3)
+    pieces, kept = [], []
+    for piece in hexdump_blocks(content):
+        pieces.append(bytes(piece))
+        kept.append(piece)
+    assert b"".join(pieces) == hexdump(content)
+    assert len(pieces) == 5
+    assert bytes(kept[0]) == bytes(kept[2]) == pieces[2] != pieces[0], (
+        "what was yielded before is overwritten"
+    )
+
+
+def test_the_digits_of_the_offsets_follow_over_a_mebibyte_and_back_to_nought() -> None:
+    lines = hexdump(bytes(17 * BLOCK + 16)).splitlines()
+    assert [int(line[:8], 16) for line in lines] == list(range(0, 17 * BLOCK + 32, 16))
 
 
 @NEEDS_HEXDUMP

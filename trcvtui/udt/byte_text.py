@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import re
 import struct
+from binascii import hexlify
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Final
 
 from trcvtui.errors import UserError, mistake
 
 # A line is a template of fixed columns, filled in pieces of eight characters: three for eight bytes, two for
 # the text. Eight lines are a whole number of such pieces, so in every eighth line a piece has the same place,
-# and one strided copy puts it into all of them: 64 copies for 32 KiB, whatever the bytes are.
+# and one strided copy puts it into all of them: 64 copies for 64 KiB, whatever the bytes are.
 
 ROW: Final = 16
-BLOCK: Final = 32_768
+BLOCK: Final = 65_536  # of all blocks the last four digits of the offsets are the same
 _LINE: Final = 79  # with its line feed, offsets of eight digits
 _PIECE: Final = 8  # characters: the widest item that a memoryview copies
 _BYTES: Final = (10, 18, 26, 35, 43, 51)  # columns of the pieces
@@ -32,62 +32,64 @@ _EIGHT_DIGITS: Final = 1 << 32  # from there on an offset is wider
 
 def hexdump(content: bytes | bytearray | memoryview) -> bytes:
     """Return the dump of all bytes, each line with its line feed, and the length in the last line."""
-    return b"".join(hexdump_blocks(content))
+    return b"".join(map(bytes, hexdump_blocks(content)))
 
 
-def hexdump_blocks(content: bytes | bytearray | memoryview) -> Iterator[bytes | bytearray]:
-    """Yield the dump of 32 KiB after 32 KiB; an empty dump for no bytes."""
+def hexdump_blocks(content: bytes | bytearray | memoryview) -> Iterator[bytes | memoryview]:
+    """Yield the dump of 64 KiB after 64 KiB: each is gone when the next is asked for; none for no bytes."""
     view = memoryview(content).cast("B")
-    for start in range(0, len(view), BLOCK):
-        yield _block(view[start : start + BLOCK], start)
+    full = len(view) - len(view) % ROW
+    yield from _lines_of(view[: min(full, _EIGHT_DIGITS)])
+    for start in range(min(full, _EIGHT_DIGITS), len(view), ROW):
+        yield _line(bytes(view[start : start + ROW]), start)
     if len(view):
         yield b"%08x\n" % len(view)
 
 
-def _block(part: memoryview, start: int) -> bytes | bytearray:
-    full = len(part) - len(part) % ROW
-    rows = _rows(part[:full], start) if full else b""
-    return rows if full == len(part) else bytes(rows) + _last_row(bytes(part[full:]), start + full)
+def _lines_of(view: memoryview) -> Iterator[memoryview]:
+    """Yield full lines in one buffer, made once: 64 KiB of bytes, or eight lines' worth of fewer."""
+    size = min(BLOCK, -(-len(view) // (_PIECE * ROW)) * _PIECE * ROW)
+    part, lines = bytearray(size + 1), _empty(size)  # one more: a blank after the last byte
+    whole, digits = memoryview(lines), b"0000"
+    of_bytes, of_text = _columns(whole, _BYTES), _columns(whole, _TEXT)
+    for start in range(0, len(view), BLOCK):
+        count = min(size, len(view) - start)
+        memoryview(part)[:count] = view[start : start + count]
+        before, digits = digits, b"%04x" % (start >> 16)
+        for column, digit in enumerate(digits):
+            if digit != before[column]:
+                lines[column::_LINE] = bytes((digit,)) * (size // ROW)
+        _fill(of_bytes, hexlify(part, b" ")[: 3 * size])
+        _fill(of_text, part.translate(_SHOWN)[:size])
+        yield whole[: count // ROW * _LINE]
 
 
-def _rows(part: memoryview, start: int) -> bytes | bytearray:
-    if start + len(part) > _EIGHT_DIGITS:
-        rows = range(0, len(part), ROW)
-        return b"".join(_last_row(bytes(part[place : place + ROW]), start + place) for place in rows)
-    lines = bytearray(_empty(start % (2 * BLOCK))[: len(part) // ROW * _LINE])
-    for column, digit in enumerate(b"%04x" % (start >> 16)):
-        lines[column::_LINE] = bytes((digit,)) * (len(part) // ROW)
-    _fill(lines, _BYTES, (part.hex(" ") + " ").encode())
-    _fill(lines, _TEXT, bytes(part).translate(_SHOWN))
-    return lines
-
-
-def _fill(lines: bytearray, columns: Sequence[int], content: bytes) -> None:
-    """Copy the pieces of each line to their columns."""
-    whole, pieces = memoryview(lines), memoryview(content).cast("Q")
+def _columns(whole: memoryview, columns: Sequence[int]) -> list[memoryview]:
+    """Return for each column of eight lines where its pieces stand, in these and in all lines that follow."""
     shifted = [_in_pieces(whole[shift:]) for shift in range(_PIECE)]
-    step = _PIECE * len(columns)
-    for line in range(min(_PIECE, len(lines) // _LINE)):
-        for number, column in enumerate(columns):
-            place, shift = divmod(line * _LINE + column, _PIECE)
-            shifted[shift][place::_LINE] = pieces[line * len(columns) + number :: step]
+    places = [divmod(line * _LINE + column, _PIECE) for line in range(_PIECE) for column in columns]
+    return [shifted[shift][place::_LINE] for place, shift in places]
+
+
+def _fill(columns: Sequence[memoryview], content: bytes | bytearray) -> None:
+    pieces = memoryview(content).cast("Q")
+    for number, column in enumerate(columns):
+        column[:] = pieces[number :: len(columns)]
 
 
 def _in_pieces(characters: memoryview) -> memoryview:
     return characters[: len(characters) - len(characters) % _PIECE].cast("Q")
 
 
-@cache
-def _empty(start: int) -> bytes:
-    """Return the lines of a block without its bytes: of two blocks in turn the low offsets are the same."""
-    lines = bytearray(_TEMPLATE) * (BLOCK // ROW)
+def _empty(size: int) -> bytearray:
+    """Return the lines of a block without its bytes, with the last digits of its offsets."""
+    lines = bytearray(_TEMPLATE) * (size // ROW)
     for column, shift in ((4, 12), (5, 8), (6, 4)):
-        offsets = range(start, start + BLOCK, ROW)
-        lines[column::_LINE] = bytes(_DIGITS[offset >> shift & 15] for offset in offsets)
-    return bytes(lines)
+        lines[column::_LINE] = bytes(_DIGITS[offset >> shift & 15] for offset in range(0, size, ROW))
+    return lines
 
 
-def _last_row(row: bytes, offset: int) -> bytes:
+def _line(row: bytes, offset: int) -> bytes:
     """Return one line of any length, offset of any width."""
     left, right = row[:8].hex(" "), row[8:].hex(" ")
     return f"{offset:08x}  {left:<24} {right:<24} |".encode() + row.translate(_SHOWN) + b"|\n"

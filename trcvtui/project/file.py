@@ -37,7 +37,7 @@ from trcvtui.udt.type_set import NO_TYPES, TypeSet, join
 
 DEEPEST_NAME: Final = 8  # Lib.Ns.GVL.MAX has 3 dots
 WORDS: Final = ("peer",)
-Names = Mapping[str, tuple[str, ...]]  # names by kind, and by what some of a kind are for
+Names = Mapping[str, Mapping[str, None]]  # names by kind, and by what some of a kind are for, in order
 
 # What one ComBuffer alone may name: what the one has in it, and what the other has to name.
 ENDS: Final = (
@@ -78,7 +78,8 @@ def all_names(
         "stream_out": tuple([name for name, row in builders if row.sends]),
     }
     ends = (*names["udp_config"], *(names["connect"] if describes else ()))
-    return {**names, **found, "port": ports, "udp_end": ends, "task": names["task"] or ("MAIN",)}
+    found = {**names, **found, "port": ports, "udp_end": ends, "task": names["task"] or ("MAIN",)}
+    return {of: dict.fromkeys(each) for of, each in found.items()}
 
 
 def check_names(kind: str, table: Table, names: Names, around: Around) -> None:
@@ -91,9 +92,10 @@ def check_names(kind: str, table: Table, names: Names, around: Around) -> None:
         name = parse_reference(text) if refers.by_at else text
         if name is None or (refers.or_none and not name):
             continue
+        if name in refers.words or (name != own and any(name in names[of] for of in refers.kinds)):
+            continue
         known = [*refers.words, *(each for of in refers.kinds for each in names[of] if each != own)]
-        if name not in known:
-            table.wrong(key, shown(name), expected_name(name, known, refers.what))
+        table.wrong(key, shown(name), expected_name(name, known, refers.what))
 
 
 def find_shared_ends(tables: Sequence[Table]) -> None:

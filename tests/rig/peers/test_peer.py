@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.rig.peers.peer_wire import Wire, connected, write
-from trcvtui.net.results import WOULD_BLOCK
+from trcvtui.net.results import WOULD_BLOCK, Endpoint
 from trcvtui.rig.commands.words import PeerSend
 
 # -- states ----------------------------------------------------------------------------------------------
@@ -80,6 +80,17 @@ def test_a_free_port_is_kept_when_the_listener_is_opened_again(wire: Wire) -> No
     assert (peer.state, peer.listening_port) == ("closed", None)
     assert peer.listen() == "" and peer.listening_port == port
     assert peer.listen() == "", "an open listener stays"
+
+
+def test_a_free_port_goes_to_nobody_else_while_the_peer_does_not_listen(wire: Wire) -> None:
+    peer = wire.peer("P2", False)
+    peer.listen()
+    assert peer.listening_port is not None
+    end = Endpoint("127.0.0.1", peer.listening_port)
+    peer.close()
+    fault = wire.kernel.bind(wire.socket(), end)
+    assert fault is not None and fault.error == "EADDRINUSE"
+    assert peer.listen() == ""
 
 
 def test_close_of_a_connected_passive_peer_keeps_it_listening(wire: Wire) -> None:

@@ -70,6 +70,7 @@ class StreamTransport(_Transport):
 
     remote: Endpoint | None = None
     _listener: Handle | None = None
+    _kept: Handle | None = None  # the free port that it listened on: nobody else gets it meanwhile
     _attempt: Handle | None = None
     _handle: Handle | None = None
     _half_closed = False
@@ -114,7 +115,8 @@ class StreamTransport(_Transport):
         """Open the listener of a passive peer; one that is open stays."""
         if self._listener is not None:
             return ""
-        handle = self._socket(self._own_end())
+        handle = self._kept if self._kept is not None else self._socket(self._own_end())
+        self._kept = None
         if isinstance(handle, Fault):
             return self._failed("cannot listen", handle)
         fault = self._kernel.listen(handle, BACKLOG)
@@ -159,8 +161,15 @@ class StreamTransport(_Transport):
         elif self._listener is not None:
             self._kernel.close(self._listener)
             self._listener = None
+            self._keep_port()
             self._queues.note("stopped listening")
         return ""
+
+    def _keep_port(self) -> None:
+        """Hold a port that the system chose, without listening; one that the project names is free."""
+        assert isinstance(self._decl.end, Endpoint)
+        held = self._socket(self._own_end()) if not self._decl.end.port else None
+        self._kept = None if isinstance(held, Fault) else held
 
     def _close_connection(self, handle: Handle) -> None:
         self._read(handle)  # unread bytes would turn the FIN into a RST
@@ -200,9 +209,10 @@ class StreamTransport(_Transport):
         for handle in (self._handle, self._attempt):
             if handle is not None:
                 self._kernel.abort(handle)
-        if self._listener is not None:
-            self._kernel.close(self._listener)
-        self._handle = self._attempt = self._listener = None
+        for handle in (self._listener, self._kept):
+            if handle is not None:
+                self._kernel.close(handle)
+        self._handle = self._attempt = self._listener = self._kept = None
 
     # -- between scans -------------------------------------------------------------------------------
 

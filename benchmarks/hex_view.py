@@ -12,16 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from benchmarks.figures import Effort, Figure
-from benchmarks.paired import alternate, ratios, spread
+from benchmarks.figures import Effort, Figure, Pairs, against, alternate, ratios, spread
 from benchmarks.terminal import Terminal
 
 HERE: Final = Path(__file__).parent
 SMALL, LARGE = 64 << 10, 1 << 30
 PAGES: Final = 30
 PAGE_DOWN: Final = "\x1b[6~"
-AIM: Final = 1.1
-MEMORY_AIM_MB: Final = 5.0
 PRIVATE: Final = re.compile(r"^Private_(?:Clean|Dirty):\s+(\d+) kB", re.MULTILINE)
 
 
@@ -32,14 +29,6 @@ class Seen:
     first_s: float
     page_s: float
     private_mb: float
-
-
-class PageTerminal(Terminal):
-    """A terminal in which only what was written since the last page counts."""
-
-    def forget(self) -> None:
-        """Begin with the next page."""
-        self._written = b""
 
 
 def measure(effort: Effort) -> Iterator[Figure]:
@@ -66,28 +55,21 @@ def measure(effort: Effort) -> Iterator[Figure]:
                 big.private_mb - less.private_mb for big, less in zip(seen[large], seen[small], strict=True)
             ]
         except TimeoutError as failed:
-            yield Figure("hex view", "not measured", note=f"the view did not open: {failed}")
+            yield Figure.missing("hex view", f"the view did not open: {failed}")
             return
     yield _compared("first paint of 1 GiB / 64 KiB", first)
     yield _compared(f"a page of 1 GiB / 64 KiB, {PAGES} pages", pages)
     if sys.platform == "linux":
-        more = spread(memory)
-        held = more.median <= MEMORY_AIM_MB
-        yield Figure(
-            "private memory of 1 GiB - 64 KiB", more.text(1, " MB"), f"<= {MEMORY_AIM_MB:.0f} MB", held
-        )
+        yield Figure.of("private memory of 1 GiB - 64 KiB", spread(memory), 1, " MB")
 
 
-def _compared(case: str, figures: list[tuple[float, float]]) -> Figure:
-    share = ratios(figures)
-    ours, theirs = (spread([1000 * seconds for seconds in column]) for column in zip(*figures, strict=True))
-    note = f"{ours.text(1, ' ms')} against {theirs.text(1, ' ms')}"
-    return Figure(case, share.text(), f"<= {AIM}", share.median <= AIM, note)
+def _compared(case: str, figures: Pairs) -> Figure:
+    return Figure.of(case, ratios(figures), note=against(figures, 1, " ms", 1000))
 
 
 def _look(path: Path) -> Seen:
     """Open the view, page down, and see how much memory is the program's own."""
-    with PageTerminal([sys.executable, str(HERE / "hex_app.py"), str(path)]) as terminal:
+    with Terminal([sys.executable, str(HERE / "hex_app.py"), str(path)]) as terminal:
         first = terminal.wait_for(["0000  00"])
         terminal.wait_for(["pid=", "rows="])
         rows, pid = (int(_after(terminal, key + rb"=(\d+)")) for key in (b"rows", b"pid"))

@@ -17,6 +17,8 @@ from trcvtui.project.file import read_project
 from trcvtui.rig import clock
 
 SET_UP_SCANS: Final = 8
+AN_ADDRESS: Final = 4000  # CONNECTs: with more, the kernel searches long for a free port
+PATIENCE_NS: Final = 30_000_000_000
 
 
 class OpenKernel(OsKernel):
@@ -67,10 +69,13 @@ class ManyReceivers:
         found = [self.runtime.listening_port(name) for name in self._names]
         return [port for port in found if port is not None]
 
-    def take_partners(self) -> None:
-        """Let scans pass until every CONNECT has its partner."""
-        while len(self.kernel.accepted) < len(self._names):
+    def take_partners(self, count: int | None = None) -> None:
+        """Let scans pass until so many CONNECTs have their partner, or all."""
+        end = clock.now_ns() + PATIENCE_NS
+        while len(self.kernel.accepted) < (len(self._names) if count is None else count):
             self.scan()
+            if clock.now_ns() > end:
+                raise TimeoutError(f"{len(self.kernel.accepted)} of {len(self._names)} partners came")
         self.scan(SET_UP_SCANS)
 
     def sockets(self) -> list[socket.socket]:
@@ -98,7 +103,10 @@ def _document(count: int, size: int) -> dict[str, object]:
         "dialect": "baosky",
         "options": {"max_len": 65536},
         "data": [{"name": f"rx{name}", "type": f"ARRAY[1..{size}] OF BYTE"} for name in names],
-        "connect": [{"name": name, "LocalAddress": "127.0.0.1", "LocalPort": 0} for name in names],
+        "connect": [
+            {"name": name, "LocalAddress": f"127.0.{number // AN_ADDRESS}.1", "LocalPort": 0}
+            for number, name in enumerate(names)
+        ],
         "instance": [
             {"name": f"T{name}", "block": "TRCV_C", "connect": name, "data": f"rx{name}", "CONT": True}
             for name in names

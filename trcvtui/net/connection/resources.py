@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
+from itertools import takewhile
 from typing import Final
 
 from trcvtui.net.connection.config import ConnectConfig
@@ -97,7 +98,7 @@ class Work:
         self._waiting: dict[Party, None] = {}  # in the order in which they will get their shares
         self._put_by: dict[Party, int] = {}
         self._rest = self._units
-        self._episodes: dict[tuple[str, What], int] = {}  # when it last had to wait
+        self._episodes: dict[tuple[str, What], int] = {}  # when it last had to wait; the oldest first
         self._shaken = 0  # ns of handshakes in this scan
         self._steps = 0
         self._longest = 0  # ns of a step, fading
@@ -128,9 +129,11 @@ class Work:
                 del self._waiting[party]
                 self._put_by[party] = share
         if self._episodes:
-            over = [who for who, last in self._episodes.items() if now - last >= EPISODE_REST]
-            for who in over:
+            for who in list(takewhile(self._is_over, self._episodes)):
                 del self._episodes[who]
+
+    def _is_over(self, who: tuple[str, What]) -> bool:
+        return self._now - self._episodes[who] >= EPISODE_REST
 
     def grant(self, party: Party) -> int:
         """Return what a party has in this scan."""
@@ -148,7 +151,7 @@ class Work:
         self._say(party.owner, what, partner, MORE_THAN_ITS_PART)
 
     def _say(self, owner: str, what: What, partner: str, why: str) -> None:
-        if (owner, what) not in self._episodes:
+        if self._episodes.pop((owner, what), None) is None:
             self.said(owner, what, partner, why)
         self._episodes[owner, what] = self._now
 

@@ -1,0 +1,64 @@
+"""M10: what an event of the ledger costs with its making, against reading the clock; and the journal."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from benchmarks.figures import Effort, Figure, against, alternate, ratios
+from trcvtui.net.events import BytesReceived
+from trcvtui.plc.ledger import Ledger
+from trcvtui.rig.clock import now_ns
+
+EVENTS: Final = 20_000
+
+
+def measure(effort: Effort) -> Iterator[Figure]:
+    """Yield both ways of writing against a timestamp alone; each writes a timestamp, too."""
+    gc.collect()
+    gc.disable()
+    try:
+        for case, write in (("flat", _flat(Ledger())), ("whole", _whole(Ledger()))):
+            figures = alternate(lambda: _ns(write), lambda: _ns(_timestamps), effort.pairs)  # noqa: B023
+            note = f"{against(figures, 0, ' ns')} an event"
+            yield Figure.of(f"ledger event with its making, {case} / a timestamp", ratios(figures), note=note)
+    finally:
+        gc.enable()
+    yield Figure("journal, events a second", "not there", note="no journal writer yet")
+
+
+def _ns(act: Callable[[], None]) -> float:
+    began = time.thread_time_ns()
+    act()
+    return (time.thread_time_ns() - began) / EVENTS
+
+
+def _timestamps() -> None:
+    for _ in range(EVENTS):
+        now_ns()
+
+
+def _flat(ledger: Ledger) -> Callable[[], None]:
+    """As the receiving and sending of a steady connection writes it."""
+    append = ledger.append
+
+    def write() -> None:
+        for number in range(EVENTS):
+            ledger.last_seq += 1
+            append((ledger.scan, now_ns(), BytesReceived, "C1", 1, number, 4096, 64, "T1"))
+
+    return write
+
+
+def _whole(ledger: Ledger) -> Callable[[], None]:
+    """As everything else writes it."""
+    write_event = ledger.write
+
+    def write() -> None:
+        for number in range(EVENTS):
+            ledger.t_ns = now_ns()
+            write_event(BytesReceived("C1", 1, number, 4096, 64, "T1"))
+
+    return write

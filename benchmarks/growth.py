@@ -175,7 +175,7 @@ def _descriptors(wanted: int) -> bool:
 def _size(count: int) -> dict[str, float]:
     gc.disable()  # as in the engine's process
     before, began = _mb(), _used_s()
-    with _receivers(count, 0) as (plc, _):
+    with _receivers(count, 0) as (plc, _):  # built, and EN_R raised everywhere
         seen = {"build_ms": 1000 * (_used_s() - began), "mb": _mb() - before}
         seen["idle_us"] = statistics.median(_us(plc.scan) for _ in range(60))
         seen["idle_snapshot_us"] = statistics.median(_us(plc.runtime.snapshot) for _ in range(20))

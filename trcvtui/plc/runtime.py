@@ -268,8 +268,9 @@ class Runtime:
         self.ledger.write(ConnectionChanged(connect, incarnation, what, peer=partner, detail=why))
 
     def _read_inputs(self) -> None:
-        while self._commands:
-            self._apply(self._commands.popleft())
+        if self._commands:
+            while self._commands:
+                self._apply(self._commands.popleft())
             self._call_order.wake_all()
         self._kernel.poll()
         if self.running:

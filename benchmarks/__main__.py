@@ -62,9 +62,10 @@ def _measure(target: Target, effort: Effort, figures: list[Figure], limit_s: int
 
 
 def _within(limit_s: int, figures: Iterator[Figure]) -> Iterator[Figure]:
-    """Yield the figures; TimeoutError where the next one takes too long (not on Windows)."""
+    """Yield the figures; TimeoutError where they take too long together (not on Windows)."""
 
     def too_long(number: int, frame: object) -> None:
+        signal.alarm(limit_s)  # for what is tried after it
         raise TimeoutError(f"longer than {limit_s} s")
 
     if hasattr(signal, "SIGALRM"):

@@ -66,15 +66,23 @@ def aim_of(target: Target, figure: Figure) -> Aim | None:
     return next((aim for aim in target.aims if fnmatchcase(figure.case, aim.case)), None)
 
 
+# More than one row has these in its way.
+FLOOR: Final = "two scans and five events for each DONE, in pure Python without the engine: {}"
+KERNEL: Final = (
+    "a kernel without preemption and two cores: an engine under SCHED_FIFO itself reaches 162 to 303 us; "
+    "affinity, a session of its own, nice 19 and SCHED_IDLE for the screen gained nothing"
+)
+
 TARGETS: Final = (
     Target("M1", "free-running engine against a bare recv_into loop", throughput.measure, (
-        Aim("1 x 64 KiB", ">= 0.58", "0.49"),
-        Aim("16 x 64 KiB", ">= 0.80", "0.53"),
-        Aim("64 x 64 KiB", ">= 0.85", "0.61"),
-        Aim("64 x 256 B", ">= 0.60", "0.20"),
+        Aim("1 x 64 KiB", ">= 0.58", "0.49", FLOOR.format("0.59")),
+        Aim("16 x 64 KiB", ">= 0.80", "0.53", FLOOR.format("0.79 to 0.88")),
+        Aim("64 x 64 KiB", ">= 0.85", "0.61", FLOOR.format("0.90 to 0.92")),
+        Aim("64 x 256 B", ">= 0.60", "0.20", FLOOR.format("0.70 to 0.76")),
     )),
     Target("M2", "one DONE in two scans at T#10ms; no overrun by the engine", busy.measure, (
-        Aim("256 x 64 KiB in step: DONE / ceiling", ">= 0.95", "0.64"),
+        Aim("256 x 64 KiB in step: DONE / ceiling", ">= 0.95", "0.64",
+            "every other scan has all frames: the bare calls alone take half of it and more, see the note"),
         Aim("256 x 64 KiB in step: overruns", ""),
         Aim("256 x 64 KiB in turn: DONE / ceiling", ">= 0.99", "0.49"),
         Aim("256 x 64 KiB in turn: overruns", "<= 0", "half of the scans"),
@@ -89,9 +97,9 @@ TARGETS: Final = (
     )),
     Target("M4", "start lateness beside the screen against cyclictest beside it", lateness.measure, (
         Aim("* SCHED_OTHER, T#10ms", "<= 0.5", "0.2 to 0.7"),
-        Aim("* SCHED_FIFO, T#10ms", "<= 2.5", "3.3"),
+        Aim("* SCHED_FIFO, T#10ms", "<= 2.5", "3.3", KERNEL),
         Aim("* SCHED_OTHER, T#1ms", "<= 1.5", "2 to 5"),
-        Aim("* SCHED_FIFO, T#1ms", "<= 5", "17"),
+        Aim("* SCHED_FIFO, T#1ms", "<= 5", "17", KERNEL),
         Aim("overruns, T#10ms", "<= 0 %", "0"),
         Aim("overruns, T#1ms", "<= 0.5 %", "1.9 %"),
         Aim("scans late because of a picture, *", "<= 0", "1.4 to 2.1 % at 1 ms"),
@@ -108,8 +116,10 @@ TARGETS: Final = (
     )),
     Target("M7", "hex export identical to hexdump -v -C, quicker than xxd", hex_export.measure, (
         Aim("same text as hexdump -v -C, 2 MiB", ">= 1 (yes)", "yes"),
-        Aim("export / xxd", ">= 1.9", "1.2 to 1.7"),
-        Aim("export / hexdump -v -C", ">= 20", "11.2"),
+        Aim("export / xxd", ">= 1.9", "1.2 to 1.7",
+            "writing takes a third of the time and is the same for both; a writer thread gained nothing"),
+        Aim("export / hexdump -v -C", ">= 20", "11.2",
+            "half is hexlify, a third the strided copies; a thread and a second process gained nothing"),
     )),
     Target("M8", "UDT decode as quick as struct.Struct, 50 times as quick as construct", udt_decode.measure, (
         Aim("decode / struct.Struct", "<= 1.1", "1.02"),

@@ -8,6 +8,7 @@ The facts that every kernel must share are the contract suite tests/net/contract
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NewType, Protocol
 
@@ -67,6 +68,19 @@ class PathInfo:
     unsent: int
     last_ack_ms: int
     probes_often: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class DirectRead:
+    """How to read a handle that the last poll saw, without the checks of `recv`.
+
+    `read` fills a buffer and returns the count; 0, or an OSError that `failed` is given: ask `recv`.
+    `read_on` goes on after a short read and returns how many bytes there are now.
+    """
+
+    read: Callable[[bytearray | memoryview], int]
+    read_on: Callable[[memoryview, int], int]
+    failed: Callable[[OSError], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +185,10 @@ class Kernel(Protocol):
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
         """Read at most len(into) bytes; 0 = the partner's FIN. Queued bytes come before a Fault."""
+        ...
+
+    def direct_read(self, handle: Handle) -> DirectRead | None:
+        """Return how to read this stream directly; None where nothing but `recv` does."""
         ...
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:

@@ -11,19 +11,27 @@ the time: every 25 ms with scans of 10 ms are the scans at 0, 30, 50, 80, ...
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Container, Iterable, Iterator, Sequence, Set
 
+from trcvtui.net.kernel import Handle
+from trcvtui.plc.fast_lane import Lane, lane_of
 from trcvtui.plc.instance import Instance
+from trcvtui.plc.ledger import Ledger
 
 
 class CallOrder:
     """The instances in call order, each with the interval of its task; times in ns.
 
     A CONNECT on which no instance is left can change too (PLC STOP): `connects` names them all.
+    `ledger`: where fast lanes write; None: there are none.
     """
 
     def __init__(
-        self, entries: Sequence[tuple[Instance, int]], scan_interval: int, connects: Iterable[str]
+        self,
+        entries: Sequence[tuple[Instance, int]],
+        scan_interval: int,
+        connects: Iterable[str],
+        ledger: Ledger | None,
     ) -> None:
         self._entries = tuple((instance, interval, instance.decl.connect) for instance, interval in entries)
         self._scan_interval = scan_interval
@@ -36,10 +44,13 @@ class CallOrder:
         self._awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
+        self._ledger = ledger
+        self._lanes: dict[int, Lane] = {}  # by place
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
-        """Call every instance when it is due next."""
+        """Call every instance when it is due next, each the usual way."""
+        self.end_lanes()
         self._awake.update(self._places)
         self._awake_since.update(self._places)
 
@@ -47,20 +58,42 @@ class CallOrder:
         """Call the instances on these CONNECTs when they are due next."""
         self._awake.update(connects)
 
-    def call(self, turn: int) -> list[Instance]:
+    def end_lanes(self, connect: str | None = None) -> None:
+        """Call the instances on a CONNECT the usual way; None: all instances."""
+        for place in tuple(self._lanes) if connect is None else self._places.get(connect, ()):
+            lane = self._lanes.pop(place, None)
+            if lane is not None:
+                lane.hand_over()
+
+    def call(self, turn: int, ready: Container[Handle], scan: int, now: int) -> list[Instance]:
         """Call who is awake and due, in call order; return those whose outputs changed."""
         changed, awake, due = [], set(), self._due_intervals(turn)
+        entries, lanes = self._entries, self._lanes
         for place in self._in_order():
-            instance, interval, connect = self._entries[place]
+            instance, interval, connect = entries[place]
             if interval not in due:
                 awake.add(connect)
                 continue
-            if instance.scan():
+            has_changed = lanes[place].scan(ready, scan, now) if place in lanes else None
+            if has_changed is None:
+                has_changed = self._call(place, instance)
+            if has_changed:
                 changed.append(instance)
             if not instance.asleep:
                 awake.add(connect)
         self._awake = awake
         return changed
+
+    def _call(self, place: int, instance: Instance) -> bool:
+        """Call one instance the usual way; after a DONE its lane may begin."""
+        self.end_lanes(instance.decl.connect)
+        has_changed = instance.scan()
+        if self._ledger is not None and instance.outputs.done and instance.called:
+            is_alone = len(self._places[instance.decl.connect]) == 1
+            lane = lane_of(instance, self._ledger) if is_alone else None
+            if lane is not None:
+                self._lanes[place] = lane
+        return has_changed
 
     def take_awake(self) -> set[str]:
         """Return the CONNECTs on which anything can have changed since the last time that this was asked."""

@@ -11,6 +11,8 @@ from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.blocks.serial.receiving import Reception
 from trcvtui.blocks.table import block_row
+from trcvtui.blocks.tcp.compact_blocks import TrcvC
+from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.plc.ledger import InputEdge, Outputs, PinValue, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
@@ -124,7 +126,15 @@ class Instance:
         first, self.called = not self.called, True
         if outcome is self.outcome and not first:
             return False
-        return self._take(outcome) or first
+        return self.take(outcome) or first
+
+    @property
+    def usual_job(self) -> ReceiveJob | None:
+        """Return the job that each call goes on with, as long as no input and no connection changes."""
+        if self._stream is not None or self._pulsed or self._fading or self._blinking:
+            return None
+        block = self._block
+        return block.usual_job if isinstance(block, TrcvC) and self._frozen is not None else None
 
     def _would_read(self, waits: bool) -> bool:
         """Return whether the block receives as soon as it is called; a pin that blinks may be TRUE then."""
@@ -146,9 +156,10 @@ class Instance:
             if pin not in self._pulsed:
                 self._write(pin, not self.inputs[pin])
 
-    def _take(self, outcome: Outcome) -> bool:
+    def take(self, outcome: Outcome) -> bool:
+        """Show an outcome; return whether any output differs from the scan before."""
         before, self.outcome = self.outputs, outcome
-        self.edge = self._known.get(outcome) or self._show(outcome)
+        self.edge = self.shown(outcome)
         now = self.outputs
         if now.done:
             self.jobs_done += 1
@@ -185,8 +196,11 @@ class Instance:
         """Return what the program reads after the call."""
         return self.edge.outputs
 
-    def _show(self, outcome: Outcome) -> StatusEdge:
+    def shown(self, outcome: Outcome) -> StatusEdge:
         """Return what an outcome looks like, made once for outcomes that come again."""
+        return self._known.get(outcome) or self._show(outcome)
+
+    def _show(self, outcome: Outcome) -> StatusEdge:
         if len(self._known) >= KNOWN_OUTCOMES:
             self._known.clear()
         outputs = Outputs(

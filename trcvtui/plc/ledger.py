@@ -7,7 +7,7 @@ its fields; a line is put together when somebody reads it.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, NamedTuple
@@ -145,6 +145,12 @@ class Ledger:
         """Append one event of the running scan, or of the time after it."""
         self.last_seq += 1
         self._ring.append((self.scan, self.t_ns, event.__class__, event))
+
+    def write_all(self, events: Sequence[Event]) -> None:
+        """Append these events."""
+        scan, t_ns = self.scan, self.t_ns
+        self.last_seq += len(events)
+        self._ring.extend([(scan, t_ns, event.__class__, event) for event in events])
 
     def since(self, seq: int, most: int = KEPT_LINES) -> tuple[Line, ...]:
         """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""

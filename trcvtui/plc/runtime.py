@@ -45,6 +45,7 @@ from trcvtui.plc.commands import (
     Withdraw,
     WriteData,
 )
+from trcvtui.plc.fast_lane import is_wanted
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
@@ -107,8 +108,10 @@ class Runtime:
         resources: Resources,
         resolve_peer: Callable[[str], int | None],
         ports: SerialPorts | None = None,
+        has_lanes: bool | None = None,
     ) -> None:
         self.ledger = Ledger()
+        self.has_lanes = is_wanted() if has_lanes is None else has_lanes
         self.running = True
         self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
         self.changed: tuple[StatusEdge, ...] = ()
@@ -166,7 +169,7 @@ class Runtime:
         order = sorted(self._instances.values(), key=lambda i: tasks[i.decl.task].priority)
         entries = [(i, tasks[i.decl.task].interval_ns) for i in order]
         links = (*self._connections, *self._ports, *self._lines.names)
-        return CallOrder(entries, self.interval_ns, links)
+        return CallOrder(entries, self.interval_ns, links, self.ledger if self.has_lanes else None)
 
     def _resolver(self, resolve_peer: Callable[[str], int | None]) -> Callable[[str], int | None]:
         def resolve(reference: str) -> int | None:
@@ -269,6 +272,7 @@ class Runtime:
 
     def _read_inputs(self) -> None:
         if self._commands:
+            self._call_order.end_lanes()
             while self._commands:
                 self._apply(self._commands.popleft())
             self._call_order.wake_all()
@@ -283,12 +287,15 @@ class Runtime:
 
     def _execute_program(self) -> None:
         self._program_ran = self.running
-        self._changed = self._call_order.call(self._env.scan - 1) if self.running else ()
+        self._changed = self._call() if self.running else ()
+
+    def _call(self) -> Sequence[Instance]:
+        env = self._env
+        return self._call_order.call(env.scan - 1, self._ready_handles or (), env.scan, env.now)
 
     def _write_outputs(self) -> None:
-        for instance in self._changed:
-            self.ledger.write(instance.edge)
         self.changed = tuple([instance.edge for instance in self._changed])
+        self.ledger.write_all(self.changed)
         if self._stopped:
             stopped = [instance for instance in self._stopped if instance not in self._changed]
             self.changed += tuple([instance.edge for instance in stopped])
@@ -300,6 +307,7 @@ class Runtime:
         for name in (
             self._connections if self._ready_handles is None else self._ready_listeners(self._ready_handles)
         ):
+            self._call_order.end_lanes(name)
             if self._connections[name].service():
                 self._call_order.wake((name,))
         for name in tuple(self._resources.unsettled):

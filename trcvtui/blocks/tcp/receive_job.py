@@ -47,9 +47,9 @@ class ReceiveJob:
         self._env = bound.env
         self._area = bound.env.rules.area
         self._asked: tuple[int, tuple[str, int]] | None = None  # LEN and DATA of the job that runs
-        self._data = bound.data
-        self._buffers = bound.env.resources.buffers
-        self._connection = bound.connection
+        self.data = bound.data
+        self.buffers = bound.env.resources.buffers
+        self.connection = bound.connection
         self._connect = bound.connection.config.name
         self._is_message_oriented = bound.connection.config.is_message_oriented
         self._unfit = unfit(bound, needs_datagrams, receives=True)
@@ -57,10 +57,10 @@ class ReceiveJob:
         self._limit = bound.env.rules.max_datagram if self._address is not None else None
         self._source: Endpoint | None = None  # of the message that has come
         self._instance = bound.instance
-        self._buffer = bytearray()
-        self._view = memoryview(self._buffer)
+        self.buffer = bytearray()
+        self.view = memoryview(self.buffer)
         self._incarnation = 0  # of the connection that the running job receives on
-        self._first_offset = self._span_offset = self._next_offset = 0  # in the received stream
+        self.first_offset = self.span_offset = self.next_offset = 0  # in the received stream
         self._spans: list[tuple[int, int]] = []  # before the present span: offset and size
 
     # -- one scan with EN_R = 1, connected ----------------------------------------------------------
@@ -80,30 +80,41 @@ class ReceiveJob:
         return self._deliver()
 
     def _begin(self, length: int, adhoc: bool) -> Outcome | ConnectionLoss:
-        request, receiving = self._wish(length, adhoc), self._connection.receiving
-        refused = self._unfit or refuse(self._env, self._data, request, receiving, self.claim, self._connect)
+        request, receiving = self._wish(length, adhoc), self.connection.receiving
+        refused = self._unfit or refuse(self._env, self.data, request, receiving, self.claim, self._connect)
         self.claim.is_refused = refused is not None
         if refused is not None:
             # A whole frame stays until there is a buffer for it, also when the partner has gone.
             has_to_wait = refused.condition is Condition.NO_BUFFER and self._is_whole(request)
             return refused if has_to_wait else self.check_loss() or refused
-        assert self._data is not None
-        self._asked = length, self._data.shape
-        self._start(request.length or self._data.size, request.adhoc)
+        assert self.data is not None
+        self._asked = length, self.data.shape
+        self._start(request.length or self.data.size, request.adhoc)
         return self._collect() or self.receiving()
 
     def _is_whole(self, request: JobRequest) -> bool:
         """Return whether the stack holds what would end such a job at once."""
-        size = self._data.size if self._data is not None else 0
+        size = self.data.size if self.data is not None else 0
         least = 1 if request.adhoc or self._is_message_oriented else request.length or size
-        return self._connection.unread() >= least
+        return self.connection.unread() >= least
 
     def _wish(self, length: int, adhoc: bool) -> JobRequest:
         if length in self._area.adhoc_lens:
             length, adhoc = 0, True
-        least = self._data.text_lens.received if self._data is not None else 0
-        rival = rival_of(self._env, self._connection, self.claim)
+        least = self.data.text_lens.received if self.data is not None else 0
+        rival = rival_of(self._env, self.connection, self.claim)
         return JobRequest(length, adhoc=adhoc, most=self._limit, least=least, rival=rival)
+
+    def is_usual(self, inputs: Inputs) -> bool:
+        """Return whether the jobs to come are as the last one, and fill all of DATA from a stream."""
+        data, request = self.data, self._wish(inputs.len, inputs.adhoc)
+        return (
+            data is not None
+            and not (request.adhoc or self.adhoc or self._is_message_oriented)
+            and self.need == (request.length or data.size) == data.size == len(self.buffer)
+            and self._unfit is None
+            and fits(self._env, data, request)
+        )
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
         """Return whether EN_R asks for a job that can start, now or when another reader lets go.
@@ -113,14 +124,14 @@ class ReceiveJob:
         if not inputs.en_r or self._unfit is not None:
             return False
         request = self._wish(inputs.len, inputs.adhoc)
-        return fits(self._env, self._data, request) and not self._connection.receiving.is_barred(
+        return fits(self._env, self.data, request) and not self.connection.receiving.is_barred(
             self.claim, waits
         )
 
     def reserve(self, inputs: Inputs) -> bool:
         """Keep the receive side for the job that begins in the next call; False: it would be refused."""
-        request, receiving = self._wish(inputs.len, inputs.adhoc), self._connection.receiving
-        taken = self._unfit is None and reserve(self._env, self._data, request, receiving, self.claim)
+        request, receiving = self._wish(inputs.len, inputs.adhoc), self.connection.receiving
+        taken = self._unfit is None and reserve(self._env, self.data, request, receiving, self.claim)
         self.claim.is_refused = not taken
         return taken
 
@@ -131,8 +142,8 @@ class ReceiveJob:
 
     def _changed(self, length: int) -> Outcome | None:
         """End the job when LEN or DATA is another than at its start."""
-        assert self._asked is not None and self._data is not None
-        if self._asked == (length, self._data.shape):
+        assert self._asked is not None and self.data is not None
+        if self._asked == (length, self.data.shape):
             return None
         outcome = area_changed("DATA" if self._asked[0] == length else "LEN")
         self.abandon(outcome.cause.name)
@@ -141,11 +152,11 @@ class ReceiveJob:
     def _start(self, need: int, adhoc: bool) -> None:
         self.number += 1
         self.running, self.complete, self.adhoc, self.need = True, False, adhoc, need
-        if len(self._buffer) != need:
-            self._buffer = bytearray(need)
-        self._view = memoryview(self._buffer)
-        incarnation = self._incarnation = self._connection.incarnation
-        offset = self._first_offset = self._span_offset = self._next_offset = self._connection.bytes_received
+        if len(self.buffer) != need:
+            self.buffer = bytearray(need)
+        self.view = memoryview(self.buffer)
+        incarnation = self._incarnation = self.connection.incarnation
+        offset = self.first_offset = self.span_offset = self.next_offset = self.connection.bytes_received
         self._spans.clear()
         self._env.write(
             JobStarted(self._instance, self.number, self._connect, incarnation, offset, need, adhoc)
@@ -156,12 +167,12 @@ class ReceiveJob:
         if self._is_message_oriented:
             return self._collect_message()
         have = self.have
-        got = self._connection.receive(self._view[have:] if have else self._view, self._instance)
+        got = self.connection.receive(self.view[have:] if have else self.view, self._instance)
         if isinstance(got, int):
-            offset = self._connection.bytes_received - got
-            if offset != self._next_offset:
+            offset = self.connection.bytes_received - got
+            if offset != self.next_offset:
                 self._begin_span(offset)
-            self._next_offset = offset + got
+            self.next_offset = offset + got
             have = self.have = have + got
             self.complete = self.claim.has_frame = self.adhoc or have == self.need
             self.last_bytes = self._env.now
@@ -170,11 +181,11 @@ class ReceiveJob:
 
     def _collect_message(self) -> ConnectionLoss | None:
         """Take one message, whole (siemens.md 4.2): it ends the job, whatever its length."""
-        got = self._connection.receive_message(self._view, self._instance)
+        got = self.connection.receive_message(self.view, self._instance)
         if not isinstance(got, Datagram):
             return None if isinstance(got, WouldBlock) else got
-        self._first_offset = self._span_offset = self._connection.bytes_received - got.size
-        self._next_offset = self._connection.bytes_received
+        self.first_offset = self.span_offset = self.connection.bytes_received - got.size
+        self.next_offset = self.connection.bytes_received
         self.have, self.whole, self._source = got.size, got.whole, got.source
         self.complete = self.claim.has_frame = True
         self.last_bytes = self._env.now
@@ -183,14 +194,14 @@ class ReceiveJob:
     def _begin_span(self, offset: int) -> None:
         """Go on after bytes that a job of another priority has read in between."""
         if self.have:
-            self._spans.append((self._span_offset, self._next_offset - self._span_offset))
+            self._spans.append((self.span_offset, self.next_offset - self.span_offset))
         else:
-            self._first_offset = offset
-        self._span_offset = offset
+            self.first_offset = offset
+        self.span_offset = offset
 
     def check_loss(self) -> ConnectionLoss | None:
         """Look for a loss while no job runs."""
-        return self._connection.check_loss(self.claim)
+        return self.connection.check_loss(self.claim)
 
     def show_loss(self, loss: ConnectionLoss) -> list[Outcome]:
         """Return what a loss shows, one scan each, and end the job."""
@@ -208,17 +219,22 @@ class ReceiveJob:
         part = self._env.rules.receiving_part if self.have else Condition.RECEIVING
         return _receiving(self.have, self.need, self.complete, part)
 
+    def outcome_at(self, have: int) -> Outcome:
+        """Return what a job that fills `need` bytes shows when it has so many of them."""
+        part = self._env.rules.receiving_part if have else Condition.RECEIVING
+        return _receiving(have, self.need, have == self.need, part)
+
     def _deliver(self) -> Outcome:
         """Write the job's bytes to DATA and end it; what a smaller DATA cannot hold is dropped."""
-        size, data = self.have, self._data
+        size, data = self.have, self.data
         assert data is not None
         if self.whole > size:
             return self._too_long()
-        self._view.release()
-        if size == data.size == len(self._buffer):
-            self._buffer = data.swap(self._buffer)
+        self.view.release()
+        if size == data.size == len(self.buffer):
+            self.buffer = data.swap(self.buffer)
         else:
-            data.write(0, memoryview(self._buffer)[:size].toreadonly())
+            data.write(0, memoryview(self.buffer)[:size].toreadonly())
         if self._address is not None and self._source is not None:
             self._address.take(self._source)
         kept = min(size, data.size)
@@ -241,14 +257,14 @@ class ReceiveJob:
 
     def _drop(self, kept: int, reason: str) -> None:
         """Note all collected bytes but the first `kept` as dropped."""
-        for offset, size in (*self._spans, (self._span_offset, self._next_offset - self._span_offset)):
+        for offset, size in (*self._spans, (self.span_offset, self.next_offset - self.span_offset)):
             skipped = min(kept, size)
             kept -= skipped
-            self._connection.drop(offset + skipped, size - skipped, reason, self._incarnation)
+            self.connection.drop(offset + skipped, size - skipped, reason, self._incarnation)
 
     def let_go(self) -> None:
         """Give the CONNECT's receive side back (EN_R fell)."""
-        self._connection.receiving.give_back(self.claim)
+        self.connection.receiving.give_back(self.claim)
 
     def detach(self, reason: str) -> None:
         """Detach the instance; the lock of a job may stay (rules) until disconnect or reset (row 15)."""
@@ -259,13 +275,13 @@ class ReceiveJob:
 
     def partial(self) -> bytes:
         """Return a copy of the bytes collected so far."""
-        return bytes(self._buffer[: self.have]) if self.running else b""
+        return bytes(self.buffer[: self.have]) if self.running else b""
 
     def _end(self, done: bool, reason: str, size: int) -> None:
-        self._buffers.release()
+        self.buffers.release()
         self.running = self.complete = self.claim.has_frame = False
         self.have = self.whole = 0
-        incarnation, offset = self._incarnation, self._first_offset
+        incarnation, offset = self._incarnation, self.first_offset
         self._env.write(
             JobEnded(self._instance, self.number, self._connect, incarnation, offset, size, done, reason)
         )

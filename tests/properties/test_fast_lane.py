@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
-from trcvtui.plc.fast_lane import SWITCH, Lane
+from trcvtui.plc.fast_lane import SWITCH, Answer, Lane
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.table import parse_line
@@ -192,7 +192,7 @@ class LaneMachine(RuleBasedStateMachine):
 def test_a_scan_with_lanes_is_the_scan_without_them(monkeypatch: pytest.MonkeyPatch) -> None:
     answered = Lane.scan
 
-    def counted(lane: Lane, *scan: object) -> bool | None:
+    def counted(lane: Lane, *scan: object) -> Answer:
         got = answered(lane, *scan)  # type: ignore[arg-type]
         LaneMachine.lane_scans += got is not None
         return got

@@ -14,9 +14,9 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Iterator, Sequence, Set
 
 from trcvtui.net.kernel import Handle
-from trcvtui.plc.fast_lane import Lane, lane_of
+from trcvtui.plc.fast_lane import COLLECTS, Lane, lane_of
 from trcvtui.plc.instance import Instance
-from trcvtui.plc.ledger import Ledger
+from trcvtui.plc.ledger import Ledger, StatusEdge
 
 
 class CallOrder:
@@ -45,7 +45,8 @@ class CallOrder:
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
         self._ledger = ledger
-        self._lanes: dict[int, Lane] = {}  # by place
+        self._lanes: list[Lane | None] = [None] * len(self._entries)  # by place
+        self._laned: set[int] = set()
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
@@ -58,42 +59,57 @@ class CallOrder:
         """Call the instances on these CONNECTs when they are due next."""
         self._awake.update(connects)
 
+    def settle(self) -> None:
+        """Let lanes write what they know, before anybody looks at an instance or its connection."""
+        for place in self._laned:
+            lane = self._lanes[place]
+            if lane is not None:
+                lane.settle()
+
     def end_lanes(self, connect: str | None = None) -> None:
         """Call the instances on a CONNECT the usual way; None: all instances."""
-        for place in tuple(self._lanes) if connect is None else self._places.get(connect, ()):
-            lane = self._lanes.pop(place, None)
+        for place in tuple(self._laned) if connect is None else self._places.get(connect, ()):
+            lane = self._lanes[place]
             if lane is not None:
-                lane.hand_over()
+                lane.settle()
+                self._lanes[place] = None
+                self._laned.discard(place)
 
-    def call(self, turn: int, ready: Container[Handle], scan: int, now: int) -> list[Instance]:
-        """Call who is awake and due, in call order; return those whose outputs changed."""
-        changed, awake, due = [], set(), self._due_intervals(turn)
+    def call(self, turn: int, ready: Container[Handle], scan: int, now: int) -> list[StatusEdge]:
+        """Call who is awake and due, in call order; return the edges of those whose outputs changed."""
+        changed: list[StatusEdge] = []
+        awake, due = set(), self._due_intervals(turn)
         entries, lanes = self._entries, self._lanes
         for place in self._in_order():
             instance, interval, connect = entries[place]
             if interval not in due:
                 awake.add(connect)
                 continue
-            has_changed = lanes[place].scan(ready, scan, now) if place in lanes else None
-            if has_changed is None:
-                has_changed = self._call(place, instance)
-            if has_changed:
-                changed.append(instance)
+            lane = lanes[place]
+            if lane is not None:
+                edge = lane.scan(ready, scan, now)
+                if edge is not None:
+                    if edge:
+                        changed.append(edge)  # type: ignore[arg-type]
+                    if lane.step != COLLECTS:
+                        awake.add(connect)
+                    continue
+                self.end_lanes(connect)
+            if instance.scan():
+                changed.append(instance.edge)
+                if instance.edge.outputs.done:
+                    self._begin_lane(place, instance, connect)
             if not instance.asleep:
                 awake.add(connect)
         self._awake = awake
         return changed
 
-    def _call(self, place: int, instance: Instance) -> bool:
-        """Call one instance the usual way; after a DONE its lane may begin."""
-        self.end_lanes(instance.decl.connect)
-        has_changed = instance.scan()
-        if self._ledger is not None and instance.outputs.done and instance.called:
-            is_alone = len(self._places[instance.decl.connect]) == 1
-            lane = lane_of(instance, self._ledger) if is_alone else None
-            if lane is not None:
-                self._lanes[place] = lane
-        return has_changed
+    def _begin_lane(self, place: int, instance: Instance, connect: str) -> None:
+        if self._ledger is None or len(self._places[connect]) > 1:
+            return
+        self._lanes[place] = lane = lane_of(instance, self._ledger)
+        if lane is not None:
+            self._laned.add(place)
 
     def take_awake(self) -> set[str]:
         """Return the CONNECTs on which anything can have changed since the last time that this was asked."""

@@ -1,7 +1,7 @@
 """The fast lane: a TRCV_C on a connection that stands, of which nothing but its bytes changes.
 
 A lane does what `Instance.scan` does with such a block, call by call and line by line of the ledger
-(tests/properties/test_fast_lane.py plays both), on the same job, connection and outputs.
+(tests/properties/test_fast_lane.py plays both).
 Rule 1: a lane is made after a DONE, for the only instance on a CONNECT. It ends before any command, any look
 of the communication phase at its CONNECT, and any usual call of its block.
 Rule 2: what is not the usual course (no byte, FIN, RST, no buffer left) it leaves to the block, untouched.
@@ -19,7 +19,7 @@ from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.net.events import BytesReceived
 from trcvtui.net.kernel import DirectRead, Handle
 from trcvtui.plc.instance import Instance
-from trcvtui.plc.ledger import Ledger
+from trcvtui.plc.ledger import Ledger, StatusEdge
 
 SWITCH: Final = "TRCVTUI_LANE"  # of the environment; "slow": no lanes
 
@@ -29,26 +29,47 @@ def is_wanted() -> bool:
     return os.environ.get(SWITCH) != "slow"
 
 
+STILL: Final = False  # what a call answers that changed no output
+Answer = StatusEdge | bool | None
+
+BEGINS, COLLECTS, SHOWS = range(3)  # what the next call does: begin a job, go on with it, end it with DONE
+
+
 class Lane:
-    """The lane of one instance; `scan` returns None where the block has to be called."""
+    """The lane of one instance. `scan` answers a call with the edge that it brings, STILL, or None.
+
+    None: the block has to be called. The job, the connection and the instance are written by `settle`, before
+    anybody looks at them; DATA, the pool of buffers and the ledger always are as they should be.
+    """
 
     __slots__ = (
         "_begun",
+        "_buffer",
         "_buffers",
         "_connection",
         "_data",
         "_direct",
         "_done",
+        "_done_in",
+        "_dones",
+        "_first",
         "_full",
         "_handle",
+        "_have",
         "_incarnation",
         "_instance",
         "_job",
         "_ledger",
         "_name",
         "_need",
+        "_number",
         "_read",
+        "_read_at",
+        "_received",
+        "_recvs",
         "_shown",
+        "_since",
+        "step",
     )
 
     def __init__(
@@ -59,111 +80,123 @@ class Lane:
         self._instance, self._job, self._handle, self._direct = instance, job, handle, direct
         self._connection, self._data, self._buffers = connection, job.data, job.buffers
         self._incarnation, self._name, self._need = connection.incarnation, connection.config.name, job.need
-        self._ledger, self._read = ledger, direct.read
-        self._shown = instance.name
-        full, begun = job.outcome_at(job.need), job.outcome_at(0)
-        self._full, self._begun = (full, instance.shown(full)), (begun, instance.shown(begun))
-        self._done = instance.outcome, instance.edge
-
-    def scan(self, ready: Container[Handle], scan: int, now: int) -> bool | None:
-        """Do what one call does; return whether any output differs from the scan before."""
-        job = self._job
-        if job.complete:
-            return self._deliver(job, scan, now)
-        if self._handle in ready:
-            return self._collect(job, scan, now)
-        buffers, instance = self._buffers, self._instance
-        if job.running or buffers.used >= buffers.count:
-            return None
-        self._start(job, scan, now)
-        instance.asleep = True
-        instance.outcome, instance.edge = self._begun
-        instance.since_scan = scan
-        return True
-
-    def hand_over(self) -> None:
-        """Leave the job as the block keeps it: it is called the usual way from now on."""
-        job = self._job
-        job.span_offset, job.next_offset = job.first_offset, job.first_offset + job.have
-        job.view = memoryview(job.buffer)
-        job.claim.has_frame = job.complete
+        self._ledger, self._read, self._shown = ledger, direct.read, instance.name
+        self._begun, self._full = (instance.shown(job.outcome_at(have)) for have in (0, job.need))
+        self._received, self._done = instance.outcome, instance.edge
+        self.step, self._buffer, self._number, self._have = BEGINS, job.buffer, job.number, 0
+        self._first, self._recvs, self._read_at = connection.bytes_received, connection.recvs, job.last_bytes
+        self._dones, self._done_in, self._since = 0, 0, instance.since_scan
 
     # fmt: off
-    def _start(self, job: ReceiveJob, scan: int, now: int) -> None:
-        job.number = number = job.number + 1
-        job.running = True
-        job.first_offset = offset = self._connection.bytes_received
-        self._buffers.used += 1
-        ledger = self._ledger
-        ledger.last_seq += 1
-        ledger.append((
-            scan, now, JobStarted, self._shown, number, self._name, self._incarnation, offset, self._need,
-            False,
-        ))
-    # fmt: on
-
-    def _collect(self, job: ReceiveJob, scan: int, now: int) -> bool | None:
-        """Read once; a job that begins in this scan shows its frame in the next one."""
-        have, need = job.have, self._need
-        starts = not job.running
-        buffers = self._buffers
-        if starts and buffers.used >= buffers.count:
+    def scan(self, ready: Container[Handle], scan: int, now: int) -> Answer:
+        """Do what one call does."""
+        step = self.step
+        if step == SHOWS:
+            return self._deliver(scan, now, 1)
+        if self._handle not in ready:
+            return None if step == COLLECTS else self._begin(scan, now)
+        if step == COLLECTS:
+            return self._go_on(scan, now)
+        buffers, need = self._buffers, self._need
+        if buffers.used >= buffers.count:
             return None
-        try:
-            size = self._read(memoryview(job.buffer)[have:] if have else job.buffer)
-        except OSError as problem:
-            self._direct.failed(problem)
-            return None
+        size = self._receive(self._buffer)
         if not size:
             return None
-        if have + size != need:
-            size = self._direct.read_on(memoryview(job.buffer)[have:], size)
-        if starts:
-            self._start(job, scan, now)
-        connection, instance, ledger = self._connection, self._instance, self._ledger
-        offset = connection.bytes_received
-        connection.bytes_received = offset + size
-        connection.recvs = recvs = connection.recvs + 1
-        job.have = have = have + size
-        job.last_bytes = now
-        ledger.last_seq += 1
-        ledger.append(
-            (scan, now, BytesReceived, self._name, self._incarnation, recvs, offset, size, self._shown)
-        )
-        if have != need:
-            outcome = job.outcome_at(have)
-            instance.asleep = outcome.stable
-            return outcome is not instance.outcome and instance.take(outcome)
-        if not starts:
-            return self._deliver(job, scan, now)
-        job.complete = True
-        instance.asleep = False
-        instance.outcome, instance.edge = self._full
-        instance.since_scan = scan
-        return True
+        buffers.used += 1
+        self._number = number = self._number + 1
+        self._recvs = recvs = self._recvs + 1
+        ledger, name, incarnation, offset = self._ledger, self._name, self._incarnation, self._first
+        ledger.last_seq += 2
+        append, shown = ledger.append, self._shown
+        append((scan, now, JobStarted, shown, number, name, incarnation, offset, need, False))
+        append((scan, now, BytesReceived, name, incarnation, recvs, offset, size, shown))
+        self._have, self._read_at, self._since = size, now, scan
+        if size == need:
+            self.step = SHOWS
+            return self._full
+        self.step = COLLECTS
+        return self._instance.shown(self._job.outcome_at(size))
 
-    def _deliver(self, job: ReceiveJob, scan: int, now: int) -> bool:
+    def _receive(self, into: bytearray | memoryview) -> int:
+        """Return how many bytes came; 0: ask the block."""
+        try:
+            size = self._read(into)
+        except OSError as problem:
+            self._direct.failed(problem)
+            return 0
+        return size if size == len(into) or not size else self._direct.read_on(memoryview(into), size)
+
+    def _begin(self, scan: int, now: int) -> Answer:
+        """Begin a job for which nothing has come."""
+        buffers, ledger = self._buffers, self._ledger
+        if buffers.used >= buffers.count:
+            return None
+        buffers.used += 1
+        self._number = number = self._number + 1
+        ledger.last_seq += 1
+        connect = self._name, self._incarnation, self._first
+        ledger.append((scan, now, JobStarted, self._shown, number, *connect, self._need, False))
+        self.step, self._since = COLLECTS, scan
+        return self._begun
+
+    def _go_on(self, scan: int, now: int) -> Answer:
+        """Read on; the last byte is DONE in the same scan."""
+        have = self._have
+        size = self._receive(memoryview(self._buffer)[have:] if have else self._buffer)
+        if not size:
+            return None
+        self._recvs = recvs = self._recvs + 1
+        ledger, name, incarnation = self._ledger, self._name, self._incarnation
+        self._read_at = now
+        ledger.append((
+            scan, now, BytesReceived, name, incarnation, recvs, self._first + have, size, self._shown,
+        ))
+        self._have = have = have + size
+        if have == self._need:
+            return self._deliver(scan, now, 2)
+        ledger.last_seq += 1
+        before, now_shown = (self._instance.shown(self._job.outcome_at(n)) for n in (have - size, have))
+        if before.outputs == now_shown.outputs:
+            return STILL
+        self._since = scan
+        return now_shown
+
+    def _deliver(self, scan: int, now: int, events: int) -> Answer:
         """Hand the frame over to DATA: the scan with DONE."""
-        data, instance, need = self._data, self._instance, self._need
-        job.buffer, data.content = data.content, job.buffer
+        data, need, ledger, first = self._data, self._need, self._ledger, self._first
+        data.content, self._buffer = self._buffer, data.content
         data.generation += 1
         self._buffers.used -= 1
-        job.running = job.complete = False
-        job.have = 0
-        ledger = self._ledger
-        ledger.last_seq += 1
-        # fmt: off
+        ledger.last_seq += events
         ledger.append((
-            scan, now, JobEnded, self._shown, job.number, self._name, self._incarnation, job.first_offset,
-            need, True, "complete",
+            scan, now, JobEnded, self._shown, self._number, self._name, self._incarnation, first, need, True,
+            "complete",
         ))
-        # fmt: on
-        instance.outcome, instance.edge = self._done
-        instance.jobs_done += 1
-        instance.last_done = scan, need
-        instance.since_scan = scan
-        instance.asleep = False
-        return True
+        self.step, self._have, self._first = BEGINS, 0, first + need
+        self._since = self._done_in = scan
+        self._dones += 1
+        return self._done
+    # fmt: on
+
+    def settle(self) -> None:
+        """Write the job, the connection and the instance as the block would have left them."""
+        job, instance, have, step = self._job, self._instance, self._have, self.step
+        job.number, job.have, job.buffer, job.last_bytes = self._number, have, self._buffer, self._read_at
+        job.running = step != BEGINS
+        job.complete = job.claim.has_frame = step == SHOWS
+        job.view = memoryview(job.buffer)
+        job.first_offset = job.span_offset = self._first
+        job.next_offset = self._connection.bytes_received = self._first + have
+        self._connection.recvs = self._recvs
+        instance.outcome = self._received if step == BEGINS else job.outcome_at(have)
+        instance.edge = instance.shown(instance.outcome)
+        instance.asleep = step == COLLECTS
+        instance.since_scan = self._since
+        if self._dones:
+            instance.last_done = self._done_in, self._need
+            instance.jobs_done += self._dones
+            self._dones = 0
 
 
 def lane_of(instance: Instance, ledger: Ledger) -> Lane | None:

@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Final, TypeVar
 
 from trcvtui.blocks.block import Binding
@@ -115,7 +115,6 @@ class Runtime:
         self.running = True
         self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
         self.changed: tuple[StatusEdge, ...] = ()
-        self._changed: Sequence[Instance] = ()
         self._program_ran = False
         self._ready_handles: Mapping[Handle, str] | None = None  # what the poll saw; None: look at everything
         self._stopped: list[Instance] = []  # whose outputs a STOP has changed, not yet told
@@ -209,12 +208,17 @@ class Runtime:
         """Return what the instances show that were due in the last scan, in call order."""
         if not self._program_ran:
             return ()
+        self._call_order.settle()
         return tuple(instance.edge for instance in self._call_order.due(self._env.scan - 1))
 
     def outputs(self, instance: str) -> Outputs:
         """Return the outputs of an instance as the last scan left them; before its first scan it has none."""
-        known = self._instances.get(instance)
+        known = self._settled(instance)
         return known.outputs if known else Outputs(0, False, False, False, 0)
+
+    def _settled(self, instance: str) -> Instance | None:
+        self._call_order.settle()
+        return self._instances.get(instance)
 
     def inputs(self, instance: str) -> Mapping[str, bool | int]:
         """Return a copy of the inputs of an instance."""
@@ -232,7 +236,7 @@ class Runtime:
 
     def partial(self, instance: str) -> bytes:
         """Return a copy of what an instance's running job has collected."""
-        known = self._instances.get(instance)
+        known = self._settled(instance)
         return known.partial() if known else b""
 
     def framer(self, instance: str) -> FramerSnapshot | None:
@@ -287,18 +291,16 @@ class Runtime:
 
     def _execute_program(self) -> None:
         self._program_ran = self.running
-        self._changed = self._call() if self.running else ()
-
-    def _call(self) -> Sequence[Instance]:
-        env = self._env
-        return self._call_order.call(env.scan - 1, self._ready_handles or (), env.scan, env.now)
+        env, self.changed = self._env, ()
+        if self.running:
+            ready = self._ready_handles or ()
+            self.changed = tuple(self._call_order.call(env.scan - 1, ready, env.scan, env.now))
 
     def _write_outputs(self) -> None:
-        self.changed = tuple([instance.edge for instance in self._changed])
         self.ledger.write_all(self.changed)
         if self._stopped:
-            stopped = [instance for instance in self._stopped if instance not in self._changed]
-            self.changed += tuple([instance.edge for instance in stopped])
+            told = {edge.instance for edge in self.changed}
+            self.changed += tuple([i.edge for i in self._stopped if i.name not in told])
             self._stopped.clear()
 
     def _service_communication(self) -> None:
@@ -485,6 +487,7 @@ class Runtime:
 
     def close(self) -> None:
         """Free every socket; the run is over."""
+        self._call_order.end_lanes()
         for connection in self._connections.values():
             connection.stop()
         for port in self._ports.values():
@@ -516,6 +519,7 @@ class Runtime:
 
     def _renew_snapshots(self) -> None:
         """Make the snapshots anew of what may have changed; the others stay the same objects."""
+        self._call_order.settle()
         awake = self._call_order.take_awake() | set(self._resources.unsettled)
         for name, instance in self._instances.items():
             if instance.decl.connect in awake:

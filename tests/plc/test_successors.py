@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from trcvtui.net.events import BytesDropped, ConnectionChanged, What
+from trcvtui.net.results import Endpoint, Fault
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.table import parse_line
@@ -368,3 +369,21 @@ def call_all(line: Line, count: int, dice: random.Random) -> None:
         pause = max(0, pause - 1)
         if len(line.received) == count:
             return
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_a_free_port_that_somebody_else_has_taken_meanwhile_is_not_waited_for(kernel: str) -> None:
+    line = Line(RECEIVER, kernel=kernel)
+    line.run(4)
+    had = line.bench.runtime.listening_port("C1")
+    assert had is not None
+    line.do("set R CONT=0")
+    line.run(2)
+    stranger = line.bench._kernel.socket("stranger")
+    assert not isinstance(stranger, Fault)
+    assert line.bench._kernel.bind(stranger, Endpoint("127.0.0.1", had)) is None
+    line.do("set R CONT=1")
+    line.run(4)
+    assert line.bench.runtime.listening_port("C1") not in (None, had)
+    line.bench._kernel.close(stranger)
+    line.close()

@@ -156,10 +156,18 @@ class SetUp:
         if fault is not None:
             return StepFault(SetUpStage.REUSE, fault)
         fault = self._kernel.bind(handle, local)
+        if fault is not None and self._may_take_another_port(fault):
+            self._kept_port, local = 0, self.config.local
+            fault = self._kernel.bind(handle, local)
         if fault is None:
             return None
         stage = SetUpStage.ADDRESS if fault.error == "EADDRNOTAVAIL" else SetUpStage.BIND
         return StepFault(stage, fault, self._hint(fault, local))
+
+    def _may_take_another_port(self, fault: Fault) -> bool:
+        """Return whether somebody else has the free port that this CONNECT had before."""
+        is_kept = not self.config.local.port and self._kept_port
+        return bool(is_kept) and fault.error == "EADDRINUSE" and not fault.injected
 
     def _reuse(self, handle: Handle) -> Fault | None:
         return self._kernel.set_reuse(handle)

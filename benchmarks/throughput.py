@@ -24,7 +24,7 @@ LEAD_IN_NS: Final = 30_000_000  # untimed: until what the other slice left in th
 POLL_S: Final = 0.01
 SETTLE_S: Final = 0.02  # until the sender has filled every socket
 
-Receive = Callable[[int], int]  # for so many ns; the bytes that came
+Receive = Callable[[int], tuple[int, int, int]]  # for so many ns; the bytes that came, ns, of processor time
 
 
 def measure(effort: Effort) -> Iterator[Figure]:
@@ -86,10 +86,8 @@ class _Slices:
 
     def speed(self) -> float:
         self._receive(LEAD_IN_NS)
-        used, began = used_ns(), now_ns()
-        taken = self._receive(SLICE_NS)
-        took = now_ns() - began
-        self._used += used_ns() - used
+        taken, took, used = self._receive(SLICE_NS)
+        self._used += used
         self._taken += taken
         return taken / took
 
@@ -98,10 +96,11 @@ class _Slices:
 
 
 def _engine(plc: ManyReceivers) -> Receive:
-    def receive_for(ns: int) -> int:
-        before = plc.bytes_received()
-        plc.scan_for(ns)
-        return plc.bytes_received() - before
+    def receive_for(ns: int) -> tuple[int, int, int]:
+        before, used = plc.bytes_received(), used_ns()
+        took = plc.scan_for(ns)
+        used = used_ns() - used
+        return plc.bytes_received() - before, took, used
 
     return receive_for
 
@@ -115,12 +114,14 @@ def _bare(sockets: Sequence[socket.socket], size: int) -> Iterator[Receive]:
         for fd in of:
             poller.register(fd, select.EPOLLIN)
 
-        def receive_for(ns: int) -> int:
-            taken, end = 0, now_ns() + ns
-            while now_ns() < end:
+        def receive_for(ns: int) -> tuple[int, int, int]:
+            taken, used = 0, used_ns()
+            began = now = now_ns()
+            while now < began + ns:
                 for fd, _ in poller.poll(POLL_S, len(of)):
                     taken += of[fd].recv_into(views[fd])
-            return taken
+                now = now_ns()
+            return taken, now - began, used_ns() - used
 
         yield receive_for
 

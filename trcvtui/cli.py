@@ -373,7 +373,7 @@ def _add_run(parser: _Parser) -> None:
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
-    parser.add_argument("--read-only", action="store_true", help="look, command nothing")
+    parser.add_argument("--read-only", action="store_true", help="show only, give no commands")
     _add_theme(parser, argparse.SUPPRESS)
 
 
@@ -383,7 +383,7 @@ def _add_serve(parser: _Parser) -> None:
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--port", type=int, default=0, help="on 127.0.0.1; default 0: any that is free")
     parser.add_argument("--write", action="store_true", help="let the browser command the bench")
-    parser.add_argument("--as-root", action="store_true", help="root may use --write")
+    parser.add_argument("--as-root", action="store_true", help="allow --write when run as root")
     _add_theme(parser, argparse.SUPPRESS)
 
 

@@ -1,6 +1,6 @@
 """Which vendor's rules: STATUS words, switches, limits, layout. Tables, hardly any code.
 
-A new vendor is one module that fills in a Dialect, and one line in DIALECTS.
+A new vendor is one folder whose `rules.py` fills in a Dialect, and one line in DIALECTS.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def _add_type(parser: argparse.ArgumentParser, formats: Sequence[str] = (), twic
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
     layout = "default: baosky, of a Siemens source s7-standard"
     if twice:
-        layout += "; twice: ours and theirs, as of --type and of every option down to --string-even"
+        layout += "; twice: ours, then theirs; so with --type and each option down to --string-even"
     parser.add_argument("--type", metavar="NAME", help="may be left out when the file holds one type", **one)
     parser.add_argument("--layout", metavar="NAME", help=layout, **one)
     parser.add_argument("--byte-order", metavar="little|big", help="default: that of the layout", **one)

@@ -61,7 +61,7 @@ class Generator:
             collected = len(self.bench.runtime.partial("X"))
             enabled = bool(self.bench.runtime.inputs("X")["EN_R"])
             self.bench.step()
-            self.history.scanned()
+            self.history.catch_up()
             outputs = self.bench.runtime.outputs("X")
             if outputs.done:
                 size = outputs.rcvd_len or 0

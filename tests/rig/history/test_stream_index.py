@@ -112,7 +112,7 @@ def test_a_job_that_was_cut_very_often_costs_no_more_memory() -> None:
     ledger = told(connected(), started(1, 0, 10_000))
     for n in range(2 * KEPT):
         ledger.take([(n, 0, taken(n, 2 * n, 1, instance="TRCV_C_1"))])
-    assert len(ledger._recvs["TRCV_C_1"]) == KEPT
+    assert len(ledger._readings["TRCV_C_1"].reads) == KEPT
     assert ledger.origin("TRCV_C_1", of_job=True, byte=5) is not None
 
 
@@ -121,7 +121,7 @@ def test_what_is_remembered_is_bounded() -> None:
     for n in range(3 * KEPT):
         ledger.take([(n, 0, taken(n, n, 1))])
         ledger.take([(n, 0, PeerSent("P1", n, f"10.0.0.1:{n}", PLC, 0, 1))])
-    assert len(ledger._recvs["TRCV_C_1"]) == KEPT
+    assert len(ledger._readings["TRCV_C_1"].reads) == KEPT
     assert len(ledger._sent) == KEPT_STREAMS
 
 

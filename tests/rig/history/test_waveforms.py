@@ -183,7 +183,7 @@ def test_more_in_one_scan_than_the_ledger_keeps_leaves_nothing_known(monkeypatch
 def test_an_instance_that_does_not_change_costs_nothing() -> None:
     run = connected()
     run.catch_up()
-    record = run.console._waves._records[SENDER]
+    record = run.console._waves.records[SENDER]
     before = record.total
     run.say("peer P1 send random 8 seed=1")
     run.scan(50)

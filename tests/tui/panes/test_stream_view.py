@@ -253,7 +253,7 @@ async def test_16_mib_scroll_from_end_to_end() -> None:
             place = stream.end
             span = JobSpan(place, size, "TRCV_C_1", number, number, number, True, whole=size)
             recvs = (RecvSpan(place, size, number, number, number, place),)
-            jobs._add(stream, ReceivedChunk(span, "C1", 1, content, recvs))
+            jobs._add(stream, ReceivedChunk(place, span.stop, content, ("C1", 1), span, recvs))
         looker.bench.do(f"peer P1 send hex {FRAME.hex()}")
         looker.bench.scan(3)
         await press(looker, "5", "H")

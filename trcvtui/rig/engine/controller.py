@@ -144,11 +144,7 @@ class Controller:
         self.holding = False
         self.wanted = 0
         self._trials = SplitTests()
-        self.session = Session(bench)
-        self._received = JobHistory(bench, StreamIndex())
-        self._history = HistoryReader(self._received)
-        self._trigger_watch = TriggerWatch(bench, self._received)
-        self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
+        self._begin(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
         self._told = ""
         self._edits = ProjectEdits(bench.project)
@@ -159,11 +155,21 @@ class Controller:
         self._project = bench.project
         self._project_number = 0
 
+    def _begin(self, bench: Bench) -> None:
+        """Let all who read the ledger read that of this bench."""
+        self._received = JobHistory(bench, StreamIndex())
+        self._history = HistoryReader(self._received)
+        self._trigger_watch = TriggerWatch(bench, self._received)
+        self._waves = WaveformRecorder(bench, self._received)
+        self.session = Session(bench, self._received, self._waves)
+        self.catch_up = self._received.catch_up
+
     # -- lines -----------------------------------------------------------------------------------------
 
     def take(self, number: int, line: str) -> None:
         """Carry out one line; its answer is in the next picture."""
         self._told = ""
+        self.catch_up()  # who reads the ledger knows the bench as it was up to here
         wrong = self._carry_out(line.strip())
         self._answers.append(Answer(number, line, wrong, self._told))
 
@@ -356,11 +362,8 @@ class Controller:
         self._edits.begin()
 
     def _enter(self, bench: Bench) -> None:
-        self.bench, self.player, self.session = bench, None, Session(bench)
-        self._received = JobHistory(bench, StreamIndex())
-        self._history = HistoryReader(self._received)
-        self._trigger_watch = TriggerWatch(bench, self._received)
-        self._waves = WaveformRecorder(bench.runtime.ledger, bench.project)
+        self.bench, self.player = bench, None
+        self._begin(bench)
         self.holding, self.wanted = False, 0
         self._trials = SplitTests()
         self._bench_number += 1
@@ -375,16 +378,20 @@ class Controller:
         return player is not None and simulated and player.is_to_end and player.wants_scan
 
     def scan(self, now: int | None = None) -> bool:
-        """Let the next scan pass, if it may; return whether it has."""
+        """Let the next scan pass, if it may, and let everybody read what it has written."""
+        passed = self.step(now)
+        self.catch_up()
+        return passed
+
+    def step(self, now: int | None = None) -> bool:
+        """Let the next scan pass, if it may; return whether it has. Who reads the ledger does so later."""
         if not self._may_scan():
             return False
         self.bench.step(now)
-        self._waves.read(self.bench.project)
-        self._received.scanned()
-        self.session.scanned()
-        fired = self._trigger_watch.scanned()
-        if fired is not None and fired.holds:
-            self.holding, self.wanted = True, 0
+        if self._trigger_watch.is_armed:
+            fired = self._trigger_watch.scanned()
+            if fired is not None and fired.holds:
+                self.holding, self.wanted = True, 0
         if self.player is not None:
             self.player.scanned()
         self._trials.scanned()

@@ -78,6 +78,7 @@ def _tell(channel: Channel, last_words: str | UserError) -> None:
 SPARE_NS: Final = 150_000  # the screen is left alone so long before a scan: one piece of work, and the sleep
 GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes more, waits longer (EEVDF)
 STEP_NS: Final = 4_000_000  # between two looks at the channel where scans are rare; the rest before a scan
+READ_NS: Final = 100_000_000  # nothing is left unread for longer
 MOST_MESSAGES: Final = 64  # that are taken at once
 MOST_GAPS: Final = 5  # that a picture waits for a gap with enough room
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
@@ -104,7 +105,7 @@ class Engine:
         self._timing = Punctuality(self._mode)
         if self._timing_file:
             self._timing.keep_every()
-        self._start = self._due = clock.now_ns()
+        self._start = self._due = self._read_at = clock.now_ns()
 
     def run(self) -> None:
         """Scan at every deadline; serve the screen in between."""
@@ -122,7 +123,7 @@ class Engine:
 
     def _scan(self) -> None:
         began = clock.now_ns()
-        if self._controller.scan(began - self._start if self._bench.kernel_name == "live" else None):
+        if self._controller.step(began - self._start if self._bench.kernel_name == "live" else None):
             ended = clock.now_ns()
             self._timing.scanned(self._due, began, ended, self._interval)
         else:
@@ -143,6 +144,7 @@ class Engine:
         The engine wakes by the clock alone, and not shortly before a scan: a process that has just run is no
         longer entitled to the processor at once, the scan would begin 0.5 to 2.5 ms late (seen with perf).
         """
+        self._read_ledger()
         self._take_messages()
         self._deliver(self._due - SPARE_NS)
         while self._due - (now := clock.now_ns()) > 2 * STEP_NS:
@@ -150,6 +152,13 @@ class Engine:
             clock.sleep_until(now + STEP_NS)
             self._take_messages()
             self._deliver(self._due - SPARE_NS)
+
+    def _read_ledger(self) -> None:
+        """Let everybody read what was written; some of it at least, all of it every READ_NS."""
+        now = clock.now_ns()
+        is_long_ago = now > self._read_at + READ_NS
+        if self._controller.catch_up(None if is_long_ago else max(now, self._due - SPARE_NS)):
+            self._read_at = now
 
     def _take_messages(self) -> None:
         for _ in range(MOST_MESSAGES):

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from trcvtui.blocks.pins import Pin
 from trcvtui.errors import UserError, mistake
-from trcvtui.plc.ledger import Event, InputEdge, Line
+from trcvtui.plc.ledger import Event, InputEdge, Line, event_of
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
@@ -247,7 +247,8 @@ class TriggerWatch:
         self._bench = bench
         self._history = history
         self._statistics = LinkStatistics(history.index)
-        self._seq = 0  # of the last line that was read
+        history.lost.append(self._statistics.lose)
+        self._seq = 0  # of the last line that was read while a trigger is armed
         self._told = 0  # of the last line that a picture has brought
         self._kept: _Kept | None = None
 
@@ -255,19 +256,23 @@ class TriggerWatch:
         """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError."""
         trigger = read_trigger(text, self._bench.project, where)
         self.trigger.arm(trigger)
+        self._seq = self._bench.runtime.ledger.last_seq
         if trigger is None:
             return "no trigger is armed"
         again = "; it is so already and fires when it becomes so again"
         return f"armed{again if self.trigger.is_so_already else ''}"
 
+    @property
+    def is_armed(self) -> bool:
+        """Return whether `scanned` has to look after each scan."""
+        return self.trigger.armed is not None
+
     def scanned(self) -> Fired | None:
         """Read what the last scan has written; return the trigger that fired in it."""
         ledger = self._bench.runtime.ledger
-        written = ledger.stamped_since(self._seq)
+        written = ledger.raw_since(self._seq)
         self._seq = ledger.last_seq
-        if self.trigger.armed is None:
-            return None
-        fired = self.trigger.scanned(event for _, _, event in written)
+        fired = self.trigger.scanned(event_of(item) for item in written if item[2] is InputEdge)
         if fired is not None:
             self._kept = self._keep(fired)
         return fired
@@ -295,7 +300,7 @@ class TriggerWatch:
 
     def facts(self, instances: tuple[str, ...]) -> tuple[tuple[str, Facts], ...]:
         """Return what is known of these instances."""
-        self._history.scanned()  # peers and commands write between scans too
+        self._history.catch_up()
         declared = map(self._bench.project.instance, instances)
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
 

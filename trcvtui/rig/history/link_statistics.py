@@ -7,9 +7,9 @@ Rule 2: what is dropped from the ledger before they have read it is missing here
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.environment import JobEnded
@@ -94,12 +94,12 @@ class LinkStatistics:
         self._index = index
         self._links: dict[str, _LinkFacts] = {}
         self._refusals: dict[str, StatusEdge] = {}  # the last ERROR of each instance
-        self._idle: set[str] = set()
+        self._busy: set[str] = set()  # the instances that are not idle
+        self._has_datagrams = False
         self._asked: dict[str, Moment] = {}  # since when each instance has not been idle
+        index.ends[False].append(self._job_ended)
         index.listen(
             {
-                BytesReceived: self._bytes,
-                JobEnded: self._job_ended,
                 ConnectionChanged: self._connection,
                 StatusEdge: self._status,
                 BenchNote: self._note,
@@ -108,14 +108,15 @@ class LinkStatistics:
 
     # -- what is written --------------------------------------------------------------------------------
 
-    def _bytes(self, scan: int, t_ns: int, event: BytesReceived) -> None:
-        link = self._links.get(event.connection) or self._link(event.connection)
-        if link.datagrams is not None:
+    def _bytes(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        link = self._links.get(event[0])
+        if link is not None and link.datagrams is not None:
             link.datagrams.count += 1
-            link.datagrams.last.append(event.size)
+            link.datagrams.last.append(event[4])
 
-    def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
-        if event.done or not event.size:
+    def _job_ended(self, seq: int, scan: int, t_ns: int, fields: Sequence[Any]) -> None:
+        event = JobEnded._make(fields)
+        if not event.size:
             return
         link, started = self._link(event.connection), self._index.started(event.instance)
         is_adhoc = started is not None and started.adhoc
@@ -126,7 +127,7 @@ class LinkStatistics:
         need = started.size if started is not None else 0
         link.drop = Drop(Moment(scan, t_ns), event.instance, event.reason, event.size, need, end)
 
-    def _connection(self, scan: int, t_ns: int, event: ConnectionChanged) -> None:
+    def _connection(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
         link, at = self._link(event.connection), Moment(scan, t_ns)
         if event.what is What.CONNECTED:
             link.incarnation = event.incarnation
@@ -147,6 +148,9 @@ class LinkStatistics:
             link.listening, link.down_since = event.local, at
             if event.detail == "UDP":
                 link.datagrams, link.down_since = _Datagrams(at), None
+                if not self._has_datagrams:
+                    self._has_datagrams = True
+                    self._index.listen({BytesReceived: self._bytes})
         elif event.what is What.CONNECTING:
             link.down_since = link.down_since or at
             link.is_built()
@@ -182,7 +186,7 @@ class LinkStatistics:
         link.attempt = FailedAttempt(at, replace(cause, detail=event.detail), said=said.why if said else "")
         link.dropped = None
 
-    def _note(self, scan: int, t_ns: int, event: BenchNote) -> None:
+    def _note(self, seq: int, scan: int, t_ns: int, event: BenchNote) -> None:
         """Keep what became of a handshake; who names a TSAP that nobody has, asked all who listen there."""
         link = self._links.get(event.subject)
         if link is None or event.what not in (DROPPED, SESSION_ENDED):
@@ -195,14 +199,21 @@ class LinkStatistics:
             if one is link or (one.listening and one.listening == link.listening):
                 one.said = one.dropped = said
 
-    def _status(self, scan: int, t_ns: int, event: StatusEdge) -> None:
+    def _status(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
         if event.outputs.error:
             self._refusals[event.instance] = event
         if event.condition in IDLE:
-            self._idle.add(event.instance)
-        elif event.instance not in self._asked or event.instance in self._idle:
-            self._idle.discard(event.instance)
+            self._busy.discard(event.instance)
+        elif event.instance not in self._busy:
+            self._busy.add(event.instance)
             self._asked[event.instance] = Moment(scan, t_ns)
+
+    def lose(self, seq: int, scan: int, t_ns: int) -> None:
+        """Forget everything: lines were overwritten before they were read."""
+        self._links.clear()
+        self._refusals.clear()
+        self._busy.clear()
+        self._asked.clear()
 
     def _link(self, connect: str) -> _LinkFacts:
         link = self._links.get(connect)

@@ -39,6 +39,7 @@ class HistoryReader:
 
     def window(self, request: HistoryRequest) -> HistoryWindow:
         """Return what was asked for; a window that lies outside is moved to what is kept."""
+        self._history.catch_up()
         self._history.watched = request.connect
         stream = self._history.streams.get(request.connect, _NOTHING)
         size = max(0, min(request.size, MOST_WINDOW))
@@ -61,13 +62,14 @@ class HistoryReader:
         recvs: list[RecvSpan] = []
         messages: list[MessageSpan] = []
         for chunk in stream.from_position(start):
-            if chunk.span.position >= stop:
+            if chunk.position >= stop:
                 break
             if len(jobs) >= MOST_SPANS:
-                return jobs, recvs, messages, chunk.span.position
+                return jobs, recvs, messages, chunk.position
             jobs.append(chunk.span)
-            place = bisect_right(chunk.recvs, start, key=_STOP)
-            while place < len(chunk.recvs) and (recv := chunk.recvs[place]).position < stop:
+            known = chunk.recvs
+            place = bisect_right(known, start, key=_STOP)
+            while place < len(known) and (recv := known[place]).position < stop:
                 if max(len(recvs), len(messages)) >= MOST_SPANS:
                     return jobs, recvs, messages, recv.position
                 _append(recvs, recv)
@@ -82,8 +84,7 @@ class HistoryReader:
         position = max(recv.position, window[0])
         offset = recv.offset + position - recv.position
         size = min(recv.stop, window[1]) - position
-        link = chunk.connect, chunk.incarnation
-        for found in self._history.index.messages_within(link, offset, size, position):
+        for found in self._history.index.messages_within(chunk.link, offset, size, position):
             last = messages[-1] if messages else None
             if last is not None and _goes_on(last, found):
                 messages[-1] = last._replace(size=last.size + found.size)
@@ -178,7 +179,7 @@ def _before(stream: JobStream, jobs: list[JobSpan], start: int, stop: int) -> li
 
 def _job_at(stream: JobStream, position: int | None) -> tuple[int, bytes] | None:
     chunk = stream.at(position) if position is not None else None
-    return (chunk.span.position, chunk.content[:MOST_JOB]) if chunk is not None else None
+    return (chunk.position, chunk.content[:MOST_JOB]) if chunk is not None else None
 
 
 def _before_data(stream: JobStream, asked: tuple[str, int, int] | None) -> Before | None:

@@ -1,11 +1,13 @@
 """The bytes received so far, 16 MiB of them: each with its job or frame, recv call, message and scan.
 
-Rule 1: only what the ledger tells is kept; DATA is read after the scan in which a job has written it.
+Rule 1: only what the ledger tells is kept; DATA is read before the next scan, or its values are not kept.
 Rule 2: after one scan at most COPY_A_SCAN bytes are copied, and those of the CONNECT that is looked at; of
 more the labels are kept without the values. A flood costs the next scan nothing that it would miss.
 Rule 3: a block on a ComBuffer delivers one frame a scan at most, so after each scan its framer and its data
 still hold the bytes that the lines of the ledger are about.
 Rule 4: all of it is bounded: bytes, jobs and recv calls; the oldest job goes first, whoever's it was.
+Rule 5: the ledger is read once for all readers (`index.listen`), in the gaps between scans, some lines at a
+time. What was overwritten before that is told to all of them, and guessed by nobody.
 """
 
 from __future__ import annotations
@@ -13,9 +15,8 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.environment import (
     BytesArrived,
@@ -27,27 +28,67 @@ from trcvtui.blocks.environment import (
 )
 from trcvtui.blocks.framing import Ending
 from trcvtui.net.events import BytesDropped
-from trcvtui.plc.ledger import Event
+from trcvtui.plc.ledger import WHOLE, Stamped
+from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.project import Project
+from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.history.records import JobSpan, Moment, RecvSpan
-from trcvtui.rig.history.stream_index import JobRecord, StreamIndex
+from trcvtui.rig.history.stream_index import Link, Listener, StreamIndex
 
-_STOP = attrgetter("span.stop")
-_START = attrgetter("span.position")
+_STOP = attrgetter("stop")
+_START = attrgetter("position")
 _COMPACT: Final = 1024  # forgotten chunks that stay in the list until it is cut
 _MOST_STEPS: Final = 256  # back to the job before: one instance among very many on a CONNECT
 
 
-@dataclass(frozen=True, slots=True)
-class ReceivedChunk:
-    """One job, or one stretch of dropped bytes. `content` is empty where the values are not kept."""
+class ReceivedChunk(NamedTuple):
+    """One job, or one stretch of dropped bytes. `content` is empty where the values are not kept.
 
-    span: JobSpan
-    connect: str
-    incarnation: int
+    Its span and recv calls are put together when somebody looks: a job comes bare, with scan, time, reason.
+    """
+
+    position: int
+    stop: int
     content: bytes
-    recvs: tuple[RecvSpan, ...]
+    link: Link
+    told: JobSpan | tuple[int, int, str, Sequence[Any]]  # the last are the fields of JobEnded
+    reads: Sequence[tuple[int, int, int, int, int, int]]  # RecvSpans, those of a bare job not placed
+
+    @property
+    def done(self) -> bool:
+        """Return whether the bytes went to DATA."""
+        return self.told.done if isinstance(self.told, JobSpan) else True
+
+    @property
+    def instance(self) -> str:
+        """Return whose they are."""
+        told = self.told
+        return told.instance if isinstance(told, JobSpan) else str(told[3][0])
+
+    @property
+    def span(self) -> JobSpan:
+        """Return it without its bytes."""
+        told = self.told
+        if isinstance(told, JobSpan):
+            return told
+        scan, t_ns, reason, (instance, job, _, _, _, size, _, _) = told
+        is_kept = bool(self.content) or not (size or reason)
+        return JobSpan(self.position, size, instance, job, scan, t_ns, True, reason, is_kept, whole=size)
+
+    @property
+    def recvs(self) -> tuple[RecvSpan, ...]:
+        """Return the recv calls at their positions: the bytes of a job are theirs, one after the other."""
+        if isinstance(self.told, JobSpan):
+            return tuple(map(RecvSpan._make, self.reads))
+        found: list[RecvSpan] = []
+        position = self.position
+        for _, whole, number, scan, t_ns, offset in self.reads:
+            size = min(whole, self.stop - position)
+            if size > 0:
+                found.append(RecvSpan(position, size, number, scan, t_ns, offset))
+                position += size
+        return tuple(found)
 
 
 class JobStream:
@@ -61,12 +102,12 @@ class JobStream:
     @property
     def begin(self) -> int:
         """Return the position of the oldest byte that is kept."""
-        return self._chunks[self._first].span.position if self._first < len(self._chunks) else self.end
+        return self._chunks[self._first].position if self._first < len(self._chunks) else self.end
 
     def add(self, chunk: ReceivedChunk) -> None:
         """Append a chunk at the end."""
         self._chunks.append(chunk)
-        self.end = chunk.span.stop
+        self.end = chunk[1]
 
     def forget_oldest(self) -> ReceivedChunk:
         """Drop the oldest chunk."""
@@ -86,7 +127,7 @@ class JobStream:
     def at(self, position: int) -> ReceivedChunk | None:
         """Return the chunk that holds a position."""
         chunk = next(self.from_position(position), None)
-        return chunk if chunk is not None and chunk.span.position <= position else None
+        return chunk if chunk is not None and chunk.position <= position else None
 
     def newest_first(self, position: int) -> Iterator[ReceivedChunk]:
         """Return the chunks that begin before a position, the newest first."""
@@ -97,7 +138,7 @@ class JobStream:
     def job_before(self, position: int, instance: str) -> ReceivedChunk | None:
         """Return the job of an instance that ended with DONE before the chunk at `position`."""
         for steps, chunk in enumerate(self.newest_first(position)):
-            if chunk.span.done and chunk.span.instance == instance:
+            if chunk.done and chunk.instance == instance:
                 return chunk
             if steps > _MOST_STEPS:
                 break
@@ -110,8 +151,8 @@ class JobStream:
         """
         chunks = self.from_position(position) if is_forward else self.newest_first(position)
         for chunk in chunks:
-            if chunk.span.done is is_done and (not is_forward or chunk.span.position > position):
-                return chunk.span.position
+            if chunk.done is is_done and (not is_forward or chunk.position > position):
+                return chunk.position
         return None
 
     def runs(self, start: int, stop: int) -> list[tuple[int, bytes]]:
@@ -119,7 +160,7 @@ class JobStream:
         found: list[tuple[int, list[bytes]]] = []
         reached = -1
         for chunk in self.from_position(start):
-            begin = chunk.span.position
+            begin = chunk.position
             if begin >= stop:
                 break
             if not chunk.content:
@@ -127,7 +168,7 @@ class JobStream:
             if begin != reached:
                 found.append((max(begin, start), []))
             found[-1][1].append(chunk.content[max(0, start - begin) : stop - begin])
-            reached = chunk.span.stop
+            reached = chunk.stop
         return [(place, b"".join(parts)) for place, parts in found]
 
 
@@ -138,50 +179,128 @@ COPY_A_SCAN: Final = 512 * 1024
 DROPPED_SHOWN: Final = 256  # of many dropped bytes so many stand in the stream
 NOT_KEPT: Final = "values not kept: more than 512 KiB in one scan"
 OVERWRITTEN: Final = "values not kept: overwritten in the same scan by"
+TOO_LATE: Final = "values not kept: read too late"
+LOST: Final = "jobs before this one were overwritten in the ledger before they were read"
+NOTHING: Final = b"", TOO_LATE
+LINES_A_STEP: Final = 64  # between two looks at the clock
 
 
 class JobHistory:
-    """Reads the ledger after each scan. One stream a CONNECT."""
+    """Reads the ledger in the gaps between scans, for all who listen. One stream a CONNECT."""
 
     def __init__(self, bench: Bench, index: StreamIndex) -> None:
         self.index = index
         self.streams: dict[str, JobStream] = {}
         self.watched = ""  # the CONNECT whose bytes are always kept
+        self.lost: list[Callable[[int, int, int], None]] = [self._lose]  # told seq, scan, time before a loss
         self._bench = bench
-        self._seq = 0
+        self._news: list[Stamped] = []
+        self._read = 0  # of them
+        self._seq = 0  # of the last of them
+        self._at = 0, 0  # scan and time of the last line that was read
         self._order: deque[JobStream] = deque()
         self._bytes = self._recvs = 0
         self._drops: dict[str, list[BytesDropped]] = {}  # by instance: what its running job has to drop
         self._project: Project | None = None
         self._data: dict[str, str] = {}
-        self._copied = 0
-        self._last: dict[str, JobEnded] = {}  # of this scan: by DATA, whose bytes stand there
-        index.listen({BytesDropped: self._dropped, JobEnded: self._job_ended})
-        self._frames = FrameHistory(bench, lambda name, chunk: self._add(self._stream(name), chunk))
+        self._taken = 0  # the last line whose DATA was looked at
+        self._contents: dict[int, tuple[bytes, str]] = {}  # by line: bytes of DATA, or why there are none
+        self._unknown: set[str] | None = None  # CONNECTs that have told jobs since the last loss; None: none
+        index.listen({BytesDropped: self._dropped})
+        index.ends[True] += [self._delivered, self._job_ended]
+        index.ends[False].append(self._job_ended)
+        self._frames = FrameHistory(bench, lambda n, chunk: self._add(self._stream(n), chunk), self._end_of)
+        index.listen(self._frames.listeners)
 
-    def scanned(self) -> None:
-        """Take what the scan that has just passed has written into the ledger, and the DATA of its jobs."""
-        ledger = self._bench.runtime.ledger
-        if ledger.last_seq == self._seq:
-            return
-        written = ledger.stamped_since(self._seq)
-        self._seq, self._copied = ledger.last_seq, 0
-        self._note_last(event for _, _, event in written)
-        self.index.take(written)
-        if self._bench.project.combuffers:
-            self._frames.scanned(written, self._end_of)
+    def catch_up(self, until: int | None = None) -> bool:
+        """Read what was written since the last time, up to `until` on the clock; return whether that is all.
+
+        The bytes of DATA come first: the next scan may overwrite them.
+        """
+        ledger, listeners = self._bench.runtime.ledger, self.index.listeners
+        if self._taken != ledger.last_seq:
+            self._take_data()
+        while True:
+            if self._read == len(self._news):
+                if self._seq == ledger.last_seq:
+                    self._forget()
+                    return True
+                self._fetch()
+            first, stop = self._read, len(self._news)
+            if until is not None:
+                stop = min(stop, first + LINES_A_STEP)
+            seq = self._seq - len(self._news) + first
+            for item in self._news[first:stop]:
+                seq += 1
+                interested = listeners.get(item[2])
+                if interested is not None:
+                    event = item[3] if len(item) == WHOLE else item[3:]
+                    for listener in interested:
+                        listener(seq, item[0], item[1], event)
+            self._read, self._at = stop, self._news[stop - 1][:2]
+            if until is not None and clock.now_ns() >= until:
+                self._forget()
+                return self._read == len(self._news) and self._seq == ledger.last_seq
+
+    def _fetch(self) -> None:
+        """Take the lines that are still there; tell all who listen when some were overwritten."""
+        ledger, before = self._bench.runtime.ledger, self._seq
+        self._news, self._read, self._seq = ledger.raw_since(before), 0, ledger.last_seq
+        first = self._seq - len(self._news) + 1
+        if first > before + 1:
+            self._contents = {seq: kept for seq, kept in self._contents.items() if seq >= first}
+            self.index.lose()
+            for lost in self.lost:
+                lost(first - 1, *self._at)
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        self._drops.clear()
+        self._frames.lose()
+        self._unknown = set()
+
+    def _forget(self) -> None:
         while self._bytes > MOST_BYTES or self._recvs > MOST_RECVS or len(self._order) > MOST_JOBS:
-            self._forget_oldest()
+            oldest = self._order.popleft().forget_oldest()
+            self._bytes -= len(oldest.content)
+            self._recvs -= len(oldest.reads)
 
-    def _note_last(self, events: Iterable[Event]) -> None:
-        self._last.clear()
-        for event in events:
-            if isinstance(event, JobEnded) and event.done:
-                self._last[self._data_of(event.instance)] = event
+    # -- the bytes of DATA -----------------------------------------------------------------------------
+
+    def _take_data(self) -> None:
+        """Take the bytes of the jobs of the last scan; those before it may be overwritten by now."""
+        runtime = self._bench.runtime
+        news, scan = runtime.ledger.raw_since(self._taken), runtime.scans
+        self._taken = runtime.ledger.last_seq
+        first = self._taken - len(news) + 1
+        ended = [
+            (seq, self._data_of(event[0]), event)
+            for seq, item in enumerate(news, first)
+            if item[2] is JobEnded
+            and item[0] == scan
+            and (event := item[3] if len(item) == WHOLE else item[3:])[6]
+        ]
+        last = {name: (seq, event[0]) for seq, name, event in ended}
+        copied = 0
+        for seq, name, event in ended:
+            if last[name][0] != seq:
+                self._contents[seq] = b"", f"{OVERWRITTEN} {last[name][1]}"
+                continue
+            if event[2] != self.watched:
+                copied += event[5]
+                if copied > COPY_A_SCAN:
+                    self._contents[seq] = b"", NOT_KEPT
+                    continue
+            self._contents[seq] = runtime.data(name, event[5]), ""
+
+    def _data_of(self, instance: str) -> str:
+        if self._project is not self._bench.project:
+            self._project = self._bench.project
+            self._data.update({decl.name: decl.data for decl in self._project.instances if decl.data})
+        return self._data[instance]
 
     # -- the ledger's lines ----------------------------------------------------------------------------
 
-    def _dropped(self, scan: int, t_ns: int, event: BytesDropped) -> None:
+    def _dropped(self, seq: int, scan: int, t_ns: int, event: BytesDropped) -> None:
         """Take bytes that never reach DATA; those of a running job stand after what it delivers."""
         reader = self.index.reader_of((event.connection, event.incarnation), event.offset)
         if reader is not None:
@@ -189,39 +308,23 @@ class JobHistory:
         else:
             self._add_drop(event, Moment(scan, t_ns))
 
-    def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
-        job = self.index.ended(event.instance)
-        if event.done:
-            self._deliver(event, job)
-        for drop in self._drops.pop(event.instance, ()):
-            self._add_drop(drop, job.at, event.instance, event.job, job.recvs)
+    def _delivered(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        instance, _, connect, incarnation, _, size, _, _ = event
+        content, reason = self._contents.pop(seq, NOTHING)
+        if self._unknown is not None and connect not in self._unknown:
+            self._unknown.add(connect)
+            reason = "; ".join(filter(None, (reason, LOST)))
+        stream = self.streams.get(connect) or self._stream(connect)
+        begin, reads = stream.end, self.index.reads(instance)
+        fields = begin, begin + size, content, (connect, incarnation), (scan, t_ns, reason, event), reads
+        self._add(stream, tuple.__new__(ReceivedChunk, fields))
 
-    def _deliver(self, event: JobEnded, job: JobRecord) -> None:
-        stream = self._stream(event.connection)
-        content, reason = self._content(event)
-        span = JobSpan(
-            stream.end, event.size, event.instance, event.job, job.at.scan, job.at.t_ns, True, reason,
-            is_kept=not reason, whole=event.size,
-        )  # fmt: skip
-        self._add(stream, ReceivedChunk(span, *job.link, content, _placed(job.recvs, span)))
-
-    def _content(self, event: JobEnded) -> tuple[bytes, str]:
-        """Return the job's bytes, or why they are not kept."""
-        name = self._data_of(event.instance)
-        last = self._last[name]
-        if last is not event:
-            return b"", f"{OVERWRITTEN} {last.instance}"
-        if event.connection != self.watched:
-            self._copied += event.size
-            if self._copied > COPY_A_SCAN:
-                return b"", NOT_KEPT
-        return self._bench.runtime.data(name, event.size), ""
-
-    def _data_of(self, instance: str) -> str:
-        if self._project is not self._bench.project:
-            self._project = self._bench.project
-            self._data.update({decl.name: decl.data for decl in self._project.instances if decl.data})
-        return self._data[instance]
+    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        """Put what a job had to drop after what it has delivered."""
+        if self._drops:
+            for drop in self._drops.pop(event[0], ()):
+                job = self.index.ended(event[0])
+                self._add_drop(drop, job.at, event[0], event[1], job.recvs)
 
     def _add_drop(
         self,
@@ -242,7 +345,8 @@ class JobHistory:
         )  # fmt: skip
         parts = _overlapping(recvs, offset, span)
         unread = (RecvSpan(stream.end, size, 0, at.scan, at.t_ns, offset),)
-        self._add(stream, ReceivedChunk(span, event.connection, event.incarnation, b"", parts or unread))
+        link = event.connection, event.incarnation
+        self._add(stream, ReceivedChunk(span.position, span.stop, b"", link, span, parts or unread))
 
     def _end_of(self, name: str) -> int:
         return self._stream(name).end
@@ -255,25 +359,8 @@ class JobHistory:
     def _add(self, stream: JobStream, chunk: ReceivedChunk) -> None:
         stream.add(chunk)
         self._order.append(stream)
-        self._bytes += len(chunk.content)
-        self._recvs += len(chunk.recvs)
-
-    def _forget_oldest(self) -> None:
-        oldest = self._order.popleft().forget_oldest()
-        self._bytes -= len(oldest.content)
-        self._recvs -= len(oldest.recvs)
-
-
-def _placed(recvs: Iterable[RecvSpan], job: JobSpan) -> tuple[RecvSpan, ...]:
-    """Return the recv calls of a job at their positions: its bytes are theirs, one after the other."""
-    found: list[RecvSpan] = []
-    position = job.position
-    for recv in recvs:
-        size = min(recv.size, job.stop - position)
-        if size > 0:
-            found.append(RecvSpan(position, size, recv.number, recv.scan, recv.t_ns, recv.offset))
-            position += size
-    return tuple(found)
+        self._bytes += len(chunk[2])
+        self._recvs += len(chunk[5])
 
 
 def _overlapping(recvs: Iterable[RecvSpan], offset: int, drop: JobSpan) -> tuple[RecvSpan, ...]:
@@ -292,51 +379,61 @@ def _overlapping(recvs: Iterable[RecvSpan], offset: int, drop: JobSpan) -> tuple
 
 MOST_ARRIVALS: Final = 4096  # of one ComBuffer that were not read yet
 LOST_SHOWN: Final = 256
+UNKNOWN: Final = -1
 NOISE: Final = "noise before the prefix"
 FRAME_NOT_KEPT: Final = "values not kept"
 UNUSUAL: Final = {Ending.GAP: "ended by a gap", Ending.OVERRUN: "size reached, no suffix"}
-NOTES: Final = (BytesArrived, FrameEnded, NoiseDropped, PartDropped, BytesLost)
 
 
 class FrameHistory:
     """Hands each frame and each stretch of dropped bytes to `add`, with the name of its ComBuffer."""
 
-    def __init__(self, bench: Bench, add: Callable[[str, ReceivedChunk], None]) -> None:
-        self._bench = bench
-        self._add = add
+    def __init__(
+        self, bench: Bench, add: Callable[[str, ReceivedChunk], None], end_of: Callable[[str], int]
+    ) -> None:
+        self._bench, self._add, self._end_of = bench, add, end_of
         self._arrived: dict[str, deque[RecvSpan]] = {}  # the newest chunks of each line, in its own offsets
         self._read: dict[str, int] = {}  # the place in the ComBuffer after what the stream has
         self._arrivals: dict[str, int] = {}
         self._frames: dict[str, int] = {}  # by instance
-        self._copied = 0
-        self._end_of: Callable[[str], int] = lambda name: 0
+        self._copied = self._scan = 0
 
-    def scanned(self, written: Iterable[tuple[int, int, Event]], end_of: Callable[[str], int]) -> None:
-        """Take the ledger's lines of a scan; `end_of` tells where a stream ends."""
-        self._copied, self._end_of = 0, end_of
-        for scan, t_ns, event in written:
-            match event:
-                case BytesArrived():
-                    self._note(event, scan, t_ns)
-                case FrameEnded():
-                    self._frame(event, scan, t_ns)
-                case NoiseDropped(instance, buffer, size, _):
-                    content = self._kept(instance, "noise", size)
-                    self._drop(buffer, instance, size, NOISE, content, (scan, t_ns))
-                case PartDropped(instance, buffer, offset, size, reason):
-                    self._read[buffer] = offset
-                    content = self._kept(instance, "dropped", size)
-                    self._drop(buffer, instance, size, f"incomplete, {reason}", content, (scan, t_ns))
-                case BytesLost(buffer, _, size, reason):
-                    self._drop(buffer, "", size, reason, b"", (scan, t_ns), in_line=False)
+        self.listeners: dict[type, Listener] = {
+            BytesArrived: self._note,
+            FrameEnded: self._frame,
+            NoiseDropped: self._noise,
+            PartDropped: self._part,
+            BytesLost: self._lost,
+        }
 
-    def _note(self, event: BytesArrived, scan: int, t_ns: int) -> None:
-        number = self._arrivals[event.buffer] = self._arrivals.get(event.buffer, 0) + 1
-        known = self._arrived.setdefault(event.buffer, deque(maxlen=MOST_ARRIVALS))
-        known.append(RecvSpan(0, event.size, number, scan, t_ns, event.offset))
+    def lose(self) -> None:
+        """Forget which bytes came when: lines about them were overwritten."""
+        self._arrived.clear()
+        self._read = dict.fromkeys(self._read, UNKNOWN)
 
-    def _frame(self, event: FrameEnded, scan: int, t_ns: int) -> None:
-        framer, content = self._bench.runtime.framer(event.instance), self._content(event)
+    def _note(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        buffer, offset, size = event
+        number = self._arrivals[buffer] = self._arrivals.get(buffer, 0) + 1
+        known = self._arrived.setdefault(buffer, deque(maxlen=MOST_ARRIVALS))
+        known.append(RecvSpan(0, size, number, scan, t_ns, offset))
+
+    def _noise(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        instance, buffer, size, _ = event
+        self._drop(buffer, instance, size, NOISE, self._kept(scan, instance, "noise", size), (scan, t_ns))
+
+    def _part(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        instance, buffer, offset, size, reason = event
+        self._read[buffer] = offset
+        content = self._kept(scan, instance, "dropped", size)
+        self._drop(buffer, instance, size, f"incomplete, {reason}", content, (scan, t_ns))
+
+    def _lost(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        buffer, _, size, reason = event
+        self._drop(buffer, "", size, reason, b"", (scan, t_ns), in_line=False)
+
+    def _frame(self, seq: int, scan: int, t_ns: int, fields: Sequence[Any]) -> None:
+        event = FrameEnded._make(fields)
+        framer, content = self._framer(scan, event.instance), self._content(scan, event)
         number = self._frames[event.instance] = self._frames.get(event.instance, 0) + 1
         marks = framer.last if framer is not None else None
         reason = UNUSUAL.get(marks.ending, "") if marks is not None else ""
@@ -348,18 +445,25 @@ class FrameHistory:
             is_frame=True,
         )  # fmt: skip
         recvs = self._taken(event.buffer, event.size, position, event.size)
-        self._add(event.buffer, ReceivedChunk(span, event.buffer, 0, content, recvs))
+        chunk = ReceivedChunk(position, span.stop, content, (event.buffer, 0), span, recvs)
+        self._add(event.buffer, chunk)
 
-    def _content(self, event: FrameEnded) -> bytes:
+    def _framer(self, scan: int, instance: str) -> FramerSnapshot | None:
+        """Return the framer as the scan has left it; None: another scan has passed since."""
+        return self._bench.runtime.framer(instance) if scan == self._bench.runtime.scans else None
+
+    def _content(self, scan: int, event: FrameEnded) -> bytes:
         decl = self._bench.project.instance(event.instance)
+        if scan != self._scan:
+            self._scan, self._copied = scan, 0
         self._copied += event.size
-        if decl is None or decl.data is None or self._copied > COPY_A_SCAN:
+        is_late = scan != self._bench.runtime.scans
+        if decl is None or decl.data is None or is_late or self._copied > COPY_A_SCAN:
             return b""
         return self._bench.runtime.data(decl.data, event.size)
 
-    def _kept(self, instance: str, what: str, size: int) -> bytes:
-        framer = self._bench.runtime.framer(instance)
-        kept = getattr(framer, what, b"")
+    def _kept(self, scan: int, instance: str, what: str, size: int) -> bytes:
+        kept = getattr(self._framer(scan, instance), what, b"")
         return bytes(kept[-size:])
 
     def _drop(
@@ -379,11 +483,13 @@ class FrameHistory:
             position, shown, instance, 0, *when, False, reason, is_kept=bool(content), whole=size,
         )  # fmt: skip
         recvs = self._taken(buffer, size, position, shown) if in_line else ()
-        self._add(buffer, ReceivedChunk(span, buffer, 0, content, recvs))
+        self._add(buffer, ReceivedChunk(position, span.stop, content, (buffer, 0), span, recvs))
 
     def _taken(self, buffer: str, size: int, position: int, shown: int) -> tuple[RecvSpan, ...]:
         """Return the arrivals of the next `size` bytes, the last `shown` of them from `position` on."""
         start = self._read.get(buffer, 0)
+        if start == UNKNOWN:
+            return ()
         stop = self._read[buffer] = start + size
         first, known = stop - shown, self._arrived.get(buffer, deque())
         found: list[RecvSpan] = []

@@ -1,6 +1,7 @@
 """Which message, recv call, job and scan holds a byte of a received stream: kept once, asked by everybody.
 
 The index reads the lines of the ledger; others that read them along (`listen`) are told each one after it.
+All that a line costs at once is a note of its fields: records are made of them when somebody asks.
 Rule 1: what the ledger did not tell (lines skipped, a partner that is no peer here) is left out, not guessed.
 Rule 2: two ends can meet again on a later connection; the peer's stream then begins with byte 0 again.
 Each incarnation of the CONNECT has the messages of its own connection only.
@@ -26,10 +27,13 @@ KEPT_SIZES: Final = 40
 KEPT_GAPS: Final = 8
 
 Stamped = tuple[int, int, Event]  # scan, time in ns
-Listener = Callable[[int, int, Any], None]
+Listener = Callable[[int, int, int, Any], None]  # seq, scan, time in ns, the event or its bare fields
 Ends = tuple[str, str]  # the peer's, then that of the CONNECT
 Link = tuple[str, int]  # CONNECT, incarnation
 _Told = tuple[int, int, int, str]  # offset, size, number, peer
+_Read = tuple[int, int, int, int, int, int]  # the fields of a RecvSpan, its position 0
+_Began = tuple[int, int, tuple[Any, ...]]  # scan, time, the fields of JobStarted
+_Ended = tuple[int, int, tuple[Any, ...], "_Began | None", list[_Read]]  # JobEnded, how it began, its reads
 _LAST: Final = (1 << 62, 0, "")
 
 
@@ -40,8 +44,8 @@ class _Sent:
         self.told: list[_Told] = []
         self.forgotten = 0
 
-    def add(self, event: PeerSent, keep: int) -> None:
-        self.told.append((event.offset, event.size, event.message, event.peer))
+    def add(self, told: _Told, keep: int) -> None:
+        self.told.append(told)
         if len(self.told) > keep:
             del self.told[: keep // 2]
             self.forgotten += keep // 2
@@ -105,6 +109,30 @@ class JobRecord(NamedTuple):
         return found if found and not missing else [(self.offset, self.size)]  # lines of it were skipped
 
 
+class _InstanceReads:
+    """What one instance has read, in bare fields: its running job and those that ended last."""
+
+    __slots__ = ("began", "delivered", "ended", "link", "reads", "runs")
+
+    def __init__(self) -> None:
+        self.began: _Began | None = None
+        self.runs = False
+        self.reads: list[_Read] = []  # of the running job
+        self.link: Link = "", 0  # where it read these
+        self.ended: _Ended | None = None
+        self.delivered: _Ended | None = None
+
+
+class _Arrived:
+    """What a connection has received: the byte that comes next, and what arrived between two pauses."""
+
+    __slots__ = ("bursts", "incarnation", "offset")
+
+    def __init__(self) -> None:
+        self.bursts = StreamBursts()
+        self.incarnation = self.offset = 0
+
+
 class Origin(NamedTuple):
     """What is known of one byte; None is not known. `message.first` is its place in the message."""
 
@@ -123,41 +151,46 @@ class StreamIndex:
         self._claimed: dict[Ends, int] = {}
         self._links: dict[Link, tuple[Ends, int]] = {}
         self._incarnations: dict[str, int] = {}
-        self._next: dict[str, tuple[int, int]] = {}  # by CONNECT: incarnation, the byte that comes next
-        self._bursts: dict[str, StreamBursts] = {}
-        self._recvs: dict[str, deque[RecvSpan]] = {}  # by instance, of the running job
-        self._reads: dict[str, Link] = {}  # where it reads these
-        self._started: dict[str, JobRecord] = {}
-        self._running: dict[str, JobRecord] = {}
-        self._ended: dict[str, JobRecord] = {}
-        self._delivered: dict[str, JobRecord] = {}
-        self._listeners: dict[type, list[Listener]] = {
+        self._received: dict[str, _Arrived] = {}  # by CONNECT
+        self._readings: dict[str, _InstanceReads] = {}  # by instance
+        self.listeners: dict[type, list[Listener]] = {
             PeerSent: [self._message_sent],
             BytesReceived: [self._bytes_received],
             JobStarted: [self._job_started],
             JobEnded: [self._job_ended],
             ConnectionChanged: [self._connection_noted],
         }
+        self.ends: dict[bool, list[Listener]] = {True: [], False: []}  # told of JobEnded with DONE, without
 
     def listen(self, listeners: Mapping[type, Listener]) -> None:
         """Tell these of each event of their type, after the index has it."""
         for kind, listener in listeners.items():
-            self._listeners.setdefault(kind, []).append(listener)
+            self.listeners.setdefault(kind, []).append(listener)
 
     # -- what is written --------------------------------------------------------------------------------
 
     def take(self, stamped: Iterable[Stamped]) -> None:
         """Read what was written, oldest first."""
-        listeners = self._listeners
+        listeners = self.listeners
         for scan, t_ns, event in stamped:
             for listener in listeners.get(type(event), ()):
-                listener(scan, t_ns, event)
+                listener(0, scan, t_ns, event)
 
-    def _message_sent(self, scan: int, t_ns: int, event: PeerSent) -> None:
-        ends = event.local, event.remote
+    def lose(self) -> None:
+        """Forget what lines that nobody has read can have changed: nothing of it is guessed."""
+        self._received.clear()
+        self._readings.clear()
+        self._sent.clear()
+        self._links.clear()
+        self._incarnations.clear()
+        self._claimed = dict(self._newest)  # who meets again begins a new stream
+
+    def _message_sent(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        peer, message, local, remote, offset, size = event
+        ends = local, remote
         turn = self._newest.get(ends, 0)
         sent = self._sent.get((ends, turn))
-        if sent and event.offset <= sent.told[-1][0]:
+        if sent and offset <= sent.told[-1][0]:
             turn += 1
             sent = None
         if sent is None:
@@ -166,9 +199,9 @@ class StreamIndex:
                 del self._sent[next(iter(self._sent))]
             self._newest[ends] = turn
             sent = self._sent.setdefault((ends, turn), _Sent())
-        sent.add(event, self._kept_messages)
+        sent.add((offset, size, message, peer), self._kept_messages)
 
-    def _connection_noted(self, scan: int, t_ns: int, event: ConnectionChanged) -> None:
+    def _connection_noted(self, seq: int, scan: int, t_ns: int, event: ConnectionChanged) -> None:
         if event.what is not What.CONNECTED:
             return
         ends = event.peer, event.local
@@ -179,38 +212,48 @@ class StreamIndex:
         if len(self._links) > KEPT_LINKS:
             del self._links[next(iter(self._links))]
         self._incarnations[event.connection] = event.incarnation
-        self._bursts[event.connection] = StreamBursts()
+        self._link(event.connection).bursts = StreamBursts()
 
-    def _bytes_received(self, scan: int, t_ns: int, event: BytesReceived) -> None:
-        self._next[event.connection] = event.incarnation, event.offset + event.size
-        bursts = self._bursts.get(event.connection)
-        if bursts is None:
-            bursts = self._bursts[event.connection] = StreamBursts()
-        bursts.note(scan, t_ns, event.size)
-        recvs = self._recvs.get(event.instance)
-        if recvs is None:
-            recvs = self._recvs[event.instance] = deque(maxlen=self._kept_recvs)
-        recvs.append(RecvSpan(0, event.size, event.recv, scan, t_ns, event.offset))
-        self._reads[event.instance] = event.connection, event.incarnation
+    def _link(self, connect: str) -> _Arrived:
+        link = self._received.get(connect)
+        if link is None:
+            link = self._received[connect] = _Arrived()
+        return link
 
-    def _job_started(self, scan: int, t_ns: int, event: JobStarted) -> None:
-        at = Moment(scan, t_ns)
-        link = event.connection, event.incarnation
-        job = JobRecord(event.job, link, event.offset, event.length, event.adhoc, at, at)
-        self._started[event.instance] = self._running[event.instance] = job
-        self._recvs.pop(event.instance, None)
+    def _reading(self, instance: str) -> _InstanceReads:
+        reading = self._readings.get(instance)
+        if reading is None:
+            reading = self._readings[instance] = _InstanceReads()
+        return reading
 
-    def _job_ended(self, scan: int, t_ns: int, event: JobEnded) -> None:
-        at = Moment(scan, t_ns)
-        begun = self._running.pop(event.instance, None)
-        job = JobRecord(
-            event.job, (event.connection, event.incarnation), event.offset, event.size,
-            begun.adhoc if begun else False, begun.began if begun else at, at,
-            self._recvs.pop(event.instance, ()),
-        )  # fmt: skip
-        self._ended[event.instance] = job
-        if event.done:
-            self._delivered[event.instance] = job
+    def _bytes_received(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        connection, incarnation, recv, offset, size, instance = event
+        link = self._received.get(connection) or self._link(connection)
+        link.incarnation, link.offset = incarnation, offset + size
+        link.bursts.note(scan, t_ns, size)
+        reading = self._readings.get(instance) or self._reading(instance)
+        reading.link = connection, incarnation
+        reads = reading.reads
+        reads.append((0, size, recv, scan, t_ns, offset))
+        if len(reads) > self._kept_recvs:
+            del reads[0]
+
+    def _job_started(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        reading = self._readings.get(event[0]) or self._reading(event[0])
+        reading.began = scan, t_ns, tuple(event)
+        reading.runs = True
+        reading.reads = []
+
+    def _job_ended(self, seq: int, scan: int, t_ns: int, event: Sequence[Any]) -> None:
+        instance, _, _, _, _, _, done, _ = event
+        reading = self._readings.get(instance) or self._reading(instance)
+        begun = reading.began if reading.runs else None
+        reading.ended = scan, t_ns, tuple(event), begun, reading.reads
+        reading.runs, reading.reads = False, []
+        if done:
+            reading.delivered = reading.ended
+        for listener in self.ends[done]:
+            listener(seq, scan, t_ns, event)
 
     # -- which message holds a byte ---------------------------------------------------------------------
 
@@ -254,37 +297,50 @@ class StreamIndex:
 
     def next_byte(self, connect: str, incarnation: int) -> int:
         """Return the offset of the byte that comes next, 0 before the first of this incarnation."""
-        known, offset = self._next.get(connect, (incarnation, 0))
-        return offset if known == incarnation else 0
+        link = self._received.get(connect)
+        return link.offset if link is not None and link.incarnation == incarnation else 0
 
     def bursts(self, connect: str) -> StreamBursts:
         """Return the bursts of the present connection."""
-        return self._bursts.get(connect) or StreamBursts()
+        link = self._received.get(connect)
+        return link.bursts if link is not None else StreamBursts()
 
     # -- jobs -------------------------------------------------------------------------------------------
 
     def started(self, instance: str) -> JobRecord | None:
         """Return the job that an instance began last, also after its end."""
-        return self._started.get(instance)
+        reading = self._readings.get(instance)
+        return _begun(reading.began) if reading is not None and reading.began is not None else None
+
+    def reads(self, instance: str) -> list[_Read]:
+        """Return the bare recv calls of the job that ended last; none where not all of them are known."""
+        ended = self._readings[instance].ended
+        return ended[4] if ended is not None and ended[3] is not None else []
 
     def ended(self, instance: str) -> JobRecord:
         """Return the job of an instance that ended last."""
-        return self._ended[instance]
+        ended = self._readings[instance].ended
+        assert ended is not None
+        return _record(ended)
 
     def reader_of(self, link: Link, offset: int) -> str | None:
         """Return the instance whose running job has a byte of a connection."""
-        for instance, recvs in self._recvs.items():
-            if self._reads[instance] == link and _covering(recvs, offset) is not None:
+        for instance, reading in self._readings.items():
+            if reading.link == link and _covering(_spans(reading.reads), offset) is not None:
                 return instance
         return None
 
     def _pieces(self, instance: str, of_job: bool) -> tuple[JobRecord, list[tuple[int, int]]] | None:
         """Return the running job, or the one that filled DATA, and its pieces of the stream."""
-        job = (self._running if of_job else self._delivered).get(instance)
-        if job is None:
+        reading = self._readings.get(instance)
+        if reading is None:
             return None
-        if of_job:
-            job = job._replace(recvs=self._recvs.get(instance, ()))
+        if of_job and reading.runs and reading.began is not None:
+            job = _begun(reading.began)._replace(recvs=_spans(reading.reads))
+        elif not of_job and reading.delivered is not None:
+            job = _record(reading.delivered)
+        else:
+            return None
         is_known = len(job.recvs) < self._kept_recvs
         return job, job.pieces(of_job) if is_known else [(job.offset, job.size)]
 
@@ -323,6 +379,25 @@ class StreamIndex:
     def _is_present(self, link: Link) -> bool:
         """Return whether this is the connection that stands, or stood last."""
         return self._incarnations.get(link[0]) == link[1]
+
+
+def _record(ended: _Ended) -> JobRecord:
+    scan, t_ns, (_, number, connection, incarnation, offset, size, _, _), began, reads = ended
+    begun, at = _begun(began) if began is not None else None, Moment(scan, t_ns)
+    return JobRecord(
+        number, (connection, incarnation), offset, size,
+        begun.adhoc if begun else False, begun.began if begun else at, at, _spans(reads),
+    )  # fmt: skip
+
+
+def _spans(reads: list[_Read]) -> tuple[RecvSpan, ...]:
+    return tuple(map(RecvSpan._make, reads))
+
+
+def _begun(began: _Began) -> JobRecord:
+    scan, t_ns, (_, number, connection, incarnation, offset, length, adhoc) = began
+    at = Moment(scan, t_ns)
+    return JobRecord(number, (connection, incarnation), offset, length, adhoc, at, at)
 
 
 def _covering(recvs: Iterable[RecvSpan], offset: int) -> RecvSpan | None:

@@ -1,6 +1,6 @@
 """The recorder of the timing pane: every change of every pin, kept where the scans pass.
 
-Rule 1: it reads the ledger after each scan, so no frame of the screen and no flood can lose a pulse.
+Rule 1: it is told every line of the ledger, so no frame of the screen and no flood can lose a pulse.
 Rule 2: what had to be dropped is known: the news says what every pin was before its first change.
 Rule 3: an instance that does not change costs nothing; a change costs about a microsecond.
 """
@@ -8,15 +8,17 @@ Rule 3: an instance that does not change costs nothing; a change costs about a m
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import islice
 from typing import Final
 
 from trcvtui.blocks.pins import Direction
 from trcvtui.blocks.table import shown_by
-from trcvtui.plc.ledger import BenchNote, InputEdge, Ledger, StatusEdge
+from trcvtui.plc.ledger import BenchNote, InputEdge, StatusEdge
 from trcvtui.project.project import InstanceDecl, Project
+from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.history.pin_waveform import NO_PINS, KnownPins, PinChange, PinValues, WaveformDelta, pins_of
+from trcvtui.rig.history.received import JobHistory
 
 KEPT_CHANGES: Final = 32_768  # of one instance, where there are few: 7 MB
 KEPT_IN_ALL: Final = 500_000
@@ -26,101 +28,127 @@ CREATED, DELETED, DOWNLOADED = "created", "deleted", "downloaded"
 NOTED: Final = frozenset({CREATED, DELETED, DOWNLOADED})
 
 
-class _Record:
-    """The changes of one instance, the oldest dropped first: what they did stays in `before`."""
+BareChange = tuple[int, int, int, StatusEdge | InputEdge | KnownPins]  # the fields of a PinChange
+
+
+class PinRecord:
+    """The changes of one instance, the oldest dropped first: what they did is in `before`."""
 
     def __init__(self, before: PinValues, keep: int) -> None:
-        self.before = dict(before)
+        self._before = dict(before)
+        self._edge: StatusEdge | None = None  # the last one that was dropped, not yet in `_before`
         self.before_at = 0, 0  # scan and time
         self.total = 0
         self._keep = keep
-        self._changes: deque[PinChange] = deque()
+        self._changes: deque[BareChange] = deque()
+        self.on_drop: Callable[[BareChange], None] | None = None  # told of each change that is dropped
 
-    def add(self, change: PinChange) -> None:
+    def add(self, change: BareChange) -> None:
         self.total += 1
-        self._changes.append(change)
-        if len(self._changes) > self._keep:
-            dropped = self._changes.popleft()
-            self.before.update(pins_of(dropped.event))
-            self.before_at = dropped.scan, dropped.t_ns
+        changes = self._changes
+        changes.append(change)
+        if len(changes) > self._keep:
+            dropped = changes.popleft()
+            _, scan, t_ns, event = dropped
+            self.before_at = scan, t_ns
+            if event.__class__ is StatusEdge:
+                self._edge = event
+            else:
+                self.before().update(pins_of(event))
+            if self.on_drop is not None:
+                self.on_drop(dropped)
+
+    def before(self) -> dict[str, int | None]:
+        """Return what each pin was after the last change that was dropped."""
+        if self._edge is not None:
+            self._before.update(pins_of(self._edge))
+            self._edge = None
+        return self._before
 
     def pins(self) -> list[str]:
-        return list(self.before)
+        return list(self._before)
+
+    @property
+    def kept(self) -> int:
+        """Return how many changes are kept, the newest ones."""
+        return len(self._changes)
+
+    def after(self, number: int, most: int = KEPT_CHANGES) -> list[BareChange]:
+        """Return the oldest `most` of the kept changes after `number`."""
+        kept = len(self._changes)
+        fresh = min(kept, self.total - number)
+        if fresh < kept // 2:
+            return [*islice(reversed(self._changes), fresh)][::-1][:most]
+        return list(islice(self._changes, kept - fresh, kept - fresh + most))
 
     def since(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:
         """Return the oldest `most` changes after `number`, and the number of the first of them."""
-        dropped = self.total - len(self._changes)
-        skip = min(len(self._changes), max(0, number - dropped))
-        if skip > len(self._changes) // 2:
-            newest = islice(reversed(self._changes), len(self._changes) - skip)
-            found = list(newest)[::-1][:most]
-        else:
-            found = list(islice(self._changes, skip, skip + most))
-        return dropped + skip + 1, tuple(found)
+        first = max(number, self.total - len(self._changes)) + 1
+        found = self.after(number, most)
+        return min(first, self.total + 1), tuple([tuple.__new__(PinChange, change) for change in found])
 
 
 class WaveformRecorder:
-    """The record of each instance of one bench. `read` belongs after every scan."""
+    """The record of each instance of one bench."""
 
-    def __init__(self, ledger: Ledger, project: Project) -> None:
-        self._ledger = ledger
-        self._seen = 0
+    def __init__(self, bench: Bench, history: JobHistory) -> None:
+        self._bench, self._history = bench, history
+        project = bench.project
         self._keep = _kept(len(project.instances))
-        self._records = {
-            decl.name: _Record(_first_pins(decl, project), self._keep) for decl in project.instances
+        self.records = {
+            decl.name: PinRecord(_first_pins(decl, project), self._keep) for decl in project.instances
         }
+        self._renewed: dict[str, BareChange] = {}  # who was downloaded in a scan, and not called in it so far
+        self._renewed_in = 0
+        history.index.listen({StatusEdge: self._edge, InputEdge: self._input, BenchNote: self._note})
+        history.lost.append(self._lose)
 
-    def read(self, project: Project) -> None:
-        """Take what the ledger has got since the last time; `project` knows the instances of now."""
-        ledger, seen = self._ledger, self._seen
-        if ledger.last_seq == seen:
-            return
-        self._seen = ledger.last_seq
-        fresh = ledger.stamped_since(seen)
-        if self._seen - len(fresh) > seen:
-            self._lose(self._seen - len(fresh))
-        renewed: dict[str, PinChange] = {}
-        for number, (scan, t_ns, event) in enumerate(fresh, self._seen - len(fresh) + 1):
-            kind = type(event)
-            if kind is StatusEdge or kind is InputEdge:
-                record = self._records.get(event.instance)  # type: ignore[union-attr]
-                if record is not None:
-                    record.add(PinChange(number, scan, t_ns, event))  # type: ignore[arg-type]
-                    if renewed and kind is StatusEdge:
-                        renewed.pop(event.instance, None)  # type: ignore[union-attr]
-            elif kind is BenchNote and event.what in NOTED:  # type: ignore[union-attr]
-                self._note(number, scan, t_ns, event, project, renewed)  # type: ignore[arg-type]
-        for name, change in renewed.items():
-            self._records[name].add(change)
+    def _edge(self, seq: int, scan: int, t_ns: int, event: StatusEdge) -> None:
+        if self._renewed:
+            self._settle(scan)
+            self._renewed.pop(event.instance, None)
+        record = self.records.get(event.instance)
+        if record is not None:
+            record.add((seq, scan, t_ns, event))
 
-    def _note(
-        self,
-        number: int,
-        scan: int,
-        t_ns: int,
-        note: BenchNote,
-        project: Project,
-        renewed: dict[str, PinChange],
-    ) -> None:
+    def _input(self, seq: int, scan: int, t_ns: int, event: InputEdge) -> None:
+        if self._renewed:
+            self._settle(scan)
+        record = self.records.get(event.instance)
+        if record is not None:
+            record.add((seq, scan, t_ns, event))
+
+    def _note(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
         """An instance begins, ends, or is new: no edge tells its pins, unless it is called at once."""
+        if note.what not in NOTED:
+            return
+        self._settle(scan)
+        project = self._bench.project
         name, decl = note.subject, project.instance(note.subject)
         if note.what == CREATED and decl is not None:
             first = _first_pins(decl, project)
-            record = self._records.setdefault(name, _Record(_unknown(dict(first)), self._keep))
-            record.add(PinChange(number, scan, t_ns, KnownPins(first)))
-        elif name in self._records:
-            record = self._records[name]
+            record = self.records.setdefault(name, PinRecord(_unknown(dict(first)), self._keep))
+            record.add((seq, scan, t_ns, KnownPins(first)))
+        elif name in self.records:
+            record = self.records[name]
             if note.what == DELETED:
-                record.add(PinChange(number, scan, t_ns, KnownPins(_unknown(record.pins()))))
+                record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
             else:
                 dark = tuple((pin, 0) for pin in record.pins() if shown_by(pin))
-                renewed[name] = PinChange(number, scan, t_ns, KnownPins(dark))
+                self._renewed[name], self._renewed_in = (seq, scan, t_ns, KnownPins(dark)), scan
 
-    def _lose(self, seq: int) -> None:
-        """More came in one scan than the ledger keeps: nobody can say what the pins did."""
-        for record in self._records.values():
-            unknown = KnownPins(_unknown(record.pins()))
-            record.add(PinChange(seq, self._ledger.scan, self._ledger.t_ns, unknown))
+    def _settle(self, scan: int) -> None:
+        """Let who was downloaded before this scan, and not called in that one, be dark since then."""
+        if self._renewed and scan > self._renewed_in:
+            for name, change in self._renewed.items():
+                self.records[name].add(change)
+            self._renewed.clear()
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        """Nobody can say what the pins have done since this scan."""
+        self._renewed.clear()
+        for record in self.records.values():
+            record.add((seq, scan, t_ns, KnownPins(_unknown(record.pins()))))
 
     def news(
         self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
@@ -129,13 +157,15 @@ class WaveformRecorder:
 
         `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
         """
-        record = self._records.get(instance)
+        self._history.catch_up()
+        self._settle(now[0] + 1)
+        record = self.records.get(instance)
         if record is None:
             return None
         first, changes = record.since(number, most)
         scan, t_ns, before = 0, 0, NO_PINS
         if number == 0 or first > number + 1:
-            (scan, t_ns), before = record.before_at, tuple(record.before.items())
+            (scan, t_ns), before = record.before_at, tuple(record.before().items())
         is_all = first + len(changes) > record.total
         last = changes[-1] if changes else None
         until = now

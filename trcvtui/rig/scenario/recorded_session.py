@@ -15,6 +15,7 @@ import os
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -31,6 +32,8 @@ from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.patterns import ANY, Atom, Scan
 from trcvtui.rig.commands.table import to_line
+from trcvtui.rig.history.received import JobHistory
+from trcvtui.rig.history.waveform_recorder import BareChange, PinRecord, WaveformRecorder
 
 MOST_COMMANDS: Final = 5000
 MOST_CHARACTERS: Final = 4_000_000
@@ -45,6 +48,10 @@ OF_THE_WIRE: Final = (
 )
 ANYTHING: Final = str(ANY)
 SIMULATED: Final = "sim"
+NEVER: Final = 1 << 62
+DELETED: Final = "deleted"
+ENDS: Final = frozenset({DELETED, "STOP"})  # notes after which an instance, or all, are not called
+BEGINS: Final = frozenset({"created", "declared anew"})
 MOST_NAMED: Final = 3
 MOST_FRAMES: Final = 200  # that are expected one by one; after them the trace alone
 MOST_FRAME: Final = 256  # bytes of each
@@ -58,8 +65,8 @@ class Seen:
 
     def __init__(self, of_the_wire: frozenset[int] = frozenset()) -> None:
         self._of_the_wire = of_the_wire
-        self._first: list[Scan] = []
-        self._newest: deque[Scan] = deque(maxlen=NEWEST_RUNS)
+        self._first: list[Scan | None] = []
+        self._newest: deque[Scan | None] = deque(maxlen=NEWEST_RUNS)
         self._is_cut = False
         self._long: set[int] = set()  # the places of runs that are longer than one scan
         self._scan: Scan | None = None
@@ -71,13 +78,35 @@ class Seen:
             self._long.add(self._count)
             return
         self._scan = scan
-        self._count += 1
-        if len(self._first) < FIRST_RUNS:
+        self._append(scan)
+
+    def __bool__(self) -> bool:
+        """Return whether anything was seen."""
+        return self._count > 0
+
+    @property
+    def is_full(self) -> bool:
+        """Return whether of what comes only the newest runs count."""
+        return self._count > FIRST_RUNS
+
+    def lose(self) -> None:
+        """Say that there may have been any scans here: nobody has read what was shown."""
+        self._scan = None
+        self._append(None)
+
+    def leave_out(self) -> None:
+        """Say that runs between the first and the newest were left out."""
+        self._scan, self._is_cut = None, True
+        self._newest.clear()
+
+    def _append(self, scan: Scan | None) -> None:
+        self._count = count = self._count + 1
+        if count <= FIRST_RUNS:
             self._first.append(scan)
             return
-        if len(self._newest) == NEWEST_RUNS:
+        if count > FIRST_RUNS + NEWEST_RUNS:
             self._is_cut = True
-            self._long.discard(self._count - NEWEST_RUNS)
+            self._long.discard(count - NEWEST_RUNS)
         self._newest.append(scan)
 
     def pattern(self, by_turns: Collection[int] = (), done: Collection[int] = ()) -> str:
@@ -89,8 +118,8 @@ class Seen:
         atoms = [*self._atoms(self._first, 1), *[ANY] * self._is_cut, *newest]
         return " ".join(map(str, _any_number(atoms, by_turns, done) if by_turns else atoms))
 
-    def _atoms(self, scans: list[Scan] | deque[Scan], place: int) -> list[Atom]:
-        return [self._atom(scan, at) for at, scan in enumerate(scans, place)]
+    def _atoms(self, scans: Iterable[Scan | None], place: int) -> list[Atom]:
+        return [ANY if scan is None else self._atom(scan, at) for at, scan in enumerate(scans, place)]
 
     def _atom(self, scan: Scan, at: int) -> Atom:
         return Atom(scan, 1, at in self._long or scan[0] in self._of_the_wire)
@@ -144,10 +173,26 @@ class Entry:
     is_frame: bool = False
 
 
-class Session:
-    """One bench from its first scan on; `note` what was carried out, `scanned` after each scan."""
+class _Shown:
+    """What one instance shows: `now` since its last edge, and once more when it is called in scan `again`.
 
-    def __init__(self, bench: Bench) -> None:
+    `read`: so many changes of its pins were looked at.
+    """
+
+    __slots__ = ("again", "interval", "is_lost", "now", "read", "seen")
+
+    def __init__(self, seen: Seen, interval: int) -> None:
+        self.seen, self.interval = seen, interval
+        self.now: Scan = 0, False
+        self.again = NEVER
+        self.is_lost = False
+        self.read = 0
+
+
+class Session:
+    """One bench from its first scan on; `note` what was carried out, the ledger tells what was seen."""
+
+    def __init__(self, bench: Bench, history: JobHistory, waves: WaveformRecorder) -> None:
         self._bench = bench
         rules = bench.project.rules
         codes = (rules.status, *rules.status_of.values())
@@ -157,9 +202,17 @@ class Session:
         self._peers_by_the_clock = False  # by commands; those of the project are known from it
         self._entries: list[Entry] = []
         self._characters = self._frames = 0
-        self._seen: dict[str, Seen] = {}
+        self._waves = waves
+        self._shown: dict[str, _Shown] = {}
         self.commands = 0
         self.marked_at = 0
+        self._catch_up = history.catch_up
+        history.index.listen({BenchNote: self._noted})
+        if bench.kernel_name == SIMULATED:
+            history.index.listen({StatusEdge: self._expect_frame})
+        history.lost.append(self._lose)
+        for name in waves.records:
+            self._new(name)
 
     def note(self, command: words.BenchCommand, line: str) -> None:
         """Keep a command that was carried edge."""
@@ -174,13 +227,15 @@ class Session:
         if not self.is_overfull:
             self._add(text)
 
-    def _add(self, line: str, traced: str = "", is_frame: bool = False) -> None:
-        self._entries.append(Entry(self._bench.runtime.scans, line, traced, is_frame))
+    def _add(self, line: str, traced: str = "", frame_in: int | None = None) -> None:
+        scan = self._bench.runtime.scans if frame_in is None else frame_in
+        self._entries.append(Entry(scan, line, traced, frame_in is not None))
 
     def _expect(self, instance: str) -> None:
-        seen = self._seen.pop(instance, None)
-        if seen is not None:
-            self._add(self._trace(instance, seen, self.outsiders().connects), instance)
+        showing = self._up_to_now().get(instance)
+        if showing is not None and showing.seen:
+            self._add(self._trace(instance, showing.seen, self.outsiders().connects), instance)
+            self._new(instance)
 
     @property
     def is_by_the_clock(self) -> bool:
@@ -215,40 +270,120 @@ class Session:
         """Return whether there were more commands than are kept."""
         return self.commands > MOST_COMMANDS or self._characters > MOST_CHARACTERS
 
-    def scanned(self) -> None:
-        """Keep what the scan that has just passed shows."""
-        for edge in self._bench.runtime.called:
-            seen = self._seen.get(edge.instance)
-            if seen is None:
-                seen = self._seen[edge.instance] = Seen(self._of_the_wire)
-            seen.add((edge.outputs.status, edge.outputs.error))
-            if edge.outputs.done and block_row(edge.block).on_buffer:
-                self._expect_frame(edge)
+    def _new(self, instance: str) -> _Shown:
+        """Begin anew with an instance: what its pins did up to now does not count."""
+        record = self._waves.records[instance]
+        showing = self._shown[instance] = _Shown(Seen(self._of_the_wire), self._interval(instance))
+        showing.read = record.total
+        record.on_drop = partial(self._dropped, showing, record)
+        return showing
 
-    def _expect_frame(self, edge: StatusEdge) -> None:
+    def _dropped(self, showing: _Shown, record: PinRecord, change: BareChange) -> None:
+        """Look at a change that the record of the pins forgets, as long as it is one of the first."""
+        if record.total - record.kept > showing.read:
+            self._look(showing, change)
+            showing.read += 1
+            if showing.seen.is_full:
+                record.on_drop = None
+
+    def _up_to_now(self) -> dict[str, _Shown]:
+        """Return what the instances have shown up to the last scan."""
+        self._catch_up()
+        return self._read(self._bench.runtime.scans)
+
+    def _read(self, until: int) -> dict[str, _Shown]:
+        """Look at what the pins have done up to here, and count the calls up to scan `until`."""
+        for name, record in self._waves.records.items():
+            showing = self._shown.get(name) or self._new(name)
+            changes = record.after(showing.read)
+            if len(changes) < record.total - showing.read:
+                showing.seen.leave_out()
+                showing.again = NEVER
+            for change in changes:
+                self._look(showing, change)
+            showing.read = record.total
+            self._go_on(showing, until)
+        return self._shown
+
+    def _look(self, showing: _Shown, change: BareChange) -> None:
+        """Keep what an instance shows from a scan on; what a STOP makes of it is no call."""
+        _, scan, _, edge = change
+        if not isinstance(edge, StatusEdge) or edge.condition == Condition.NOT_CALLED:
+            return
+        self._go_on(showing, scan - 1)
+        showing.now, showing.is_lost = (edge.outputs.status, edge.outputs.error), False
+        showing.seen.add(showing.now)
+        showing.again = self._call_after(showing, scan)
+
+    def _interval(self, instance: str) -> int:
+        """Return how often an instance is called, in ns."""
+        decl = self._bench.project.instance(instance)
+        task = self._bench.project.task(decl.task) if decl is not None else None
+        return task.interval_ns if task is not None else self._bench.runtime.interval_ns
+
+    def _call_after(self, showing: _Shown, scan: int) -> int:
+        """Return the first scan after this one in which an instance is called."""
+        each = self._bench.runtime.interval_ns
+        if showing.interval == each:
+            return scan + 1
+        due = ((scan - 1) * each // showing.interval + 1) * showing.interval
+        return -(-due // each) + 1
+
+    def _go_on(self, showing: _Shown, until: int) -> None:
+        """Count the calls up to scan `until`, which have changed nothing: one, or more than one."""
+        if showing.again <= until:
+            showing.seen.add(showing.now)
+            if self._call_after(showing, showing.again) <= until:
+                showing.seen.add(showing.now)
+            showing.again = self._call_after(showing, until)
+
+    def _noted(self, seq: int, scan: int, t_ns: int, note: BenchNote) -> None:
+        """After a STOP nobody is called; a fresh instance tells its first call by an edge."""
+        if note.what not in ENDS and note.what not in BEGINS:
+            return
+        for name, showing in self._read(scan - 1).items():
+            if note.what in BEGINS:
+                showing.interval = self._interval(name)
+            elif note.what != DELETED or note.subject == name:
+                showing.again = NEVER
+
+    def _lose(self, seq: int, scan: int, t_ns: int) -> None:
+        for showing in self._read(scan).values():
+            showing.seen.lose()
+            showing.is_lost, showing.again = True, NEVER
+
+    def _expect_frame(self, seq: int, scan: int, t_ns: int, edge: StatusEdge) -> None:
         """Keep what a frame has brought: outputs, and its first bytes; in real time the scan is another."""
+        if not edge.outputs.done or not block_row(edge.block).on_buffer or self._frames >= MOST_FRAMES:
+            return
         decl = self._bench.project.instance(edge.instance)
-        if self._frames >= MOST_FRAMES or self._bench.kernel_name != SIMULATED or decl is None:
+        if decl is None:
             return
         self._frames += 1
         shown = ((pin.name, getattr(edge.outputs, pin.shows)) for pin in block_row(edge.block).outputs)
         pins = " ".join(f"{pin}={int(value)}" for pin, value in shown if value is not None)
-        self._add(f"expect {edge.instance} {pins}", is_frame=True)
-        content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data else b""
+        self._add(f"expect {edge.instance} {pins}", frame_in=scan)
+        is_late = scan != self._bench.runtime.scans  # DATA may have the next frame already
+        content = self._bench.runtime.data(decl.data, MOST_FRAME) if decl.data and not is_late else b""
         size = (
             content.find(0) + 1 if edge.outputs.rcvd_len is None else edge.outputs.rcvd_len
         )  # a text: with its byte 00
         if content[:size]:
-            self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", is_frame=True)
+            self._add(f"expect {decl.data} hex {content[:size].hex(' ')}", frame_in=scan)
 
     def mark(self) -> None:
         """Begin the expectations anew from here."""
+        before = dict(self._up_to_now())
         here = [instance.name for instance in self._bench.project.instances]
         kept = [e for e in self._entries if e.traced not in here and not e.is_frame]
         self._entries, self._frames = [_without_judgement(e) for e in kept], 0
         for instance in here:
             self._add(f"expect {instance} trace {ANYTHING}", instance)
-        self._seen.clear()
+        for name, showing in before.items():
+            fresh = self._new(name)
+            fresh.now, fresh.again, fresh.is_lost = showing.now, showing.again, showing.is_lost
+            if fresh.is_lost:
+                fresh.seen.lose()
         self.marked_at = self._bench.runtime.scans
 
     def steps(self) -> Iterator[str]:
@@ -264,8 +399,9 @@ class Session:
             yield entry.line
         yield from _let_pass(self._bench.runtime.scans - passed)
         outside = self.outsiders().connects
-        for instance, seen in self._seen.items():
-            yield self._trace(instance, seen, outside)
+        for instance, showing in self._up_to_now().items():
+            if showing.seen:
+                yield self._trace(instance, showing.seen, outside)
 
 
 def _let_pass(scans: int) -> Iterator[str]:

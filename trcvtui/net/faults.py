@@ -193,8 +193,11 @@ class FaultyKernel:
         """Return the handles that the last poll saw, with their owners; None: a fault may hit any of all."""
         if self.plan.active or self._held:
             return None
-        owners = self._owners
-        return {handle: owners[handle] for handle in self._ready() if handle in owners}
+        ready, owners = self._ready(), self._owners
+        try:
+            return dict(zip(ready, map(owners.__getitem__, ready), strict=True))
+        except KeyError:  # a peer's handle is in the poll set, too
+            return {handle: owners[handle] for handle in ready if handle in owners}
 
     def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
         """Set the options; return the names of those that this system refused."""

@@ -41,12 +41,14 @@ class CallOrder:
         self._places: dict[str, list[int]] = {connect: [] for connect in connects}
         for place, (_, _, connect) in enumerate(self._entries):
             self._places[connect].append(place)
+        self._without = {connect for connect, places in self._places.items() if not places}
         self._awake = set(self._places)
         self._order: list[int] = []  # the places of the CONNECTs in `_ordered`
         self._ordered: set[str] = set()
         self._ledger = ledger
         self._lanes: list[Lane | None] = [None] * len(self._entries)  # by place
         self._laned: set[int] = set()
+        self.lane_handles: set[Handle] = set()  # of connections that lanes read
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
@@ -74,15 +76,18 @@ class CallOrder:
                 lane.settle()
                 self._lanes[place] = None
                 self._laned.discard(place)
+                self.lane_handles.discard(lane.handle)
 
     def call(self, turn: int, ready: Container[Handle], scan: int, now: int) -> list[StatusEdge]:
         """Call who is awake and due, in call order; return the edges of those whose outputs changed."""
         changed: list[StatusEdge] = []
-        awake, due = set(), self._due_intervals(turn)
+        due = None if self._one_task else self._due_intervals(turn)
         entries, lanes = self._entries, self._lanes
+        asleep: set[str] = set()
+        awake: set[str] = set()  # beside an instance that sleeps, another one on the same CONNECT
         for place in self._in_order():
             instance, interval, connect = entries[place]
-            if interval not in due:
+            if due is not None and interval not in due:
                 awake.add(connect)
                 continue
             lane = lanes[place]
@@ -91,17 +96,16 @@ class CallOrder:
                 if edge is not None:
                     if edge:
                         changed.append(edge)  # type: ignore[arg-type]
-                    if lane.step != COLLECTS:
-                        awake.add(connect)
+                    if lane.step == COLLECTS:
+                        asleep.add(connect)
                     continue
                 self.end_lanes(connect)
             if instance.scan():
                 changed.append(instance.edge)
                 if instance.edge.outputs.done:
                     self._begin_lane(place, instance, connect)
-            if not instance.asleep:
-                awake.add(connect)
-        self._awake = awake
+            (asleep if instance.asleep else awake).add(connect)
+        self._awake = self._awake - (asleep - awake) - self._without
         return changed
 
     def _begin_lane(self, place: int, instance: Instance, connect: str) -> None:
@@ -110,6 +114,7 @@ class CallOrder:
         self._lanes[place] = lane = lane_of(instance, self._ledger)
         if lane is not None:
             self._laned.add(place)
+            self.lane_handles.add(lane.handle)
 
     def take_awake(self) -> set[str]:
         """Return the CONNECTs on which anything can have changed since the last time that this was asked."""

@@ -54,7 +54,6 @@ class Lane:
         "_dones",
         "_first",
         "_full",
-        "_handle",
         "_have",
         "_incarnation",
         "_instance",
@@ -69,6 +68,7 @@ class Lane:
         "_recvs",
         "_shown",
         "_since",
+        "handle",
         "step",
     )
 
@@ -77,7 +77,7 @@ class Lane:
     ) -> None:
         assert job.data is not None
         connection = job.connection
-        self._instance, self._job, self._handle, self._direct = instance, job, handle, direct
+        self._instance, self._job, self.handle, self._direct = instance, job, handle, direct
         self._connection, self._data, self._buffers = connection, job.data, job.buffers
         self._incarnation, self._name, self._need = connection.incarnation, connection.config.name, job.need
         self._ledger, self._read, self._shown = ledger, direct.read, instance.name
@@ -93,16 +93,22 @@ class Lane:
         step = self.step
         if step == SHOWS:
             return self._deliver(scan, now, 1)
-        if self._handle not in ready:
+        if self.handle not in ready:
             return None if step == COLLECTS else self._begin(scan, now)
         if step == COLLECTS:
             return self._go_on(scan, now)
         buffers, need = self._buffers, self._need
         if buffers.used >= buffers.count:
             return None
-        size = self._receive(self._buffer)
-        if not size:
+        try:
+            size = self._read(self._buffer)
+        except OSError as problem:
+            self._direct.failed(problem)
             return None
+        if size != need:
+            if not size:
+                return None
+            size = self._direct.read_on(memoryview(self._buffer), size)
         buffers.used += 1
         self._number = number = self._number + 1
         self._recvs = recvs = self._recvs + 1

@@ -317,11 +317,13 @@ class Runtime:
                 self._call_order.wake((name,))
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
-        connections = self._connections
+        connections, lanes = self._connections, self._call_order.lane_handles
         return [
             name
             for handle, name in ready_handles.items()
-            if name in connections and (connections[name].handle != handle or connections[name].pending_loss)
+            if handle not in lanes
+            and name in connections
+            and (connections[name].handle != handle or connections[name].pending_loss)
         ]
 
     # -- commands --------------------------------------------------------------------------------------------

@@ -151,6 +151,9 @@ class KnowsReady(Protocol):
     def ready(self) -> Collection[Handle]: ...
 
 
+NOTHING: Final[Mapping[Handle, str]] = {}
+
+
 class FaultyKernel:
     """A Kernel around any kernel, whose calls fail as planned; what is not planned passes through."""
 
@@ -158,6 +161,7 @@ class FaultyKernel:
         self.inner = inner
         self.plan = plan
         self._ready = inner.ready if isinstance(inner, KnowsReady) else self._readable_ones
+        self.poll: Callable[[], None] = inner.poll
         self._owners: dict[Handle, str] = {}
         self._held: dict[Handle, Accepted] = {}  # clients whose accept was made to fail
 
@@ -169,10 +173,6 @@ class FaultyKernel:
     def local_addresses(self) -> tuple[LocalAddress, ...]:
         """Return the addresses of this machine, loopback among them."""
         return self.inner.local_addresses()
-
-    def poll(self) -> None:
-        """Take the readiness of every handle once."""
-        self.inner.poll()
 
     def set_link(self, owner: str, up: bool) -> str:
         """Cut the wire of all handles of an owner, or mend it; return what is wrong, or ""."""
@@ -194,6 +194,8 @@ class FaultyKernel:
         if self.plan.active or self._held:
             return None
         ready, owners = self._ready(), self._owners
+        if not ready:
+            return NOTHING
         try:
             return dict(zip(ready, map(owners.__getitem__, ready), strict=True))
         except KeyError:  # a peer's handle is in the poll set, too

@@ -81,6 +81,8 @@ class CallOrder:
     def call(self, turn: int, ready: Container[Handle], scan: int, now: int) -> list[StatusEdge]:
         """Call who is awake and due, in call order; return the edges of those whose outputs changed."""
         changed: list[StatusEdge] = []
+        if not self._awake:
+            return changed
         due = None if self._one_task else self._due_intervals(turn)
         entries, lanes = self._entries, self._lanes
         asleep: set[str] = set()

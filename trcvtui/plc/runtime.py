@@ -283,11 +283,11 @@ class Runtime:
         self._kernel.poll()
         if self.running:
             self._lines.receive(self._env.now)
-        self._ready_handles = None if self.calls_all else self._kernel.ready_handles()
-        if self._ready_handles is None:
+        self._ready_handles = ready = None if self.calls_all else self._kernel.ready_handles()
+        if ready is None:
             self._call_order.wake_all()
-        else:
-            self._call_order.wake(self._ready_handles.values())
+        elif ready:
+            self._call_order.wake(ready.values())
 
     def _execute_program(self) -> None:
         self._program_ran = self.running
@@ -297,22 +297,23 @@ class Runtime:
             self.changed = tuple(self._call_order.call(env.scan - 1, ready, env.scan, env.now))
 
     def _write_outputs(self) -> None:
-        self.ledger.write_all(self.changed)
+        if self.changed:
+            self.ledger.write_all(self.changed)
         if self._stopped:
             told = {edge.instance for edge in self.changed}
             self.changed += tuple([i.edge for i in self._stopped if i.name not in told])
             self._stopped.clear()
 
     def _service_communication(self) -> None:
-        self._resources.queue.serve()
+        resources, ready = self._resources, self._ready_handles
+        resources.queue.serve()
         self._lines.move(self._env.now)
-        for name in (
-            self._connections if self._ready_handles is None else self._ready_listeners(self._ready_handles)
-        ):
-            self._call_order.end_lanes(name)
-            if self._connections[name].service():
-                self._call_order.wake((name,))
-        for name in tuple(self._resources.unsettled):
+        if ready is None or ready:
+            for name in self._connections if ready is None else self._ready_listeners(ready):
+                self._call_order.end_lanes(name)
+                if self._connections[name].service():
+                    self._call_order.wake((name,))
+        for name in tuple(resources.unsettled) if resources.unsettled else ():
             if self._connections[name].watch():
                 self._call_order.wake((name,))
 

@@ -165,6 +165,8 @@ class SerialLines:
 
     def move(self, now: int) -> None:
         """Let each written ComBuffer's bytes go out, `per_cycle` of them a scan: all those that read none."""
+        if not self._decls:
+            return
         receivers = {decl.source: name for name, decl in self._decls.items() if decl.source in self._buffers}
         for name, decl in self._decls.items():
             if decl.line in self._ports:

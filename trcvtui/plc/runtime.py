@@ -319,6 +319,8 @@ class Runtime:
 
     def _ready_listeners(self, ready_handles: Mapping[Handle, str]) -> list[str]:
         connections, lanes = self._connections, self._call_order.lane_handles
+        if ready_handles.keys() <= lanes:
+            return []
         return [
             name
             for handle, name in ready_handles.items()

@@ -7,7 +7,6 @@ reading and writing; the page docs/udt.md has to name it.
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.test_cli import run
 from tests.tui.lab.test_lab_screen import lab, project
 from trcvtui.project.file import load_project
+from trcvtui.records import replace
 from trcvtui.tui.completion import complete
 from trcvtui.tui.lab.lab import PROFILE_WORDS
 from trcvtui.udt.byte_text import BYTE_FORMS

@@ -2,7 +2,8 @@
 
 The tour of the house, bottom to top; a folder imports only from folders below it (docs/architecture.md).
 
-* errors.py, files.py, paths.py  what the user can mend; the one reader and writer of files; where files lie
+* records.py, errors.py  what `@dataclass` makes here; what the user can mend
+* files.py, paths.py  the one reader and writer of files; where files lie
 * net/        how bytes travel: the kernel seam (kernel.py), planned faults in front of it (faults.py)
     connection/  one CONNECT: described, built, used, lost; who owns a direction
     layers/      ISO-on-TCP and TLS on a stream

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+from trcvtui.records import dataclass
 
 MOST_SHOWN = 10
 

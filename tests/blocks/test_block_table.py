@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from trcvtui.project.edit import fields_of
 from trcvtui.project.file import load_project
 from trcvtui.project.project import Project
 from trcvtui.project.text import with_entries
+from trcvtui.records import replace
 from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.history.pin_waveform import Waveform, WaveformCache

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,6 +21,7 @@ from trcvtui.project.key_rows import Ask, Key, fixed
 from trcvtui.project.keys import DESCRIBED, EDITED, OFFERED, SIM, TABLES, entries_of, entry_of
 from trcvtui.project.project import Project
 from trcvtui.project.tables import of_text
+from trcvtui.records import dataclass, replace
 from trcvtui.tui.completion import complete
 
 ROOT = Path(__file__).parents[2]
@@ -118,7 +118,7 @@ def test_the_page_is_what_the_rows_say() -> None:
 def test_every_row_says_what_it_is_for_and_where_its_value_goes() -> None:
     for row in (*TABLES.values(), *DESCRIBED.values(), SIM):
         assert row.help.endswith("."), row.kind
-        names = {field.name for field in fields(row.makes)} if isinstance(row.makes, type) else None
+        names = set(vars(row.makes)["__match_args__"]) if isinstance(row.makes, type) else None
         for key in row.keys:
             assert key.help, f"{row.kind}.{key.name}"
             if key.of and names is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +53,7 @@ def load(text: str) -> Project:
 
 def parts(project: Project) -> dict[str, Any]:
     """Return what a project says; a variable by name, type and size."""
-    said = {field.name: getattr(project, field.name) for field in fields(project)}
+    said: dict[str, Any] = {name: getattr(project, name) for name in project.__match_args__}
     said["data"] = [(d.name, d.type_name, d.size) for d in project.data]
     return said
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from tests.rig.bench_project import bench_project
 from trcvtui.errors import UserError
 from trcvtui.project.project import Project
+from trcvtui.records import replace
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import Expect, MemberIs
 from trcvtui.udt.layout.layout import lay_out, rules_for

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.tui.fakes import TELEGRAM, bench_project, picture
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
+from trcvtui.records import replace
 from trcvtui.rig.snapshots import Answer
 from trcvtui.tui.app import BenchApp
 from trcvtui.tui.formatting import cells, clip, pad, wrapped

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from enum import Enum, StrEnum
 from operator import attrgetter
 from typing import Any, Final
@@ -11,6 +10,7 @@ from typing import Any, Final
 from trcvtui.blocks import conditions
 from trcvtui.blocks.conditions import Condition
 from trcvtui.net.results import Fault
+from trcvtui.records import dataclass
 
 
 class Why(StrEnum):

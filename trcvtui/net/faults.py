@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
 from typing import Final, Protocol, runtime_checkable
 
 from trcvtui.errors import mistake
@@ -25,6 +24,7 @@ from trcvtui.net.kernel import (
 )
 from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
 from trcvtui.net.serial_line import SERIAL_CALLS, Opening, SerialPort
+from trcvtui.records import dataclass, replace
 
 # The errno of a call when the plan names none: what status-reproduction 2.2 and 2.3 found for it.
 DEFAULT_ERROR: Final = {

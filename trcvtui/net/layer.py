@@ -7,9 +7,10 @@ Rule: a session never touches a socket and never raises, whatever comes; it hold
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple, Protocol
+
+from trcvtui.records import dataclass
 
 
 class TlsError(StrEnum):

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import errno
-from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
+
+from trcvtui.records import dataclass, field
 
 
 class WouldBlock(Enum):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
+from trcvtui.records import dataclass
 
 PinValue = bool | int
 

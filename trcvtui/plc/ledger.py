@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final, NamedTuple
 
@@ -16,6 +15,7 @@ from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStar
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import shown_by
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
+from trcvtui.records import dataclass
 
 KEPT_LINES: Final = 20_000
 

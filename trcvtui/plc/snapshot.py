@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, Final
 
@@ -20,6 +19,7 @@ from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
 from trcvtui.plc.ledger import Outputs
+from trcvtui.records import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)

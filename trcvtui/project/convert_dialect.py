@@ -6,7 +6,6 @@ that it cannot describe at all is refused.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 from trcvtui.blocks.table import known_blocks
@@ -23,6 +22,7 @@ from trcvtui.project.key_rows import around_of
 from trcvtui.project.keys import read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import Table
+from trcvtui.records import replace
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -62,6 +61,7 @@ from trcvtui.project.tables import (
     shown,
     whole,
 )
+from trcvtui.records import dataclass, replace
 from trcvtui.udt.byte_text import parse_hex
 
 LONGEST_MESSAGE: Final = 65536

@@ -6,7 +6,6 @@ Rule: these are the loader's own readers, so what a file may not say, nobody may
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.table import block_row
@@ -45,6 +44,7 @@ from trcvtui.project.project import (
     Project,
 )
 from trcvtui.project.tables import Given, Table
+from trcvtui.records import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Generic, TypeVar
 from unicodedata import category
@@ -16,6 +15,7 @@ from trcvtui.errors import Problem, UserError, mistake, one_line
 from trcvtui.files import read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
 from trcvtui.net.results import Endpoint
+from trcvtui.records import dataclass
 from trcvtui.udt.layout.rules import BYTE_ORDERS, LAYOUT_ALIASES, LAYOUTS, POINTER_SIZES, TEXT_FORMS
 from trcvtui.udt.literals import format_time, parse_integer, parse_time
 from trcvtui.udt.types import ELEMENTARY

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.plc.ledger import Line
 from trcvtui.plc.snapshot import Snapshot
+from trcvtui.records import dataclass
 from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.rig.snapshots import Answer, EngineTiming, Fired, PeerSnapshot, PlayerSnapshot, TrialSnapshot

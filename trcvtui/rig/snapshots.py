@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from trcvtui.records import dataclass
 
 TO_COME, NOW, DONE, HELD, FAILED = "to come", "now", "done", "held", "failed"
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.plc.snapshot import block_row
 from trcvtui.project.project import Project
+from trcvtui.records import dataclass
 from trcvtui.rig.snapshots import PeerSnapshot
 
 _BARE_QUOTE: Final = re.compile(r'(\\.)|"')

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from tests.rig.told import UP, Told
 from trcvtui.blocks.conditions import Condition
+from trcvtui.records import replace
 from trcvtui.rig.diagnosis import advice
 from trcvtui.rig.diagnosis.advice import RULES, Moves, advice_on, rows
 from trcvtui.rig.diagnosis.evidence import Evidence

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ from tests.tui.fakes import peers, picture
 from tests.tui.looking import BOTH, SMALL, SNAPSHOTS, UPDATE, WIDE, Looker, follow, looking, screen_text
 from trcvtui.project.file import load_project
 from trcvtui.project.project import MessageDecl, SequenceDecl
+from trcvtui.records import replace
 from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.commands.table import parse_line
 from trcvtui.rig.commands.words import PeerSend

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.tui.looking import BOTH, SMALL, WIDE, follow, same_screen, screen_text
 from trcvtui.net.connection.description import Description, pack
 from trcvtui.project.project import Project
+from trcvtui.records import replace
 from trcvtui.rig.engine.controller import fresh_bench
 from trcvtui.rig.engine.engine import LocalDriver
 from trcvtui.rig.scenario.scenario import load_scenario

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import replace
 
 import pytest
 
@@ -11,6 +10,7 @@ from tests.rig.scenarios import CONFIGS
 from tests.tui.fakes import bench_project, connections, peers, picture, receiving
 from tests.tui.looking import BOTH, WIDE, looking
 from trcvtui.project.file import read_project
+from trcvtui.records import replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.engine.engine import LocalDriver

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from tests.tui.fakes import (
@@ -23,6 +21,7 @@ from tests.tui.looking import BOTH, SMALL, WIDE, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
 from trcvtui.plc.ledger import BenchNote, Line
+from trcvtui.records import replace
 
 
 @BOTH

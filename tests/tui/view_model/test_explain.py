@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 
 import pytest
 
@@ -13,6 +12,7 @@ from tests.tui.fakes import FakeDriver, bench_project, connecting, picture, rece
 from tests.tui.looking import BOTH, SMALL, WIDE, Looker, looking
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import Cause, Why
+from trcvtui.records import replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.diagnosis import advice
 from trcvtui.rig.engine.engine import LocalDriver

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from trcvtui.blocks.block import Binding
@@ -17,6 +16,7 @@ from trcvtui.net.connection.connection import Connection
 from trcvtui.net.connection.resources import Claim, DirectionClaims
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import ANY_ADDRESS
+from trcvtui.records import replace
 
 
 class JobRequest(NamedTuple):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 from trcvtui.blocks.conditions import Condition
@@ -15,6 +14,7 @@ from trcvtui.net.connection.config import RemoteAddress
 from trcvtui.net.connection.resources import Claim
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Datagram, Endpoint, Fault
+from trcvtui.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

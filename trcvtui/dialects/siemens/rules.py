@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -20,6 +19,7 @@ from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import TakenId
 from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.layer import TlsError
+from trcvtui.records import replace
 
 # One course for all of them; a dialect below it is its limits and its few differences.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
@@ -11,6 +10,7 @@ from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.status import Reach, StatusRow
 from trcvtui.dialects.baosky.rules import BAOSKY
 from trcvtui.dialects.dialect import Dialect, Switch, SwitchValue, codes_of
+from trcvtui.records import replace
 
 DATA: Final = ("ReceiveData",)
 STRINGS: Final = ("ReceiveString", "ReceiveString255")

@@ -11,7 +11,6 @@ Rule 4: who comes after the partner's FIN or RST is his successor, and waits; no
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from typing import ClassVar, Final
 
@@ -29,6 +28,7 @@ from trcvtui.net.events import (
 from trcvtui.net.kernel import DRAIN_BYTES, Accepted, DirectRead, Handle, Kernel, KernelLoss
 from trcvtui.net.layer import TlsError
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.records import dataclass, replace
 
 
 class LossKind(Enum):

@@ -6,7 +6,6 @@ Rule: each question is a row of a table, asked in this order; the first that fin
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -19,6 +18,7 @@ from trcvtui.net.connection.description import (
     pack,
 )
 from trcvtui.net.results import ANY_ADDRESS, is_group, is_loopback
+from trcvtui.records import dataclass
 
 MOST_ID: Final = 4095
 UDP_TYPE: Final = 19

@@ -11,11 +11,11 @@ Rule 3: whatever cannot be right ends the connection with its reason; nothing ra
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from enum import Enum, IntEnum, auto
 from typing import Final, NamedTuple
 
 from trcvtui.net.layer import Ended, LayerMessage, LayerSettings
+from trcvtui.records import dataclass
 
 # -- TPDUs -----------------------------------------------------------------------------------------------
 #

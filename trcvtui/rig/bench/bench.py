@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 from trcvtui.errors import mistake
@@ -24,6 +23,7 @@ from trcvtui.plc import commands
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import ComBufferDecl, Edit, InstanceDecl, PeerDecl, Project, SimDecl
+from trcvtui.records import replace
 from trcvtui.rig import clock
 from trcvtui.rig.bench.program import Program, read_program
 from trcvtui.rig.commands import words as words

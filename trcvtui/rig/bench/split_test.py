@@ -6,10 +6,10 @@ Rule: it lets no scan pass by itself. `run` asks for each one, so that a scenari
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import Final
 
+from trcvtui.records import dataclass, field, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.words import PeerSend, TrySplits
 from trcvtui.rig.snapshots import SplitRow, TrialSnapshot

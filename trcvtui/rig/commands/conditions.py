@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.table import MARKS, block_row
 from trcvtui.errors import UserError
 from trcvtui.project.project import DataDecl, InstanceDecl, PeerDecl, Project
 from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import dataclass
 from trcvtui.rig.commands.patterns import parse_pattern
 from trcvtui.rig.commands.tokens import (
     KEPT_BYTES,

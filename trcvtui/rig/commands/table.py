@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from trcvtui.blocks.table import block_row, is_time
@@ -17,6 +16,7 @@ from trcvtui.plc import commands
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import dataclass
 from trcvtui.rig.commands import completion, reader
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.conditions import read_expect, read_prefix, read_suffix, read_wait, read_write

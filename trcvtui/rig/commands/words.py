@@ -5,7 +5,6 @@ What a command was resolved from (`text`) is kept for display and saving; equali
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
@@ -21,6 +20,7 @@ from trcvtui.project.project import (
     PeerDecl,
     SequenceDecl,
 )
+from trcvtui.records import dataclass, field
 from trcvtui.rig.commands.counters_and_checksums import Fill
 from trcvtui.rig.commands.patterns import TracePattern
 from trcvtui.udt.layout.coding import Value

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from trcvtui.blocks.outcome import Cause
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
+from trcvtui.records import dataclass
 from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.history.records import Facts, Moment
 from trcvtui.rig.snapshots import PeerSnapshot

@@ -6,7 +6,6 @@ Each rule takes what is known and answers one sentence, or "" where it does not 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from trcvtui.blocks.conditions import Condition
@@ -14,6 +13,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.net.serial_line import OVER_TCP
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import ComBufferDecl, Project
+from trcvtui.records import dataclass
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.wording import count, port_away, port_hint
 

@@ -7,7 +7,6 @@ gets a fresh one too. There is always exactly one bench.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +16,7 @@ from trcvtui.net.results import Endpoint
 from trcvtui.plc.snapshot import InstanceSnapshot, Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import shown
+from trcvtui.records import replace
 from trcvtui.rig.bench.bench import KERNELS, Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import SplitTests

@@ -13,7 +13,6 @@ import codecs
 import os
 import sys
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -26,6 +25,7 @@ from trcvtui.project.keys import forms_of
 from trcvtui.project.project import Edit, Edits, Project
 from trcvtui.project.tables import LARGEST_FILE, parse_toml, read_text, shown
 from trcvtui.project.text import with_change, with_constants, with_entries, with_files_from
+from trcvtui.records import replace
 from trcvtui.rig import configs_path, demo_path
 from trcvtui.rig.commands.reader import after
 from trcvtui.rig.commands.table import parse_line, to_line

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, Final
 
@@ -20,6 +19,7 @@ from trcvtui.plc.ledger import Event, InputEdge, Line, event_of
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import pin_now
 from trcvtui.rig.bench_update import BenchUpdate

@@ -12,13 +12,13 @@ import pickle
 import struct
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache
 from itertools import chain, starmap
 from multiprocessing.connection import Connection as Channel
 from typing import Any, Final
 
 from trcvtui.plc.ledger import Line
+from trcvtui.records import replace
 from trcvtui.rig import clock
 from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.history.pin_waveform import PinChange, WaveformDelta

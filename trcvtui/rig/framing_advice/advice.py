@@ -8,12 +8,12 @@ more: the screen calls it in its own process.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
 
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import Recording
+from trcvtui.records import dataclass, replace
 from trcvtui.rig.framing_advice.marks import (
     LONGEST_FRAME,
     USUAL_WIDTHS,

@@ -6,7 +6,6 @@ Rule: what `apply` does are lines of other commands, carried out one by one: the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import count as counted
 from typing import Final
 
@@ -16,6 +15,7 @@ from trcvtui.blocks.table import block_row
 from trcvtui.errors import mistake
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import replace
 from trcvtui.rig.commands.table import to_line
 from trcvtui.rig.commands.tokens import Words
 from trcvtui.rig.commands.words import Create

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 from trcvtui.blocks.framing import Framing
 from trcvtui.blocks.serial.com_buffer import Recording
+from trcvtui.records import dataclass
 from trcvtui.rig.framing_advice.marks import always_between
 from trcvtui.rig.framing_advice.trial import KNOWN_ENDS, KNOWN_STARTS, TEXT, Cut, LengthField, Placed
 from trcvtui.rig.wording import count

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from typing import Any, Final
 
 from trcvtui.blocks.conditions import Condition
@@ -18,6 +17,7 @@ from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.net.layers.layered_stream import DROPPED
 from trcvtui.net.layers.layered_stream import ENDED as SESSION_ENDED
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
+from trcvtui.records import replace
 from trcvtui.rig.history.records import (
     NOT_BUILT,
     Drop,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
 
 from trcvtui.net.kernel import Kernel, SocketOptions
 from trcvtui.net.results import Endpoint
 from trcvtui.plc.ledger import Event
 from trcvtui.project.project import PeerDecl
+from trcvtui.records import replace
 from trcvtui.rig.commands.peer import Routine
 from trcvtui.rig.commands.words import PeerPlay, PeerSend
 from trcvtui.rig.peers.queues import Inbox, PeerQueues, Replies

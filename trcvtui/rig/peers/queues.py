@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Final, Protocol
 
 from trcvtui.plc.ledger import BenchNote, Event, PeerSent
+from trcvtui.records import dataclass
 from trcvtui.rig.commands.counters_and_checksums import Checker, filled
 from trcvtui.rig.commands.patterns import StreamPattern
 from trcvtui.rig.commands.peer import MOST_RULES

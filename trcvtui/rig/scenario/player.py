@@ -6,10 +6,10 @@ Rule: it judges by the same StepRunner as the runner; scans pass outside, one wh
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.records import replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.scenario.scenario import START_STEP, Scenario

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from hashlib import blake2s
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -27,6 +26,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.project.convert_dialect import in_dialect
 from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
+from trcvtui.records import dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.reader import after

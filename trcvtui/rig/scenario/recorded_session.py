@@ -14,7 +14,6 @@ import json
 import os
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -27,6 +26,7 @@ from trcvtui.net.events import ConnectionChanged, What
 from trcvtui.plc.ledger import BenchNote, StatusEdge
 from trcvtui.project.tables import parse_toml, read_text, shown
 from trcvtui.project.text import with_files_from
+from trcvtui.records import dataclass, replace
 from trcvtui.rig import demo_path
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words

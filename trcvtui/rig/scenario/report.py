@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
 from trcvtui.errors import UserError, one_line
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.records import dataclass
 from trcvtui.rig.commands.words import Expect, ExpectTrace, Step, Wait
 from trcvtui.rig.scenario.runner import NONE_SENT, Delivery, StepTaken, Verdict, cause_record
 from trcvtui.rig.scenario.scenario import START_STEP, Scenario
@@ -243,7 +243,7 @@ class JsonLines:
         for edge in changed:
             record = {"scan": scan, "t_ms": t_ms, **_outputs(edge)}
             sent = deliveries.get(edge.instance)
-            self._line(record if sent is None else record | asdict(sent))
+            self._line(record if sent is None else record | sent._asdict())
 
     def verdict(self, verdict: Verdict) -> None:
         """Write the line of the scenario."""

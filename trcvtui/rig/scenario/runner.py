@@ -6,12 +6,12 @@ Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first;
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import block_row
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.records import dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.diagnosis.advice import because
@@ -78,8 +78,7 @@ def cause_record(cause: Cause, block: str) -> dict[str, object]:
     }
 
 
-@dataclass(frozen=True, slots=True)
-class Delivery:
+class Delivery(NamedTuple):
     """Bytes of a CONNECT's present connection, from its beginning.
 
     `accepted` by the local stack; `unacknowledged` of these by the partner's stack (None: this system does

@@ -6,7 +6,6 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -16,6 +15,7 @@ from trcvtui.files import read_bytes
 from trcvtui.project.file import load_project, load_scenario_document
 from trcvtui.project.project import Project
 from trcvtui.project.tables import TEXT, Table
+from trcvtui.records import dataclass, replace
 from trcvtui.rig import configs_path
 from trcvtui.rig.bench.program import read_program
 from trcvtui.rig.commands.peer import check_library, read_replies, read_routines

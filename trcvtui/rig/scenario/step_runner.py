@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice, repeat
 from typing import Final
 
+from trcvtui.records import dataclass
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import SplitTest

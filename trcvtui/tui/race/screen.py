@@ -8,7 +8,6 @@ from __future__ import annotations
 import signal
 from asyncio import sleep
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,6 +20,7 @@ from textual.containers import Vertical
 from textual.widget import Widget
 
 from trcvtui.errors import UserError
+from trcvtui.records import replace
 from trcvtui.rig.scenario.race import DIALECT_NAMES, InstanceRace, Race, ScanRow, race_file
 from trcvtui.rig.scenario.recorded_session import marked_scan
 from trcvtui.rig.scenario.scenario import load_scenario

@@ -6,7 +6,7 @@ INSTALLED := $(VENV)/.installed
 READY  := $(VENV)/.ready
 COMPARED := $(VENV)/.compared
 
-.PHONY: run test quick lint types contracts collected unit soak oracle bench scenarios pictures atlas clean
+.PHONY: run test quick lint types contracts collected unit soak oracle bench scenarios pictures atlas tables clean
 
 # Compiled tests are kept: each of the processes that run them would compile them again.
 unexport PYTHONDONTWRITEBYTECODE
@@ -65,6 +65,7 @@ $(INSTALLED): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "trcvtui needs Python 3.11 or newer")'
 	@echo "Installing trcvtui and what it needs into $(VENV): a minute, once."
 	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --disable-pip-version-check --quiet --upgrade 'pip>=25.1'  # its scripts import no re
 	$(BIN)/python -m pip install --disable-pip-version-check --editable .
 	@$(BIN)/python -m compileall -q trcvtui
 	@touch $@
@@ -85,6 +86,10 @@ pictures: $(READY)
 atlas: $(READY)
 	$(BIN)/python docs/make_status.py
 	$(BIN)/python docs/make_keys.py
+
+# What `trcvtui status CODE` answers from.
+tables: $(READY)
+	$(BIN)/python docs/make_tables.py
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -41,15 +41,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         code = _run_command(argv)
         sys.stdout.flush()
         return code
-    except BrokenPipeError:
+    except OSError as failed:
+        return output_failed(failed)
+
+
+def output_failed(failed: OSError) -> int:
+    """Return the exit code of an output that nobody reads or that has no room; raise what is neither."""
+    if isinstance(failed, BrokenPipeError):
         _forget_stdout()
         return PIPE_CLOSED
-    except OSError as failed:
-        if failed.errno != errno.ENOSPC:
-            raise
-        _forget_stdout()
-        sys.stderr.write(f"stdout: found '{failed.strerror}', expected room for the output\n")
-        return WRONG_INPUT
+    if failed.errno != errno.ENOSPC:
+        raise failed
+    _forget_stdout()
+    sys.stderr.write(f"stdout: found '{failed.strerror}', expected room for the output\n")
+    return WRONG_INPUT
 
 
 def _run_command(argv: Sequence[str] | None) -> int:

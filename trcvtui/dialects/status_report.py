@@ -97,19 +97,19 @@ def explain(
         Explained(dialect.name, row)
         for dialect in dialects
         for row in dialect.status
-        if (decimal if _is_number(row) else code) in (None, row.code)
+        if (decimal if is_number(row) else code) in (None, row.code)
         and (wanted is None or wanted in row.blocks)
     ]
     if not found:
         names = ", ".join(dialect.name for dialect in dialects)
         table = f"the table of {names}" if wanted is None else f"the table of {wanted} ({names})"
-        reads_decimals = all(any(map(_is_number, dialect.status)) for dialect in dialects)
+        reads_decimals = all(any(map(is_number, dialect.status)) for dialect in dialects)
         shown = f"16#{code:04X}" + (f", or the number {number}" if number and reads_decimals else "")
         raise mistake("CODE", shown, f"a code in {table}, see `trcvtui status`")
     return found
 
 
-def _is_number(row: StatusRow) -> bool:
+def is_number(row: StatusRow) -> bool:
     """Return whether its blocks show the code as a number, Error, and not as a WORD."""
     return all(block_row(block).on_buffer for block in row.blocks)
 

@@ -1,0 +1,66 @@
+"""The collector of cycles: it keeps out of the way of keys, and nothing piles up."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from tests.tui.on_a_bench import on_a_bench
+
+PANES = "12345678"
+KEYS = ("j", "k", "n", "tab", "H", "H", "x", "escape", "c", "m")
+LOOKS = ("j", "k", "tab", "H", "H", "escape")
+
+
+@contextmanager
+def generations() -> Iterator[list[int]]:
+    """Collect which generations the collector looks at meanwhile."""
+    seen: list[int] = []
+
+    def note(phase: str, about: dict[str, int]) -> None:
+        if phase == "start":
+            seen.append(about["generation"])
+
+    gc.callbacks.append(note)
+    try:
+        yield seen
+    finally:
+        gc.callbacks.remove(note)
+
+
+async def test_while_keys_come_only_young_objects_are_looked_at() -> None:
+    async with on_a_bench() as screen:
+        with generations() as seen:
+            for _ in range(6):
+                await screen.press(*KEYS)
+                screen.bench.scan(20)
+                await screen.pictures()
+        assert set(seen) <= {0}
+
+
+async def test_at_rest_it_looks_at_older_ones_and_after_long_rest_at_all() -> None:
+    async with on_a_bench() as screen:
+        app = screen.app
+        await screen.press(*KEYS)
+        with generations() as seen:
+            app._collect_at_rest()
+            assert seen == [], "a key has just come"
+            gc.collect(0)
+            app._collect_at_rest()
+            assert seen == [0, 1]
+            app._rests = 100
+            app._collect_at_rest()
+            assert seen == [0, 1, 2]
+
+
+async def test_what_keys_leave_is_gone_after_a_rest() -> None:
+    async with on_a_bench() as screen:
+        left = []
+        for _ in range(6):
+            for pane in PANES:
+                await screen.press(pane, *LOOKS)
+            screen.driver.requests.clear()  # the test's own memory
+            gc.collect()
+            left.append(len(gc.get_objects()))
+        assert left[-1] - left[-2] < 50, left

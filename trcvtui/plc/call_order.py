@@ -123,6 +123,10 @@ class CallOrder:
         awake, self._awake_since = self._awake_since, set(self._awake)
         return awake
 
+    def on(self, connects: Iterable[str]) -> Iterator[Instance]:
+        """Return the instances on these CONNECTs."""
+        return (self._entries[place][0] for name in connects for place in self._places.get(name, ()))
+
     def _in_order(self) -> list[int]:
         self._awake_since |= self._awake
         if self._awake != self._ordered:

@@ -16,7 +16,7 @@ from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.plc.ledger import InputEdge, Outputs, PinValue, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
-from trcvtui.plc.snapshot import FramerSnapshot, InstanceSnapshot, framer_key, framer_snapshot
+from trcvtui.plc.snapshot import Bare, FramerSnapshot, InstanceSnapshot, framer_snapshot
 from trcvtui.project.project import InstanceDecl
 
 KNOWN_OUTCOMES: Final = 64
@@ -53,7 +53,7 @@ class Instance:
         self._pulsed: list[str] = []  # TRUE for the next call
         self._fading: list[str] = []  # TRUE in the last call, FALSE in the next
         self._blinking: list[str] = []
-        self._seen: tuple[object, ...] = ()
+        self._bare: Bare = ()
         self.fresh()
 
     def join(self, stream: StreamFeed | StreamDrain | None) -> None:
@@ -229,44 +229,34 @@ class Instance:
             return None
         return framer_snapshot(self.block_name, bound, job, self.inputs)
 
-    def snapshot(self) -> InstanceSnapshot:
-        """Return the frozen picture of this instance; the same object while nothing has changed."""
-        job = self._block.job
-        progress = job.running, job.have, job.need, job.adhoc, job.last_bytes
-        counts = self.since_scan, self.jobs_done, self.errors, self.last_done, self.last_error
-        known = self.outcome, self.outputs, self.data, (*self.inputs.values(),)
-        seen: tuple[object, ...] = *known, progress, counts
-        if isinstance(job, Reception) and isinstance(self._bound, SerialBinding):
-            seen += framer_key(self._bound, job)
-        if seen != self._seen:
-            self._seen, self._snapshot = seen, self._taken()
-        return self._snapshot
-
-    def _taken(self) -> InstanceSnapshot:
-        job = self._block.job
+    def bare(self) -> Bare:
+        """Return what an InstanceSnapshot is made of; the same object while nothing has changed."""
+        job, edge, decl = self._block.job, self.edge, self.decl
         done, error = self.last_done or (None, None), self.last_error or (None, None)
-        return InstanceSnapshot(
-            name=self.name,
-            block=self.block_name,
-            connect=self.decl.connect,
-            data=self.data.name if self.data else None,
-            inputs=tuple(self.inputs.items()),
-            outputs=self.edge.outputs,
-            condition=self.edge.condition,
-            cause=self.edge.cause,
-            since_scan=self.since_scan,
-            have=job.have,
-            need=job.need if job.running else 0,
-            adhoc=job.adhoc,
-            last_receive_ns=job.last_bytes,
-            jobs_done=self.jobs_done,
-            errors=self.errors,
-            last_done_scan=done[0],
-            last_rcvd_len=done[1],
-            last_error_scan=error[0],
-            last_error_status=error[1],
-            task=self.decl.task,
-            addr=self.decl.addr,
-            framer=self.framer(),
-            on_config=self.decl.on_config,
+        bare = (
+            InstanceSnapshot,
+            self.name,
+            self.block_name,
+            decl.connect,
+            self.data.name if self.data else None,
+            (*self.inputs.items(),),
+            edge.outputs,
+            edge.condition,
+            edge.cause,
+            self.since_scan,
+            job.have,
+            job.need if job.running else 0,
+            job.adhoc,
+            job.last_bytes,
+            self.jobs_done,
+            self.errors,
+            *done,
+            *error[::-1],
+            decl.task,
+            decl.addr,
+            self.framer(),
+            decl.on_config,
         )
+        if bare != self._bare:
+            self._bare = bare
+        return self._bare

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import Final, TypeVar
+from dataclasses import replace
+from typing import Any, Final, TypeVar
 
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
@@ -50,14 +51,16 @@ from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
 from trcvtui.plc.snapshot import (
-    ConnectionSnapshot,
-    DataSnapshot,
+    Bare,
+    BareSnapshot,
     FramerSnapshot,
     SentBytes,
     Snapshot,
     addr_snapshots,
-    connection_snapshot,
-    port_snapshot,
+    bare_connection,
+    bare_data,
+    bare_port,
+    made,
 )
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
 from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
@@ -90,12 +93,9 @@ def area_of(decl: DataDecl) -> DataArea:
     return DataArea(decl.name, decl.type_name, decl.size, elements_of(decl.type), decl.optimized, texts)
 
 
-def data_snapshot(data: DataArea) -> DataSnapshot:
-    """Return a variable as it stands."""
-    return DataSnapshot(data.name, data.type_name, data.size, data.generation)
-
-
 T = TypeVar("T")
+NOTHING: Final[tuple[Bare, None]] = (), None
+RETRY: Final = 10  # the place of the time to the next attempt in what a ConnectionSnapshot is made of
 
 
 class Runtime:
@@ -134,9 +134,12 @@ class Runtime:
         self._lines = SerialLines(project.combuffers, self._env, self.ledger.write, ports)
         self._instances = {decl.name: self._instance(decl) for decl in project.instances}
         self._call_order = self._new_call_order()
-        self._instance_snapshots = {name: i.snapshot() for name, i in self._instances.items()}
-        self._connection_snapshots = {n: self._link_snapshot(n) for n in (*self._connections, *self._ports)}
-        self._data_snapshots = {name: data_snapshot(data) for name, data in self._data.items()}
+        self._written: set[str] = set()  # the variables that a command has written since the last snapshot
+        self._pausing: set[str] = set()  # the CONNECTs that wait for their next attempt
+        self._made: tuple[dict[str, tuple[Bare, Any]], ...] = {}, {}, {}
+        self._instance_snapshots = {name: i.bare() for name, i in self._instances.items()}
+        self._connection_snapshots = {n: self._bare_link(n) for n in (*self._connections, *self._ports)}
+        self._data_snapshots = {name: bare_data(data) for name, data in self._data.items()}
 
     def _connection(self, config: ConnectConfig) -> Connection:
         policy, journal = self._project.rules.policy, self.ledger.write
@@ -341,6 +344,7 @@ class Runtime:
                 self._instances[name].blink(pin)
             case WriteData(name, offset, payload):
                 self._data[name].write(offset, payload)
+                self._written.add(name)
                 self.ledger.write(BenchNote(name, "written", f"{len(payload)} bytes at {offset}"))
             case StopPlc():
                 self._stop()
@@ -363,12 +367,13 @@ class Runtime:
             case ResizeData(data):
                 kind = elements_of(data.type), text_lens_of(data.type, data.size)
                 self._data[data.name].resize(data.type_name, data.size, *kind)
+                self._written.add(data.name)
                 self.ledger.write(BenchNote(data.name, "resized", f"{data.type_name}, {data.size} bytes"))
 
     def _create(self, decl: InstanceDecl, place: int | None) -> None:
         instance = self._instance(decl)
         self._instances = _with(self._instances, decl.name, instance, place)
-        self._instance_snapshots = _with(self._instance_snapshots, decl.name, instance.snapshot(), place)
+        self._instance_snapshots = _with(self._instance_snapshots, decl.name, instance.bare(), place)
         self._call_order = self._new_call_order()
         self.ledger.write(BenchNote(decl.name, "created", f"{decl.block} on {decl.connect}"))
 
@@ -380,13 +385,13 @@ class Runtime:
                     self._lines.join(self._instances[name], self._connections, self._project.rules)
             case DataDecl(name):
                 data = self._data[name] = area_of(decl)
-                self._data_snapshots[name] = data_snapshot(data)
+                self._data_snapshots[name] = bare_data(data)
             case ConnectConfig(name):
                 self._connections[name] = self._connection(decl)
-                self._connection_snapshots[name] = self._link_snapshot(name)
+                self._connection_snapshots[name] = self._bare_link(name)
             case UdpConfig(name):
                 self._ports[name] = self._port(decl)
-                self._connection_snapshots[name] = self._link_snapshot(name)
+                self._connection_snapshots[name] = self._bare_link(name)
             case AddrParam(name):
                 self._addrs[name] = RemoteAddress(decl)
         self._call_order = self._new_call_order()
@@ -436,7 +441,7 @@ class Runtime:
         instance.detach("declared anew")
         fresh = self._instances[decl.name] = self._instance(decl)
         fresh.inputs.update({pin: value for pin, value in kept.items() if pin in fresh.inputs})
-        self._instance_snapshots[decl.name] = fresh.snapshot()
+        self._instance_snapshots[decl.name] = fresh.bare()
 
     def _withdraw(self, decl: Part) -> None:
         name = decl.name
@@ -503,17 +508,28 @@ class Runtime:
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
         """Return the PLC as the last scan left it."""
-        self._renew_snapshots()
-        return Snapshot(
+        head, *kinds = self.collect(faults)
+        parts = []
+        for known, kind in zip(self._made, kinds, strict=True):
+            for bare in kind:
+                if known.get(bare[1], NOTHING)[0] is not bare:
+                    known[bare[1]] = bare, made(bare)
+            parts.append(tuple([known[bare[1]][1] for bare in kind]))
+        return replace(head, instances=parts[0], connections=parts[1], data=parts[2])
+
+    def collect(self, faults: tuple[str, ...] = ()) -> BareSnapshot:
+        """Return what a snapshot is made of; what has not changed since the last one is the same object."""
+        self._renew()
+        head = Snapshot(
             scan=self._env.scan,
             t_ns=self._env.now,
             running=self.running,
             dialect=self._project.dialect.name,
             model=self._project.model,
             interval_ns=self.interval_ns,
-            instances=tuple(self._instance_snapshots.values()),
-            connections=tuple(self._connection_snapshots.values()),
-            data=tuple(self._data_snapshots.values()),
+            instances=(),
+            connections=(),
+            data=(),
             ledger_seq=self.ledger.last_seq,
             connections_used=self._resources.budget.used,
             connections_limit=self._resources.budget.limit,
@@ -521,26 +537,32 @@ class Runtime:
             addrs=addr_snapshots(self._addrs.values()),
             combuffers=self._lines.snapshots(),
         )
+        kinds = self._instance_snapshots, self._connection_snapshots, self._data_snapshots
+        return BareSnapshot(head, *(tuple(kind.values()) for kind in kinds))
 
-    def _renew_snapshots(self) -> None:
-        """Make the snapshots anew of what may have changed; the others stay the same objects."""
+    def _renew(self) -> None:
+        """Collect anew what may have changed: who was awake, and who was waiting for the next attempt."""
         self._call_order.settle()
         awake = self._call_order.take_awake() | set(self._resources.unsettled)
-        for name, instance in self._instances.items():
-            if instance.decl.connect in awake:
-                self._instance_snapshots[name] = instance.snapshot()
+        for instance in self._call_order.on(awake):
+            self._instance_snapshots[instance.name] = instance.bare()
+            if instance.data is not None:
+                self._written.add(instance.data.name)
+        for name in self._written & self._data.keys():
+            if self._data_snapshots[name][-1] != self._data[name].generation:
+                self._data_snapshots[name] = bare_data(self._data[name])
+        self._written.clear()
         # The time to the next attempt runs on also where nobody is left to make it.
-        pausing = {name for name, connection in self._connections.items() if connection.retry_at is not None}
-        for name in (awake | pausing) & self._connection_snapshots.keys():
-            if name not in self._lines:
-                self._connection_snapshots[name] = self._link_snapshot(name)
-        for name, data in self._data.items():
-            if self._data_snapshots[name].generation != data.generation:
-                self._data_snapshots[name] = data_snapshot(data)
+        for name in awake | self._pausing:
+            if name in self._connection_snapshots:
+                fresh = self._bare_link(name)
+                if fresh != self._connection_snapshots[name]:
+                    self._connection_snapshots[name] = fresh
+                (self._pausing.discard if fresh[RETRY] is None else self._pausing.add)(name)
 
-    def _link_snapshot(self, name: str) -> ConnectionSnapshot:
+    def _bare_link(self, name: str) -> Bare:
         port, now = self._ports.get(name), self._env.now
-        return port_snapshot(port, now) if port else connection_snapshot(self._connections[name], now)
+        return bare_port(port, now) if port else bare_connection(self._connections[name], now)
 
 
 def _has(instance: InstanceDecl, decl: Part | InstanceDecl) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from operator import attrgetter
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing import FrameMarks, Tally
@@ -223,52 +223,92 @@ _fields_of_instance: Final = attrgetter(*InstanceSnapshot.__slots__)
 _fields_of_data: Final = attrgetter(*DataSnapshot.__slots__)
 
 
-def connection_snapshot(connection: Connection, now: int) -> ConnectionSnapshot:
-    """Return a CONNECT as it stands at `now` (ns)."""
-    loss = connection.last_loss
-    retry = connection.retry_at
-    connected = connection.state is State.CONNECTED
-    return ConnectionSnapshot(
-        name=connection.config.name,
-        active=connection.config.active,
-        state=str(connection.state),
-        local=str(connection.local or ""),
-        remote=str((connection.peer if connected else connection.set_up.remote) or ""),
-        incarnation=connection.incarnation,
-        since_scan=connection.since_scan,
-        bytes_received=connection.bytes_received,
-        attempts=connection.attempts,
-        retry_in_ns=max(0, retry - now) if retry is not None else None,
-        last_loss=loss.kind.name.lower().replace("_", " ") if loss else "",
-        bytes_sent=connection.bytes_sent,
-        unacknowledged=connection.unacknowledged() if connection.bytes_sent else 0,
-        receivers=connection.receiving.owners(),
-        senders=connection.sending.owners(),
-        keep_alive_s=connection.config.keep_alive_s,
-        udp=connection.config.is_datagram,
+# -- how they are taken -----------------------------------------------------------------------------------
+#
+# In the gap after a scan only the fields are collected, all of them frozen: (what makes the snapshot, its
+# name, the other arguments). The snapshot itself is made of them when there is time.
+
+Bare = tuple[Any, ...]
+
+
+class BareSnapshot(NamedTuple):
+    """A Snapshot whose parts are collected and not made yet; those of `head` are empty."""
+
+    head: Snapshot
+    instances: tuple[Bare, ...]
+    connections: tuple[Bare, ...]
+    data: tuple[Bare, ...]
+
+
+def made(bare: Bare) -> Any:
+    """Return the snapshot of what was collected."""
+    return bare[0](*bare[1:])
+
+
+def bare_connection(connection: Connection, now: int) -> Bare:
+    """Return what a ConnectionSnapshot of a CONNECT at `now` (ns) is made of."""
+    loss, retry, state = connection.last_loss, connection.retry_at, connection.state
+    config = connection.config
+    return (
+        _connection_snapshot,
+        config.name,
+        config.active,
+        state,
+        connection.local,
+        connection.peer if state is State.CONNECTED else connection.set_up.remote,
+        connection.incarnation,
+        connection.since_scan,
+        connection.bytes_received,
+        connection.attempts,
+        max(0, retry - now) if retry is not None else None,
+        loss.kind if loss else None,
+        connection.bytes_sent,
+        connection.unacknowledged() if connection.bytes_sent else 0,
+        connection.receiving.owners(),
+        connection.sending.owners(),
+        config.is_datagram,
+        config.keep_alive_s,
     )
 
 
-def port_snapshot(port: UdpEndpoint, now: int) -> ConnectionSnapshot:
-    """Return a UDP_CONFIG: `created` is its ready state, `remote` the other end of the last datagram."""
-    waiting = port.retry_at is not None
+def _connection_snapshot(
+    name: str, active: bool, state: str, local: object, remote: object, *others: Any
+) -> ConnectionSnapshot:
+    incarnation, since, received, attempts, retry, loss, *rest = others
+    lost = loss.name.lower().replace("_", " ") if loss else ""
+    counted = incarnation, since, received, attempts, retry
     return ConnectionSnapshot(
-        name=port.config.name,
-        active=False,
-        state="created" if port.is_open else "establishing" if waiting else "closed",
-        local=str(port.local or ""),
-        remote=str(port.peer or ""),
-        incarnation=port.incarnation,
-        since_scan=port.since_scan,
-        bytes_received=port.bytes_received,
-        attempts=port.attempts,
-        retry_in_ns=max(0, port.retry_at - now) if port.retry_at is not None else None,
-        last_loss="",
-        bytes_sent=port.bytes_sent,
-        receivers=port.receiving.owners(),
-        senders=port.sending.owners(),
-        udp=True,
+        name, active, str(state), str(local or ""), str(remote or ""), *counted, lost, *rest
     )
+
+
+def bare_port(port: UdpEndpoint, now: int) -> Bare:
+    """Return the same of a UDP_CONFIG: `created` is ready, `remote` the other end of the last datagram."""
+    retry = port.retry_at
+    return (
+        _connection_snapshot,
+        port.config.name,
+        False,
+        "created" if port.is_open else "closed" if retry is None else "establishing",
+        port.local,
+        port.peer,
+        port.incarnation,
+        port.since_scan,
+        port.bytes_received,
+        port.attempts,
+        max(0, retry - now) if retry is not None else None,
+        None,
+        port.bytes_sent,
+        None,
+        port.receiving.owners(),
+        port.sending.owners(),
+        True,
+    )
+
+
+def bare_data(data: DataArea) -> Bare:
+    """Return what a DataSnapshot of a variable is made of."""
+    return DataSnapshot, data.name, data.type_name, data.size, data.generation
 
 
 def addr_snapshots(addrs: Iterable[RemoteAddress]) -> tuple[AddrSnapshot, ...]:
@@ -309,9 +349,3 @@ def _text(area: DataArea | None) -> bytes | None:
 
 def _pointed(area: DataArea | None, length: int) -> bytes | None:
     return bytes(memoryview(area.content)[:length]) if area is not None else None
-
-
-def framer_key(bound: SerialBinding, job: Reception) -> tuple[object, ...]:
-    """Return what a framer's picture depends on beside the pins and the job: cheaper than the picture."""
-    written = [area.generation for area in (bound.prefix, bound.suffix) if area is not None]
-    return job.framer.discarded, job.tally, *written

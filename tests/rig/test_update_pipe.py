@@ -12,9 +12,9 @@ from pathlib import Path
 from trcvtui.project.file import read_project
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.rig.bench_update import BareUpdate, BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Controller
-from trcvtui.rig.engine.update_pipe import UpdatePipe
+from trcvtui.rig.engine.update_pipe import PARTS_A_PIECE, UpdatePipe
 from trcvtui.rig.snapshots import EngineTiming
 
 FAR_AWAY = 10_000_000_000
@@ -39,10 +39,11 @@ def two_ends() -> Iterator[tuple[Channel, Channel]]:
         yield ours, theirs
 
 
-def picture(console: Controller, *data: str) -> BenchUpdate:
-    """Return the bench after one more scan, with the bytes of some variables."""
+def picture(console: Controller, *data: str) -> tuple[BareUpdate, BenchUpdate]:
+    """Return the bench after one more scan, with the bytes of some variables; and the picture of it."""
     console.bench.step()
-    return console.picture(UpdateRequest(data=data), EngineTiming(mode="test"), 2000)
+    bare = console.collect(UpdateRequest(data=data), EngineTiming(mode="test"), 2000)
+    return bare, bare.whole(console.bench.runtime.whole(bare.snapshot))
 
 
 def console() -> Controller:
@@ -55,8 +56,8 @@ def test_a_picture_arrives_as_it_was_taken() -> None:
     with two_ends() as (engine, screen):
         pipe = UpdatePipe(engine)
         for _ in range(5):
-            sent = picture(bench, "rx0")
-            pipe.begin(sent)
+            bare, sent = picture(bench, "rx0")
+            pipe.begin(bare)
             pipe.go_on(clock.now_ns() + FAR_AWAY)
             assert not pipe.is_busy()
             assert screen.recv() == sent
@@ -66,14 +67,14 @@ def test_packing_stops_when_the_time_is_up_and_goes_on_later() -> None:
     bench = console()
     with two_ends() as (engine, screen):
         pipe = UpdatePipe(engine)
-        sent = picture(bench)
-        pipe.begin(sent)
+        bare, sent = picture(bench)
+        pipe.begin(bare)
         gaps = 0
         while pipe.is_busy():
             assert not screen.poll()
             pipe.go_on(clock.now_ns())  # no time at all: one piece
             gaps += 1
-        assert gaps > len(sent.snapshot.instances)
+        assert gaps > len(sent.snapshot.instances) // PARTS_A_PIECE
         assert screen.recv() == sent
 
 
@@ -81,8 +82,8 @@ def test_a_screen_that_does_not_read_does_not_stop_the_engine() -> None:
     bench = console()
     with two_ends() as (engine, screen):
         pipe = UpdatePipe(engine)
-        sent = picture(bench, *(f"rx{n}" for n in range(8)))  # more than the channel holds
-        pipe.begin(sent)
+        bare, sent = picture(bench, *(f"rx{n}" for n in range(8)))  # more than the channel holds
+        pipe.begin(bare)
         pipe.go_on(clock.now_ns() + FAR_AWAY)
         assert pipe.is_busy(), "it has come back although the channel is full"
         with ThreadPoolExecutor(1) as pool:
@@ -98,7 +99,7 @@ def test_what_has_not_changed_is_the_same_object_on_both_sides() -> None:
         pipe = UpdatePipe(engine)
         arrived = []
         for _ in range(8):
-            pipe.begin(picture(bench))
+            pipe.begin(picture(bench)[0])
             pipe.go_on(clock.now_ns() + FAR_AWAY)
             arrived.append(screen.recv())
         before, after = (each.snapshot.instance("T5") for each in arrived[-2:])

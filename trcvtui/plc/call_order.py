@@ -48,6 +48,7 @@ class CallOrder:
         self._ledger = ledger
         self._lanes: list[Lane | None] = [None] * len(self._entries)  # by place
         self._laned: set[int] = set()
+        self._is_settled = True
         self.lane_handles: set[Handle] = set()  # of connections that lanes read
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
@@ -63,6 +64,9 @@ class CallOrder:
 
     def settle(self) -> None:
         """Let lanes write what they know, before anybody looks at an instance or its connection."""
+        if self._is_settled:
+            return
+        self._is_settled = True
         for place in self._laned:
             lane = self._lanes[place]
             if lane is not None:

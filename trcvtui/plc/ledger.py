@@ -156,7 +156,7 @@ class Ledger:
         """Return the lines after `seq` that are still kept, oldest first; the newest `most` of them."""
         items = self.raw_since(seq, most)
         first = self.last_seq - len(items) + 1
-        return tuple([_line(first + n, item) for n, item in enumerate(items)])
+        return tuple([line_of(first + n, item) for n, item in enumerate(items)])
 
     def stamped_since(self, seq: int) -> list[tuple[int, int, Event]]:
         """Return (scan, t_ns, event) of what was written after `seq`, oldest first: cheaper than lines."""
@@ -170,8 +170,9 @@ class Ledger:
     def __iter__(self) -> Iterator[Line]:
         """Return the kept lines, oldest first."""
         first = self.last_seq - len(self._ring) + 1
-        return (_line(first + n, item) for n, item in enumerate(self._ring))
+        return (line_of(first + n, item) for n, item in enumerate(self._ring))
 
 
-def _line(seq: int, item: Stamped) -> Line:
+def line_of(seq: int, item: Stamped) -> Line:
+    """Return a line of the ring with its number."""
     return Line(seq, item[0], item[1], event_of(item))

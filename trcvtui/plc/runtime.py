@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from trcvtui.blocks.block import Binding
@@ -63,6 +62,7 @@ from trcvtui.plc.snapshot import (
     made,
 )
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl, Project
+from trcvtui.records import replace
 from trcvtui.udt.types import Array, Elementary, StringType, Type, ValueKind
 
 LEAST: Final = 2  # siemens.md 4.1: LEN of a TRCV into a STRING, and into a WSTRING
@@ -508,13 +508,17 @@ class Runtime:
 
     def snapshot(self, faults: tuple[str, ...] = ()) -> Snapshot:
         """Return the PLC as the last scan left it."""
-        head, *kinds = self.collect(faults)
+        return self.whole(self.collect(faults))
+
+    def whole(self, bare: BareSnapshot) -> Snapshot:
+        """Return the snapshot of what was collected; parts that have not changed are the same objects."""
+        head, *kinds = bare
         parts = []
         for known, kind in zip(self._made, kinds, strict=True):
-            for bare in kind:
-                if known.get(bare[1], NOTHING)[0] is not bare:
-                    known[bare[1]] = bare, made(bare)
-            parts.append(tuple([known[bare[1]][1] for bare in kind]))
+            for part in kind:
+                if known.get(part[1], NOTHING)[0] is not part:
+                    known[part[1]] = part, made(part)
+            parts.append(tuple([known[part[1]][1] for part in kind]))
         return replace(head, instances=parts[0], connections=parts[1], data=parts[2])
 
     def collect(self, faults: tuple[str, ...] = ()) -> BareSnapshot:

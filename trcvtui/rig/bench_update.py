@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from itertools import starmap
+from typing import TYPE_CHECKING, NamedTuple
 
 from trcvtui.blocks.serial.com_buffer import Recording
-from trcvtui.plc.ledger import Line
-from trcvtui.plc.snapshot import Snapshot
-from trcvtui.records import dataclass
+from trcvtui.plc.ledger import Line, Stamped, line_of
+from trcvtui.plc.snapshot import BareSnapshot, Snapshot
+from trcvtui.records import dataclass, replace
 from trcvtui.rig.history.pin_waveform import WaveformDelta
 from trcvtui.rig.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.rig.snapshots import Answer, EngineTiming, Fired, PeerSnapshot, PlayerSnapshot, TrialSnapshot
@@ -71,3 +73,22 @@ class BenchUpdate:
     recordings: tuple[
         tuple[str, Recording], ...
     ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each
+
+
+class BareUpdate(NamedTuple):
+    """A BenchUpdate as it is collected between two scans: all of it frozen, the dear parts not made yet.
+
+    `update` has no parts of the snapshot, no lines and no window. `lines` are bare lines of the ledger, the
+    first has number `first_seq`; `window` makes the window on the stream, which tells itself how far it goes.
+    """
+
+    update: BenchUpdate
+    snapshot: BareSnapshot
+    lines: Sequence[Stamped]
+    first_seq: int
+    window: Callable[[], HistoryWindow | None]
+
+    def whole(self, snapshot: Snapshot) -> BenchUpdate:
+        """Return the update with all its parts."""
+        lines = tuple(starmap(line_of, enumerate(self.lines, self.first_seq)))
+        return replace(self.update, snapshot=snapshot, lines=lines, history=self.window())

@@ -76,7 +76,10 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class EngineTiming:
-    """How punctual the scans are. Times in ns; `mode` names what the operating system granted."""
+    """How punctual the scans are. Times in ns; `mode` names what the operating system granted.
+
+    `late_by_picture`: so many scans were late because of a picture.
+    """
 
     scans: int = 0
     overruns: int = 0
@@ -84,6 +87,7 @@ class EngineTiming:
     late_p99_ns: int = 0
     scan_p99_ns: int = 0
     mode: str = ""
+    late_by_picture: int = 0
 
 
 @dataclass(frozen=True, slots=True)

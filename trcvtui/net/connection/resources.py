@@ -268,7 +268,7 @@ class DirectionClaims:
 
     def owners(self) -> tuple[str, ...]:
         """Return the instances that hold it, orphans with their old names."""
-        return tuple(held.instance + " (gone)" * held.is_orphan for held in self._claims)
+        return tuple([held.instance + " (gone)" * held.is_orphan for held in self._claims])
 
     def end(self) -> None:
         """End every claim: the connection is gone."""

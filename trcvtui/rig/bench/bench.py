@@ -246,6 +246,10 @@ class Bench:
         for peer in self.peers.values():
             peer.step(self.now)
 
+    def faults(self) -> tuple[str, ...]:
+        """Return the planned faults in words."""
+        return tuple([str(fault) for fault in self.plan.entries()])
+
     def peer_snapshots(self) -> tuple[PeerSnapshot, ...]:
         """Return every peer, and whether its wire is down."""
         return tuple(

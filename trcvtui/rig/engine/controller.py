@@ -20,7 +20,7 @@ from trcvtui.records import replace
 from trcvtui.rig.bench.bench import KERNELS, Bench
 from trcvtui.rig.bench.conditions import found, holds
 from trcvtui.rig.bench.split_test import SplitTests
-from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
+from trcvtui.rig.bench_update import BareUpdate, BenchUpdate, UpdateRequest
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.edit import ends_of, free_port, port_text
 from trcvtui.rig.commands.edit import told as told_of
@@ -415,21 +415,34 @@ class Controller:
 
     def picture(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BenchUpdate:
         """Return the bench after its last scan; at most `most_lines` of the ledger's news, the newest."""
-        runtime = self.bench.runtime
+        bare = self.collect(request, timing, most_lines)
+        return bare.whole(self.bench.runtime.whole(bare.snapshot))
+
+    def collect(self, request: UpdateRequest, timing: EngineTiming, most_lines: int) -> BareUpdate:
+        """Return what a picture is made of: references that stay as they are, whatever scans follow."""
+        runtime, ledger = self.bench.runtime, self.bench.runtime.ledger
         known = request.bench == self._bench_number
         since = request.since_seq if known else 0
-        fresh = runtime.ledger.last_seq - since
-        lines = runtime.ledger.since(since, min(most_lines, request.most_lines))
+        lines = ledger.raw_since(since, min(most_lines, request.most_lines))
         answers = tuple(self._answers)
         self._answers.clear()
         self._count_project()
-        picture = BenchUpdate(
-            snapshot=runtime.snapshot(tuple(str(fault) for fault in self.bench.plan.entries())),
-            lines=lines,
-            lines_skipped=max(0, fresh - len(lines)),
-            data=tuple((name, runtime.data(name)[:MOST_DATA]) for name in request.data if known),
-            partial=tuple((name, runtime.partial(name)) for name in request.partial_of if known),
-            peers=self.bench.peer_snapshots(),
+        kept = self._trigger_watch.take_kept() if known else None
+        if kept is not None:
+            lines, first_seq = kept.lines_after(since)
+        else:
+            first_seq = ledger.last_seq - len(lines) + 1
+        skipped = first_seq - since - 1 if lines or kept is None else 0
+        snapshot = kept.snapshot if kept else runtime.collect(self.bench.faults())
+        if known:
+            self._trigger_watch.told = first_seq + len(lines) - 1 if lines else since
+        update = BenchUpdate(
+            snapshot=snapshot.head,
+            lines=(),
+            lines_skipped=max(0, skipped),
+            data=kept.data if kept else self._data(request.data if known else ()),
+            partial=kept.partial if kept else self._partial(request.partial_of if known else ()),
+            peers=kept.peers if kept else self.bench.peer_snapshots(),
             answers=answers,
             timing=timing,
             holding=self.holding,
@@ -440,12 +453,21 @@ class Controller:
             player=self.player.snapshot() if self.player is not None else None,
             trial=self._trials.snapshot() or (self.player.tried() if self.player is not None else None),
             waves=self._wave_news(request.waves, known),
-            history=self._history.window(request.history) if request.history and known else None,
             unsaved=self._edits.unsaved,
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
+            facts=kept.facts if kept else self._trigger_watch.facts(request.partial_of if known else ()),
+            armed=self._trigger_watch.armed if known else "",
+            fired=kept.fired if kept else None,
         )
-        return self._trigger_watch.completed(picture, request.partial_of, since) if known else picture
+        window = self._history.later(request.history) if request.history and known else lambda: None
+        return BareUpdate(update, snapshot, lines, first_seq, window)
+
+    def _data(self, names: tuple[str, ...]) -> tuple[tuple[str, bytes], ...]:
+        return tuple((name, self.bench.runtime.data(name, MOST_DATA)) for name in names)
+
+    def _partial(self, names: tuple[str, ...]) -> tuple[tuple[str, bytes], ...]:
+        return tuple((name, self.bench.runtime.partial(name)) for name in names)
 
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger

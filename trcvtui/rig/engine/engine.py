@@ -80,7 +80,9 @@ GAP_SHARE: Final = 8  # of an interval one part is for pictures: who computes mo
 STEP_NS: Final = 4_000_000  # between two looks at the channel where scans are rare; the rest before a scan
 READ_NS: Final = 100_000_000  # nothing is left unread for longer
 MOST_MESSAGES: Final = 64  # that are taken at once
-MOST_GAPS: Final = 5  # that a picture waits for a gap with enough room
+PATIENCE_NS: Final = 100_000_000  # a picture waits so long for a gap with enough room
+FAST_NS: Final = 5_000_000  # with shorter intervals
+PICTURE_NS: Final = 100_000_000  # lies between two pictures
 TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan's lateness at the end
 
 
@@ -92,8 +94,9 @@ class Engine:
         self._controller = Controller(bench)
         self._pipe = UpdatePipe(channel)
         self._request: UpdateRequest | None = None
-        self._gaps_waited = 0
-        self._picture_ns = 0  # what the last picture took
+        self._asked_at = self._collected_at = self._worked_at = 0  # when, for pictures
+        self._collect_ns = 0  # what it took last to collect a picture
+        self._is_answered = True  # all lines that were taken have their answer in a picture
         self._mode = be_punctual()
         self._timing_file = os.environ.get(TIMING_FILE)
         self._bench = bench
@@ -170,27 +173,40 @@ class Engine:
         match message:
             case (int() as number, str() as line):
                 self._controller.take(number, line)
+                self._is_answered = False
                 if self._controller.bench is not self._bench:
                     self._begin(self._controller.bench)
             case UpdateRequest() as request:
-                self._request, self._gaps_waited = request, 0
+                self._request, self._asked_at = request, clock.now_ns()
 
     def _deliver(self, until: int) -> None:
+        """Collect a picture that was asked for, in one gap; pack and write it in this one and the next."""
         began = clock.now_ns()
+        if self._request is None and not self._pipe.is_busy():
+            self._worked_at = began
+            return
+        if began >= until and began < self._worked_at + PATIENCE_NS:
+            return
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
-        if self._request is not None and not self._pipe.is_busy() and self._has_room(until):
+        if self._request is not None and not self._pipe.is_busy() and self._may_collect(began, until):
             timing, most_lines = self._timing.summary(), self._request.most_lines
-            self._pipe.begin(self._controller.picture(self._request, timing, most_lines))
-            self._picture_ns, self._request = clock.now_ns() - began, None
+            self._pipe.begin(self._controller.collect(self._request, timing, most_lines))
+            self._collect_ns, self._collected_at = clock.now_ns() - began, began
+            self._request, self._is_answered = None, True
         self._pipe.go_on(part)
+        self._worked_at = clock.now_ns()
+        if began <= self._due < self._worked_at:
+            self._timing.late_by_picture += 1
 
-    def _has_room(self, until: int) -> bool:
-        """Return whether a picture like the last one ends before the next scan, or has waited long enough.
+    def _may_collect(self, now: int, until: int) -> bool:
+        """Return whether a picture like the last one can be collected before the next scan, or has to be.
 
-        It is taken in one piece: one that is longer than its part gets no shorter by waiting.
+        With short intervals there are ten a second, and one at once where a line waits for its answer.
         """
-        self._gaps_waited += 1
-        return clock.now_ns() + self._picture_ns <= until or self._gaps_waited > MOST_GAPS
+        least = PICTURE_NS if self._interval < FAST_NS and self._is_answered else 0
+        if now < self._collected_at + least:
+            return False
+        return now + self._collect_ns <= until or now > self._asked_at + PATIENCE_NS
 
 
 class LocalDriver:

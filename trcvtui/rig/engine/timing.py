@@ -85,6 +85,7 @@ class Punctuality:
         self._length: deque[int] = deque(maxlen=KEPT)
         self._scans = 0
         self._overruns = 0
+        self.late_by_picture = 0  # scans that were due before the work on a picture paused
         self._sorted_at = 0
         self._percentiles = (0, 0, 0)
         self._every: list[tuple[int, int, int, int]] | None = None
@@ -99,7 +100,10 @@ class Punctuality:
 
         `used` is the processor time from the end of the scan before to the end of this one.
         """
-        kept = {"mode": self._mode, "overruns": self._overruns, "scans": self._every}
+        late = self.late_by_picture
+        kept = {
+            "mode": self._mode, "overruns": self._overruns, "late_by_picture": late, "scans": self._every
+        }  # fmt: skip
         write_file(path, json.dumps(kept), "timing", is_own=True)
 
     def scanned(self, due: int, began: int, ended: int, interval: int) -> None:
@@ -119,7 +123,7 @@ class Punctuality:
             self._sorted_at = self._scans
             late, length = sorted(self._late), sorted(self._length)
             self._percentiles = _at(late, 0.50), _at(late, 0.99), _at(length, 0.99)
-        return EngineTiming(self._scans, self._overruns, *self._percentiles, self._mode)
+        return EngineTiming(self._scans, self._overruns, *self._percentiles, self._mode, self.late_by_picture)
 
 
 def _at(ordered: list[int], share: float) -> int:

@@ -15,14 +15,13 @@ from typing import Any, Final
 
 from trcvtui.blocks.pins import Pin
 from trcvtui.errors import UserError, mistake
-from trcvtui.plc.ledger import Event, InputEdge, Line, event_of
-from trcvtui.plc.snapshot import Snapshot
+from trcvtui.plc.ledger import Event, InputEdge, Stamped, event_of
+from trcvtui.plc.snapshot import BareSnapshot
 from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
-from trcvtui.records import dataclass, replace
+from trcvtui.records import dataclass
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench.conditions import pin_now
-from trcvtui.rig.bench_update import BenchUpdate
 from trcvtui.rig.commands.conditions import base_name, read_instance, read_target
 from trcvtui.rig.commands.tokens import Words, leaf_bytes, leaf_value, pin_value
 from trcvtui.rig.history.link_statistics import LinkStatistics
@@ -227,16 +226,22 @@ Named = tuple[tuple[str, bytes], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept:
-    """The bench in the scan of a trigger."""
+class KeptScan:
+    """The bench in the scan of a trigger; `lines` are the bare ones of the ledger up to `last_seq`."""
 
     fired: Fired
-    snapshot: Snapshot
-    lines: tuple[Line, ...]
+    snapshot: BareSnapshot
+    lines: list[Stamped]
+    last_seq: int
     data: Named
     partial: Named
     peers: tuple[PeerSnapshot, ...]
     facts: tuple[tuple[str, Facts], ...]
+
+    def lines_after(self, seq: int) -> tuple[list[Stamped], int]:
+        """Return the lines after `seq`, and the number of the first of them."""
+        count = min(len(self.lines), max(0, self.last_seq - seq))
+        return self.lines[len(self.lines) - count :], self.last_seq - count + 1
 
 
 class TriggerWatch:
@@ -249,8 +254,8 @@ class TriggerWatch:
         self._statistics = LinkStatistics(history.index)
         history.lost.append(self._statistics.lose)
         self._seq = 0  # of the last line that was read while a trigger is armed
-        self._told = 0  # of the last line that a picture has brought
-        self._kept: _Kept | None = None
+        self.told = 0  # of the last line that a picture has brought
+        self._kept: KeptScan | None = None
 
     def arm(self, text: str, where: str) -> str:
         """Arm a trigger as it is written, or disarm; return what to tell of it; raise UserError."""
@@ -277,13 +282,14 @@ class TriggerWatch:
             self._kept = self._keep(fired)
         return fired
 
-    def _keep(self, fired: Fired) -> _Kept:
+    def _keep(self, fired: Fired) -> KeptScan:
         bench, runtime = self._bench, self._bench.runtime
         names = [instance.name for instance in bench.project.instances[:MOST_INSTANCES]]
-        return _Kept(
+        return KeptScan(
             fired,
-            runtime.snapshot(tuple(str(fault) for fault in bench.plan.entries())),
-            runtime.ledger.since(self._told, BEFORE),
+            runtime.collect(bench.faults()),
+            runtime.ledger.raw_since(self.told, BEFORE),
+            runtime.ledger.last_seq,
             self._data(),
             tuple((name, runtime.partial(name)) for name in names),
             tuple(peer.snapshot() for peer in bench.peers.values()),
@@ -304,25 +310,12 @@ class TriggerWatch:
         declared = map(self._bench.project.instance, instances)
         return tuple((i.name, self._statistics.facts(i.name, i.connect)) for i in declared if i is not None)
 
-    def completed(self, picture: BenchUpdate, instances: tuple[str, ...], since: int) -> BenchUpdate:
-        """Return the picture with facts and trigger; of a trigger that has fired, the one of its scan."""
-        kept, armed = self._kept, self.trigger.armed
-        text = armed.text if armed is not None else ""
-        if kept is None:
-            self._told = max(since, picture.lines[-1].seq if picture.lines else 0)
-            return replace(picture, facts=self.facts(instances), armed=text)
-        self._kept = None
-        lines = tuple(line for line in kept.lines if line.seq > since)
-        self._told = lines[-1].seq if lines else since
-        return replace(
-            picture,
-            snapshot=kept.snapshot,
-            lines=lines,
-            lines_skipped=lines[0].seq - since - 1 if lines else 0,
-            data=kept.data,
-            partial=kept.partial,
-            peers=kept.peers,
-            facts=kept.facts,
-            armed=text,
-            fired=kept.fired,
-        )
+    @property
+    def armed(self) -> str:
+        """Return the trigger that is waited for, "" for none."""
+        return self.trigger.armed.text if self.trigger.armed is not None else ""
+
+    def take_kept(self) -> KeptScan | None:
+        """Return the bench in the scan of a trigger that has fired since the last time."""
+        kept, self._kept = self._kept, None
+        return kept

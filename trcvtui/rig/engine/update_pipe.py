@@ -1,7 +1,8 @@
 """Brings a picture from the engine to the screen, piece by piece in the gaps between scans.
 
 Rule 1: packing and writing stop when the gap's time is up, and go on in the next one.
-Rule 2: a snapshot that is the same object as in the last picture is packed once, and unpacked once.
+Rule 2: of the snapshot's parts only those cross that have changed since the picture before: a picture costs
+by what has changed. On the screen's side the others are the same objects.
 Rule 3: a screen that does not read never makes a scan wait: only as much is written as the channel takes.
 """
 
@@ -11,21 +12,28 @@ import os
 import pickle
 import struct
 import sys
-from collections.abc import Iterator
-from functools import lru_cache
-from itertools import chain, starmap
+from collections.abc import Iterable, Iterator
+from itertools import chain, compress, count, islice, starmap
 from multiprocessing.connection import Connection as Channel
-from typing import Any, Final
+from operator import is_not
+from typing import Any, Final, TypeVar
 
-from trcvtui.plc.ledger import Line
+from trcvtui.plc.ledger import WHOLE, Line, Stamped
+from trcvtui.plc.snapshot import made
 from trcvtui.records import replace
 from trcvtui.rig import clock
-from trcvtui.rig.bench_update import BenchUpdate
+from trcvtui.rig.bench_update import BareUpdate, BenchUpdate
 from trcvtui.rig.history.pin_waveform import PinChange, WaveformDelta
 
 LINES_A_PIECE: Final = 32
+PARTS_A_PIECE: Final = 4
+LOOK_AT: Final = 2000  # parts that are looked at in one piece of work, whether they have changed
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
-PIECES_KNOWN: Final = 4096  # unpacked snapshots that the screen's side keeps
+PIPES_KNOWN: Final = 8  # on the screen's side
+
+T = TypeVar("T")
+Parts = tuple[Any, ...]
+_numbers: Final = count()
 
 
 class UpdatePipe:
@@ -33,7 +41,8 @@ class UpdatePipe:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._packed: dict[str, tuple[object, bytes]] = {}
+        self._name = f"{os.getpid()} {next(_numbers)}"
+        self._sent: list[Parts] = [(), (), ()]  # the parts of the picture before
         self._packing: Iterator[bytes] | None = None
         self._unsent = memoryview(b"")
 
@@ -41,7 +50,7 @@ class UpdatePipe:
         """Return whether a picture is still on its way."""
         return self._packing is not None or bool(self._unsent)
 
-    def begin(self, picture: BenchUpdate) -> None:
+    def begin(self, picture: BareUpdate) -> None:
         """Take a picture; `go_on` brings it."""
         self._packing = self._pack(picture)
 
@@ -59,34 +68,39 @@ class UpdatePipe:
 
     # -- packing ---------------------------------------------------------------------------------------
 
-    def _pack(self, picture: BenchUpdate) -> Iterator[bytes]:
+    def _pack(self, picture: BareUpdate) -> Iterator[bytes]:
         """Yield b"" after each piece of work, the whole message at last."""
-        parts: list[list[bytes]] = []
-        snapshot = picture.snapshot
-        for kind in ("instances", "connections", "data"):
-            parts.append([])
-            for piece in getattr(snapshot, kind):
-                parts[-1].append(self._piece(f"{kind} {piece.name}", piece))
+        parts: list[tuple[int, list[bytes]]] = []
+        kinds: list[Parts] = [*picture.snapshot[1:]]
+        for kind, before in zip(kinds, self._sent, strict=True):
+            pieces: list[bytes] = []
+            parts.append((len(kind), pieces))
+            for first in range(0, len(kind), LOOK_AT):
+                places: Iterable[int] = range(first, min(first + LOOK_AT, len(kind)))
+                if len(kind) == len(before):
+                    span = slice(first, first + LOOK_AT)
+                    places = [*compress(places, map(is_not, kind[span], before[span]))]
                 yield b""
-        parts.append([])
-        for first in range(0, len(picture.lines), LINES_A_PIECE):
-            parts[-1].append(_dumps([_plain(line) for line in picture.lines[first : first + LINES_A_PIECE]]))
+                for some in _batches(places, PARTS_A_PIECE):
+                    pieces.append(_dumps([(place, made(kind[place])) for place in some]))
+                    yield b""
+        lines: list[bytes] = []
+        for numbered in _batches(enumerate(picture.lines, picture.first_seq), LINES_A_PIECE):
+            lines.append(_dumps([*starmap(_plain, numbered)]))
             yield b""
-        for news in picture.waves:
-            parts.append([_dumps(replace(news, changes=()))])
-            for first in range(0, len(news.changes), LINES_A_PIECE):
-                chunk = news.changes[first : first + LINES_A_PIECE]
-                parts[-1].append(_dumps([tuple(change) for change in chunk]))
+        waves: list[list[bytes]] = []
+        for news in picture.update.waves:
+            waves.append([_dumps(replace(news, changes=()))])
+            for changes in _batches(news.changes, LINES_A_PIECE):
+                waves[-1].append(_dumps([*map(tuple, changes)]))
                 yield b""
-        empty = replace(snapshot, instances=(), connections=(), data=())
-        bare = replace(picture, lines=(), waves=(), snapshot=empty)
-        yield _dumps(_Packed(bare, *parts))
-
-    def _piece(self, key: str, piece: object) -> bytes:
-        known = self._packed.get(key)
-        if known is None or known[0] is not piece:
-            known = self._packed[key] = piece, _dumps(piece)
-        return known[1]
+        window = picture.window()
+        yield b""
+        bare = replace(picture.update, waves=(), history=window)
+        message = _dumps(_Packed(self._name, bare, parts, lines, waves))
+        yield b""
+        self._sent = kinds
+        yield message
 
     # -- writing ---------------------------------------------------------------------------------------
 
@@ -112,27 +126,33 @@ class UpdatePipe:
 class _Packed:
     """A picture in pieces; unpickling it gives the whole BenchUpdate."""
 
-    def __init__(self, bare: BenchUpdate, *parts: list[bytes]) -> None:
-        self._whole = bare, *parts
+    def __init__(self, *whole: Any) -> None:
+        self._whole = whole
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpack, self._whole
 
 
+_arrived: Final[dict[str, list[list[Any]]]] = {}  # by pipe: the parts of the last picture that came
+
+
 def _unpack(
+    pipe: str,
     bare: BenchUpdate,
-    instances: list[bytes],
-    connections: list[bytes],
-    data: list[bytes],
+    parts: list[tuple[int, list[bytes]]],
     lines: list[bytes],
-    *waves: list[bytes],
+    waves: list[list[bytes]],
 ) -> BenchUpdate:
-    snapshot = replace(
-        bare.snapshot,
-        instances=tuple(map(_known, instances)),
-        connections=tuple(map(_known, connections)),
-        data=tuple(map(_known, data)),
-    )
+    known = _arrived.setdefault(pipe, [[], [], []])
+    if len(_arrived) > PIPES_KNOWN:
+        del _arrived[next(iter(_arrived))]
+    for kind, (size, pieces) in zip(known, parts, strict=True):
+        if len(kind) != size:
+            kind[:] = [None] * size
+        for place, part in chain.from_iterable(map(pickle.loads, pieces)):
+            kind[place] = part
+    instances, connections, data = map(tuple, known)
+    snapshot = replace(bare.snapshot, instances=instances, connections=connections, data=data)
     news = chain.from_iterable(map(pickle.loads, lines))
     drawn = tuple(map(_wave, waves))
     return replace(bare, snapshot=snapshot, lines=tuple(starmap(_line, news)), waves=drawn)
@@ -144,21 +164,24 @@ def _wave(pieces: list[bytes]) -> WaveformDelta:
     return replace(bare, changes=tuple(starmap(PinChange, changes)))
 
 
-def _plain(line: Line) -> tuple[int, int, int, Any, Any]:
+def _plain(seq: int, item: Stamped) -> tuple[int, int, int, Any, Any]:
     """Return the line with its event as (kind, fields) where it is a tuple: packed in half the time."""
-    seq, scan, t_ns, event = line
-    if isinstance(event, tuple):
-        return seq, scan, t_ns, type(event), tuple(event)
-    return seq, scan, t_ns, None, event
+    scan, t_ns, kind, *fields = item
+    if len(item) > WHOLE:
+        return seq, scan, t_ns, kind, fields
+    event = fields[0]
+    return (seq, scan, t_ns, kind, [*event]) if isinstance(event, tuple) else (seq, scan, t_ns, None, event)
 
 
 def _line(seq: int, scan: int, t_ns: int, kind: Any, event: Any) -> Line:
     return Line(seq, scan, t_ns, event if kind is None else kind(*event))
 
 
-@lru_cache(PIECES_KNOWN)
-def _known(piece: bytes) -> Any:
-    return pickle.loads(piece)
+def _batches(items: Iterable[T], size: int) -> Iterator[list[T]]:
+    """Yield so many items at a time."""
+    left = iter(items)
+    while some := list(islice(left, size)):
+        yield some
 
 
 def _dumps(value: object) -> bytes:

@@ -87,6 +87,7 @@ class CallOrder:
         changed: list[StatusEdge] = []
         if not self._awake:
             return changed
+        self._is_settled = False
         due = None if self._one_task else self._due_intervals(turn)
         entries, lanes = self._entries, self._lanes
         asleep: set[str] = set()

@@ -6,14 +6,15 @@ Rule 2: the screen library is imported by `run` alone, and only after the engine
 
 from __future__ import annotations
 
-import argparse
 import errno
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Final, NoReturn
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Final
 
 from trcvtui import __version__
-from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.arguments import SUPPRESS, Parser, PlainParser
+from trcvtui.errors import UserError, mistake
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +29,7 @@ PIPE_CLOSED: Final = 141  # 128 + SIGPIPE, as a shell reports it
 KERNELS: Final = ("sim", "live")
 LOOKS: Final = ("dark", "light", "ansi")
 
-Command = Callable[[argparse.Namespace], int]
+Command = Callable[[SimpleNamespace], int]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -61,7 +62,7 @@ def _run_command(argv: Sequence[str] | None) -> int:
     try:
         _never_fail_to_print()
         given = sys.argv[1:] if argv is None else argv
-        args = _parser(given).parse_args(given)
+        args = _arguments(given)
         command: Command = args.command
         return command(args)
     except SystemExit as ended:  # argparse: 0 after --help, 2 after a mistake
@@ -106,17 +107,17 @@ def _forget_stdout() -> None:
 # -- run --------------------------------------------------------------------------------------------------
 
 
-def _demo(args: argparse.Namespace) -> int:
+def _demo(args: SimpleNamespace) -> int:
     from trcvtui.paths import demo_path
 
     return _open_screen(demo_path(), "live", theme=args.theme)
 
 
-def _run(args: argparse.Namespace) -> int:
+def _run(args: SimpleNamespace) -> int:
     return _open_screen(_path(args.project), args.kernel, args.netns, args.theme, args.read_only)
 
 
-def _serve(args: argparse.Namespace) -> int:
+def _serve(args: SimpleNamespace) -> int:
     path = _path(args.project)
     from trcvtui.tui.served import refuse_root, serve
 
@@ -185,7 +186,7 @@ def _load_bench(path: Path) -> Project:
 # -- scenario, status ---------------------------------------------------------------------------------------
 
 
-def _scenario(args: argparse.Namespace) -> int:
+def _scenario(args: SimpleNamespace) -> int:
     from trcvtui.rig.scenario.command import run_files
     from trcvtui.rig.scenario.report import FORMATS
 
@@ -198,7 +199,7 @@ def _scenario(args: argparse.Namespace) -> int:
     return run_files(files, args.kernel, args.format, out, args.set, args.netns)
 
 
-def _race(args: argparse.Namespace) -> int:
+def _race(args: SimpleNamespace) -> int:
     from trcvtui.rig.scenario.race import run_race
 
     return _print(run_race(_path(args.file), args.dialect, args.format))
@@ -210,7 +211,7 @@ def _format_names() -> str:
     return "formats: " + ", ".join(FORMATS)
 
 
-def _status(args: argparse.Namespace) -> int:
+def _status(args: SimpleNamespace) -> int:
     from trcvtui.dialects import DIALECTS
     from trcvtui.dialects import status_report as report
 
@@ -240,7 +241,7 @@ def _dialect_names() -> str:
 # -- st -----------------------------------------------------------------------------------------------------
 
 
-def _st(args: argparse.Namespace) -> int:
+def _st(args: SimpleNamespace) -> int:
     from trcvtui.rig.st_call import st_text
 
     project = _load_bench(_path(args.project))
@@ -251,32 +252,32 @@ def _st(args: argparse.Namespace) -> int:
 # -- udt ----------------------------------------------------------------------------------------------------
 
 
-def _udt_show(args: argparse.Namespace) -> int:
+def _udt_show(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
     return _print_lines(command.show(_with_examples(args)))
 
 
-def _udt_decode(args: argparse.Namespace) -> int:
+def _udt_decode(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
     return _print_lines(command.decode(_with_examples(args)))
 
 
-def _udt_encode(args: argparse.Namespace) -> int:
+def _udt_encode(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
     return _print(command.encode(_with_examples(args)))
 
 
-def _udt_export(args: argparse.Namespace) -> int:
+def _udt_export(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
     text = command.export(_with_examples(args))
     return _print(text) if text else GOOD
 
 
-def _udt_compare(args: argparse.Namespace) -> int:
+def _udt_compare(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
     lines, is_equal = command.compare(_with_examples(args))
@@ -284,7 +285,7 @@ def _udt_compare(args: argparse.Namespace) -> int:
     return GOOD if is_equal() else FAILED
 
 
-def _udt_fit(args: argparse.Namespace) -> int:
+def _udt_fit(args: SimpleNamespace) -> int:
     from trcvtui.udt import command
 
     text, is_sure = command.fit(_with_examples(args))
@@ -292,7 +293,7 @@ def _udt_fit(args: argparse.Namespace) -> int:
     return GOOD if is_sure else FAILED
 
 
-def _udt_cure(args: argparse.Namespace) -> int:
+def _udt_cure(args: SimpleNamespace) -> int:
     from trcvtui.tui.lab.lab_fix import cure_source
     from trcvtui.udt import command
 
@@ -300,11 +301,11 @@ def _udt_cure(args: argparse.Namespace) -> int:
     return _print(cure_source(ours, theirs, args.form).rstrip("\n"))
 
 
-def _with_examples(args: argparse.Namespace) -> argparse.Namespace:
+def _with_examples(args: SimpleNamespace) -> SimpleNamespace:
     """Return the arguments with each file that is not there, but came with the program, by its path."""
     args.file = _given(args.file)
     args.others = [_given(name) for name in args.others]
-    if "values" in args:
+    if hasattr(args, "values"):
         args.values = _given(args.values)
     return args
 
@@ -328,71 +329,57 @@ def _path(text: str) -> Path:
 # -- the arguments -----------------------------------------------------------------------------------------
 
 
-class _Help(argparse.HelpFormatter):
-    """Help for 80 columns; asking the terminal for its width would cost an import at every start."""
+def _arguments(given: Sequence[str]) -> SimpleNamespace:
+    """Return the arguments; argparse reads, refuses and explains every line that is not a usual one."""
+    plain = PlainParser()
+    _fill(plain, given)
+    found = plain.read(given)
+    if found is not None:
+        return found
+    from trcvtui.full_parser import FullParser
 
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, width=78)
-
-
-class _Parser(argparse.ArgumentParser):
-    """One line for a mistake; the last lines of the help are made when somebody asks for them."""
-
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(formatter_class=_Help, allow_abbrev=False, **settings)
-        self.last_words: Callable[[], str] | None = None
-        self.given: Sequence[str] = ()  # what stands after the command's name
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong in one line and leave with 2."""
-        self.exit(WRONG_INPUT, one_line(f"{self.prog}: {message}") + "\n")
-
-    def format_help(self) -> str:
-        """Return the help, with the names that only an import can tell."""
-        if self.last_words is not None:
-            self.epilog = self.last_words()
-        return super().format_help()
-
-
-def _parser(argv: Sequence[str]) -> _Parser:
-    """Return the parser; where the first word is a command, with that one alone: each takes a millisecond."""
-    parser = _Parser(
+    full = FullParser(
         prog="trcvtui",
         description="A soft PLC on a test bench: TRCV_C on real sockets, scan by scan. "
         "Without a command: the built-in demo.",
     )
+    full.add_argument("--version", action="version", version=f"trcvtui {__version__}")
+    _fill(full, given)
+    return full.parse_args(given, SimpleNamespace())
+
+
+def _fill(parser: Parser, given: Sequence[str]) -> None:
+    """Add the commands; where the first word is one, that one alone: each takes argparse a millisecond."""
     parser.set_defaults(command=_demo)
-    parser.add_argument("--version", action="version", version=f"trcvtui {__version__}")
     _add_theme(parser, None)
     commands = parser.add_subparsers(metavar="COMMAND")
-    for name in [word for word in argv[:1] if word in COMMANDS] or COMMANDS:
+    for name in [word for word in given[:1] if word in COMMANDS] or COMMANDS:
         about, add = COMMANDS[name]
         made = commands.add_parser(name, help=about)
-        made.given = argv[1:]
+        made.given = given[1:]
         add(made)
-    return parser
 
 
-def _add_run(parser: _Parser) -> None:
+def _add_run(parser: Parser) -> None:
     parser.set_defaults(command=_run)
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
     parser.add_argument("--read-only", action="store_true", help="show only, give no commands")
-    _add_theme(parser, argparse.SUPPRESS)
+    _add_theme(parser, SUPPRESS)
 
 
-def _add_serve(parser: _Parser) -> None:
+def _add_serve(parser: Parser) -> None:
     parser.set_defaults(command=_serve)
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--port", type=int, default=0, help="on 127.0.0.1; default 0: any that is free")
     parser.add_argument("--write", action="store_true", help="let the browser command the bench")
     parser.add_argument("--as-root", action="store_true", help="allow --write when run as root")
-    _add_theme(parser, argparse.SUPPRESS)
+    _add_theme(parser, SUPPRESS)
 
 
-def _add_theme(parser: _Parser, default: str | None) -> None:
+def _add_theme(parser: Parser, default: str | None) -> None:
     parser.add_argument(
         "--theme",
         choices=LOOKS,
@@ -401,7 +388,7 @@ def _add_theme(parser: _Parser, default: str | None) -> None:
     )
 
 
-def _add_scenario(parser: _Parser) -> None:
+def _add_scenario(parser: Parser) -> None:
     parser.set_defaults(command=_scenario)
     parser.last_words = _format_names
     parser.add_argument("files", metavar="FILE.toml", nargs="+")
@@ -414,7 +401,7 @@ def _add_scenario(parser: _Parser) -> None:
     )
 
 
-def _add_race(parser: _Parser) -> None:
+def _add_race(parser: Parser) -> None:
     parser.set_defaults(command=_race)
     parser.last_words = _dialect_names
     parser.add_argument("file", metavar="FILE.toml")
@@ -424,7 +411,7 @@ def _add_race(parser: _Parser) -> None:
     parser.add_argument("--format", choices=("text", "jsonl"), default="text", help="default: text")
 
 
-def _add_status(parser: _Parser) -> None:
+def _add_status(parser: Parser) -> None:
     parser.set_defaults(command=_status)
     parser.last_words = _dialect_names
     parser.add_argument(
@@ -435,13 +422,13 @@ def _add_status(parser: _Parser) -> None:
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 
 
-def _add_st(parser: _Parser) -> None:
+def _add_st(parser: Parser) -> None:
     parser.set_defaults(command=_st)
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
 
 
-def _add_udt(parser: _Parser) -> None:
+def _add_udt(parser: Parser) -> None:
     from trcvtui.udt.cli_input import add_udt, last_words
 
     parser.set_defaults(command=None)
@@ -459,7 +446,7 @@ def _add_udt(parser: _Parser) -> None:
         made.last_words = last_words
 
 
-COMMANDS: Final[dict[str, tuple[str, Callable[[_Parser], None]]]] = {
+COMMANDS: Final[dict[str, tuple[str, Callable[[Parser], None]]]] = {
     "run": ("open the screen on a project", _add_run),
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),

@@ -5,27 +5,24 @@ Rule: every mistake is one line with its place; what is no text, or too large, i
 
 from __future__ import annotations
 
-import argparse
 import math
 import re
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from trcvtui.errors import mistake
 
 BYTES: Final = "HEX|@FILE|-"
 
-AnyParser = TypeVar("AnyParser", bound=argparse.ArgumentParser)
 
-
-def add_udt(parser: AnyParser, given: Sequence[str]) -> dict[str, AnyParser]:
+def add_udt(parser: Any, given: Sequence[str]) -> dict[str, Any]:
     """Add the commands to the parser of `udt`; return theirs by name.
 
     Where the first word that was given is a command, it is that one alone: each takes a millisecond.
     """
-    commands = parser.add_subparsers(metavar="WHAT", required=True, parser_class=type(parser))
-    made: dict[str, AnyParser] = {}
+    commands = parser.add_subparsers(metavar="WHAT", required=True)
+    made: dict[str, Any] = {}
     for name in [word for word in given[:1] if word in COMMANDS] or COMMANDS:
         about, add = COMMANDS[name]
         made[name] = commands.add_parser(name, help=about)
@@ -33,23 +30,23 @@ def add_udt(parser: AnyParser, given: Sequence[str]) -> dict[str, AnyParser]:
     return made
 
 
-def _show(show: argparse.ArgumentParser) -> None:
+def _show(show: Any) -> None:
     _add_type(show, ("text", "json"))
 
 
-def _decode(decode: argparse.ArgumentParser) -> None:
+def _decode(decode: Any) -> None:
     _add_type(decode, ("text", "json", "md", "csv"))
     decode.add_argument("hex", metavar=BYTES, nargs="+", help="hex, a file of hex, or stdin")
 
 
-def _encode(encode: argparse.ArgumentParser) -> None:
+def _encode(encode: Any) -> None:
     from trcvtui.udt.byte_text import BYTE_FORMS
 
     _add_type(encode, tuple(BYTE_FORMS))
     encode.add_argument("values", metavar="VALUES.json|-", help="an object of path: value")
 
 
-def _export(export: argparse.ArgumentParser) -> None:
+def _export(export: Any) -> None:
     _add_type(export)
     from trcvtui.udt.exports import EXPORTS
 
@@ -59,13 +56,13 @@ def _export(export: argparse.ArgumentParser) -> None:
     export.add_argument("--out", metavar="FILE", help="write here instead of stdout")
 
 
-def _compare(compare: argparse.ArgumentParser) -> None:
+def _compare(compare: Any) -> None:
     _add_type(compare, ("text", "json"), twice=True)
     more = compare.add_argument("hex", metavar=BYTES, nargs="+", default=[], help="compare values, too")
     more.required = False  # with "*" argparse takes none, as soon as an option stands before them
 
 
-def _fit(fit: argparse.ArgumentParser) -> None:
+def _fit(fit: Any) -> None:
     _add_type(fit, ("text", "json"))
     fit.description = (
         "Ranks layouts, byte orders and other causes (a header of 1 to 8 bytes, bytes after a message, "
@@ -81,7 +78,7 @@ def _fit(fit: argparse.ArgumentParser) -> None:
     )
 
 
-def _cure(cure: argparse.ArgumentParser) -> None:
+def _cure(cure: Any) -> None:
     _add_type(cure, twice=True)
     cure.description = (
         "Prints the type for our side that lies as theirs does, and swap code for the sender where the byte "
@@ -96,7 +93,7 @@ def _cure(cure: argparse.ArgumentParser) -> None:
     )
 
 
-COMMANDS: Final[dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]]] = {
+COMMANDS: Final[dict[str, tuple[str, Callable[[Any], None]]]] = {
     "show": ("members with offset, size, type; padding", _show),
     "decode": ("bytes to values, as far as they go", _decode),
     "encode": ("values to bytes, as hex on stdout", _encode),
@@ -107,7 +104,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]]
 }
 
 
-def _add_type(parser: argparse.ArgumentParser, formats: Sequence[str] = (), twice: bool = False) -> None:
+def _add_type(parser: Any, formats: Sequence[str] = (), twice: bool = False) -> None:
     parser.add_argument("file", metavar="FILE", help="the file that declares the type")
     one: dict[str, Any] = {"action": "append", "default": []} if twice else {}
     layout = "default: baosky, of a Siemens source s7-standard"

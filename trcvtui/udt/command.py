@@ -6,8 +6,8 @@ Rule: what only one of the commands needs is imported by that command; these sit
 from __future__ import annotations
 
 import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from types import SimpleNamespace
 from typing import Any, Final
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
@@ -60,14 +60,14 @@ EXPECTED_CONSTANT: Final = "NAME=VALUE such as GVL.MAX=10"
 OPTION_NAMES: Final = {"layout": "layout", "byte_order": "byte order", "text": "STRING form"}
 
 
-def show(args: Namespace) -> Iterator[str]:
+def show(args: SimpleNamespace) -> Iterator[str]:
     from trcvtui.udt.report import show_json, show_text
 
     layout = layout_of(args)
     return show_json(layout) if args.format == "json" else show_text(layout)
 
 
-def decode(args: Namespace) -> Iterator[str]:
+def decode(args: SimpleNamespace) -> Iterator[str]:
     from trcvtui.udt.report import decode_json, decode_text
 
     layout = layout_of(args)
@@ -82,7 +82,7 @@ def decode(args: Namespace) -> Iterator[str]:
     return markdown(rows) if args.format == "md" else csv_lines(rows)
 
 
-def encode(args: Namespace) -> str:
+def encode(args: SimpleNamespace) -> str:
     from trcvtui.udt.byte_text import BYTE_FORMS
     from trcvtui.udt.report import encode_values
 
@@ -91,7 +91,7 @@ def encode(args: Namespace) -> str:
     return BYTE_FORMS[args.format](content, layout.name)
 
 
-def export(args: Namespace) -> str:
+def export(args: SimpleNamespace) -> str:
     """Return the answer of `udt export`, or the line that says which file has it."""
     from trcvtui.udt import exports
 
@@ -105,7 +105,7 @@ def export(args: Namespace) -> str:
     return ""
 
 
-def compare(args: Namespace) -> tuple[Iterator[str], Callable[[], bool]]:
+def compare(args: SimpleNamespace) -> tuple[Iterator[str], Callable[[], bool]]:
     """Return the answer of `udt compare`, and what says after its last line whether both sides are equal."""
     from trcvtui.udt.compare.compare import Count, compare_json, compare_text, is_equal
     from trcvtui.udt.compare.compare import compare as side_by_side
@@ -117,7 +117,7 @@ def compare(args: Namespace) -> tuple[Iterator[str], Callable[[], bool]]:
     return answer(comparison, data, count), lambda: is_equal(comparison, count)
 
 
-def fit(args: Namespace) -> tuple[str, bool]:
+def fit(args: SimpleNamespace) -> tuple[str, bool]:
     """Return the answer of `udt fit`, and whether one reading fits best."""
     from trcvtui.udt.compare.fit import fit as ranked
     from trcvtui.udt.compare.fit import fit_json, fit_text
@@ -137,7 +137,7 @@ def fit(args: Namespace) -> tuple[str, bool]:
     return fit_text(fits, f"{ours.name}, {sizes} bytes"), is_sure
 
 
-def two_sides_of_a_cure(args: Namespace) -> tuple[Layout, Layout]:
+def two_sides_of_a_cure(args: SimpleNamespace) -> tuple[Layout, Layout]:
     """Return our layout and theirs for `udt cure`: a layout option that is given once is theirs."""
     for option in ("layout", "byte_order", "text"):
         given: list[str | None] = getattr(args, option)
@@ -149,7 +149,7 @@ def two_sides_of_a_cure(args: Namespace) -> tuple[Layout, Layout]:
 # -- what the commands have in common ------------------------------------------------------------------------
 
 
-def layout_of(args: Namespace) -> Layout:
+def layout_of(args: SimpleNamespace) -> Layout:
     """Return the layout that the arguments name, its notes on stderr; raise UserError with what is wrong."""
     choice = choice_of_options(args)
     choice.rules()  # the arguments come first
@@ -161,7 +161,7 @@ def layout_of(args: Namespace) -> Layout:
     return layout
 
 
-def choice_of_options(args: Namespace) -> LayoutChoice:
+def choice_of_options(args: SimpleNamespace) -> LayoutChoice:
     """Return what the options say of the layout; raise UserError for one that says nothing known."""
     return LayoutChoice(*(_option(field, getattr(args, field)) for field in LayoutChoice._fields))
 
@@ -189,12 +189,12 @@ def tell(notes: Iterable[str]) -> None:
             sys.stderr.write(f"note: {one_line(note)}\n")
 
 
-def types_of(args: Namespace) -> TypeSet:
+def types_of(args: SimpleNamespace) -> TypeSet:
     """Return the types of FILE and of every `--with`."""
     return read_files((args.file, *args.others), constants_of(args.constant))
 
 
-def named_type(types: TypeSet, name: str | None, args: Namespace) -> tuple[str, Type]:
+def named_type(types: TypeSet, name: str | None, args: SimpleNamespace) -> tuple[str, Type]:
     """Return a type by name, or the only one of FILE; what another file may declare is asked for."""
     try:
         if name is None:
@@ -204,7 +204,7 @@ def named_type(types: TypeSet, name: str | None, args: Namespace) -> tuple[str, 
         raise UserError([asked_for(problem) for problem in refused.problems]) from None
 
 
-def only_type(types: TypeSet, args: Namespace) -> str:
+def only_type(types: TypeSet, args: SimpleNamespace) -> str:
     """Return the name of the only type of FILE, whatever the other files declare."""
     if not args.others:
         return types.only()
@@ -229,8 +229,8 @@ def asked_for(problem: Problem) -> Problem:
     return problem
 
 
-def _two_layouts(args: Namespace) -> tuple[Layout, Layout]:
-    sides = [Namespace(**side) for side in _sides(args)]
+def _two_layouts(args: SimpleNamespace) -> tuple[Layout, Layout]:
+    sides = [SimpleNamespace(**side) for side in _sides(args)]
     choices = [choice_of_options(side) for side in sides]
     for choice in choices:
         choice.rules()
@@ -246,7 +246,7 @@ def _two_layouts(args: Namespace) -> tuple[Layout, Layout]:
     return layouts[0], layouts[1]
 
 
-def _sides(args: Namespace) -> tuple[dict[str, str | None], dict[str, str | None]]:
+def _sides(args: SimpleNamespace) -> tuple[dict[str, str | None], dict[str, str | None]]:
     """Return what the options say for ours and for theirs: given once one counts for both."""
     ours: dict[str, str | None] = {}
     theirs: dict[str, str | None] = {}

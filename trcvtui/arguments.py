@@ -12,7 +12,7 @@ from typing import Any, Final, Protocol
 SUPPRESS: Final = "==SUPPRESS=="  # as argparse writes it: no value where the option is not given
 
 
-class Parser(Protocol):
+class ArgumentRows(Protocol):
     """What the functions fill."""
 
     description: str | None

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Final
 
 from trcvtui import __version__
-from trcvtui.arguments import SUPPRESS, Parser, PlainParser
+from trcvtui.arguments import SUPPRESS, ArgumentRows, PlainParser
 from trcvtui.errors import UserError, mistake
 
 if TYPE_CHECKING:
@@ -348,7 +348,7 @@ def _arguments(given: Sequence[str]) -> SimpleNamespace:
     return full.parse_args(given, SimpleNamespace())
 
 
-def _fill(parser: Parser, given: Sequence[str]) -> None:
+def _fill(parser: ArgumentRows, given: Sequence[str]) -> None:
     """Add the commands; where the first word is one, that one alone: each takes argparse a millisecond."""
     parser.set_defaults(command=_demo)
     _add_theme(parser, None)
@@ -360,7 +360,7 @@ def _fill(parser: Parser, given: Sequence[str]) -> None:
         add(made)
 
 
-def _add_run(parser: Parser) -> None:
+def _add_run(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_run)
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
@@ -369,7 +369,7 @@ def _add_run(parser: Parser) -> None:
     _add_theme(parser, SUPPRESS)
 
 
-def _add_serve(parser: Parser) -> None:
+def _add_serve(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_serve)
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
@@ -379,7 +379,7 @@ def _add_serve(parser: Parser) -> None:
     _add_theme(parser, SUPPRESS)
 
 
-def _add_theme(parser: Parser, default: str | None) -> None:
+def _add_theme(parser: ArgumentRows, default: str | None) -> None:
     parser.add_argument(
         "--theme",
         choices=LOOKS,
@@ -388,7 +388,7 @@ def _add_theme(parser: Parser, default: str | None) -> None:
     )
 
 
-def _add_scenario(parser: Parser) -> None:
+def _add_scenario(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_scenario)
     parser.last_words = _format_names
     parser.add_argument("files", metavar="FILE.toml", nargs="+")
@@ -401,7 +401,7 @@ def _add_scenario(parser: Parser) -> None:
     )
 
 
-def _add_race(parser: Parser) -> None:
+def _add_race(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_race)
     parser.last_words = _dialect_names
     parser.add_argument("file", metavar="FILE.toml")
@@ -411,7 +411,7 @@ def _add_race(parser: Parser) -> None:
     parser.add_argument("--format", choices=("text", "jsonl"), default="text", help="default: text")
 
 
-def _add_status(parser: Parser) -> None:
+def _add_status(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_status)
     parser.last_words = _dialect_names
     parser.add_argument(
@@ -422,13 +422,13 @@ def _add_status(parser: Parser) -> None:
     parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
 
 
-def _add_st(parser: Parser) -> None:
+def _add_st(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_st)
     parser.add_argument("project", metavar="PROJECT.toml")
     parser.add_argument("instance", metavar="INSTANCE", nargs="?", help="default: all of them")
 
 
-def _add_udt(parser: Parser) -> None:
+def _add_udt(parser: ArgumentRows) -> None:
     from trcvtui.udt.cli_input import add_udt, last_words
 
     parser.set_defaults(command=None)
@@ -446,7 +446,7 @@ def _add_udt(parser: Parser) -> None:
         made.last_words = last_words
 
 
-COMMANDS: Final[dict[str, tuple[str, Callable[[Parser], None]]]] = {
+COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "run": ("open the screen on a project", _add_run),
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),

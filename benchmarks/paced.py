@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import time
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from types import TracebackType
@@ -14,6 +14,7 @@ from typing import Final, Self
 
 from trcvtui.plc.snapshot import Snapshot
 from trcvtui.project.file import load_project
+from trcvtui.records import replace
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.clock import now_ns
 from trcvtui.rig.engine.controller import fresh_bench

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import multiprocessing
+import random
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 
+import pytest
+
 from trcvtui.project.file import read_project
+from trcvtui.records import replace
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.bench_update import BareUpdate, BenchUpdate, UpdateRequest
 from trcvtui.rig.engine.controller import Controller
 from trcvtui.rig.engine.update_pipe import PARTS_A_PIECE, UpdatePipe
+from trcvtui.rig.history.records import HistoryRequest
 from trcvtui.rig.snapshots import EngineTiming
 
 FAR_AWAY = 10_000_000_000
@@ -105,3 +110,33 @@ def test_what_has_not_changed_is_the_same_object_on_both_sides() -> None:
         before, after = (each.snapshot.instance("T5") for each in arrived[-2:])
         assert before is after
         assert arrived[-1].snapshot.scan == arrived[-2].snapshot.scan + 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_picture_in_pieces_is_that_of_one_scan_whatever_passes_meanwhile(seed: int) -> None:
+    draw, bench = random.Random(seed), console()
+    bench.take(0, "set T1 EN_R=1 LEN=8")
+    for line in ("fault clear",) * 3 + ("peer P1 connect",):
+        bench.take(0, line)
+        bench.scan()
+    request = UpdateRequest(partial_of=("T1",), waves=(("T1", 0),), history=HistoryRequest("C1", 0, 64))
+    with two_ends() as (engine, screen):
+        pipe, expected, arrived, done = UpdatePipe(engine), [], [], set()
+        for scan in range(200):
+            if draw.random() < 0.7:
+                bench.take(scan, f"peer P1 send random {draw.choice((3, 8, 13))} seed={scan}")
+            bench.scan() if draw.random() < 0.5 else bench.step()
+            if not pipe.is_busy():
+                bare = bench.collect(request, EngineTiming(), 2000)
+                expected.append(bare.whole(bench.bench.runtime.whole(bare.snapshot)))
+                pipe.begin(bare)
+            for _ in range(draw.randrange(4)):
+                pipe.go_on(clock.now_ns())  # one piece
+            while screen.poll():
+                arrived.append(screen.recv())
+        for found, known in zip(arrived, expected, strict=False):
+            assert replace(found, history=None) == replace(known, history=None)
+            done.add(found.snapshot.instances[1].jobs_done)
+            assert found.history is not None and known.history is not None
+            assert found.history.content.startswith(known.history.content.rstrip(b"\0"))
+    assert len(done) > 5, "the pictures were of different scans, with jobs in between"

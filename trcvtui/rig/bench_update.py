@@ -10,7 +10,7 @@ from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.plc.ledger import Line, Stamped, line_of
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
 from trcvtui.records import dataclass, replace
-from trcvtui.rig.history.pin_waveform import WaveformDelta
+from trcvtui.rig.history.pin_waveform import WaveformDelta, with_changes
 from trcvtui.rig.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.rig.snapshots import Answer, EngineTiming, Fired, PeerSnapshot, PlayerSnapshot, TrialSnapshot
 
@@ -78,8 +78,9 @@ class BenchUpdate:
 class BareUpdate(NamedTuple):
     """A BenchUpdate as it is collected between two scans: all of it frozen, the dear parts not made yet.
 
-    `update` has no parts of the snapshot, no lines and no window. `lines` are bare lines of the ledger, the
-    first has number `first_seq`; `window` makes the window on the stream, which tells itself how far it goes.
+    `update` has no parts of the snapshot, no lines, no window, and bare changes in its waves. `lines` are
+    bare lines of the ledger, the first has number `first_seq`; `window` makes the window on the stream, which
+    tells itself how far it goes.
     """
 
     update: BenchUpdate
@@ -91,4 +92,5 @@ class BareUpdate(NamedTuple):
     def whole(self, snapshot: Snapshot) -> BenchUpdate:
         """Return the update with all its parts."""
         lines = tuple(starmap(line_of, enumerate(self.lines, self.first_seq)))
-        return replace(self.update, snapshot=snapshot, lines=lines, history=self.window())
+        waves = tuple(map(with_changes, self.update.waves))
+        return replace(self.update, snapshot=snapshot, lines=lines, waves=waves, history=self.window())

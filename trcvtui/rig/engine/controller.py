@@ -472,7 +472,7 @@ class Controller:
     def _wave_news(self, asked: tuple[tuple[str, int], ...], known: bool) -> tuple[WaveformDelta, ...]:
         ledger = self.bench.runtime.ledger
         now = ledger.scan, ledger.t_ns
-        news = (self._waves.news(name, number if known else 0, now) for name, number in asked)
+        news = (self._waves.bare_news(name, number if known else 0, now) for name, number in asked)
         return tuple(fresh for fresh in news if fresh is not None)
 
     def _count_project(self) -> None:

@@ -189,14 +189,19 @@ class Engine:
             return
         part = min(until, began + min(self._interval, STEP_NS) // GAP_SHARE)
         if self._request is not None and not self._pipe.is_busy() and self._may_collect(began, until):
-            timing, most_lines = self._timing.summary(), self._request.most_lines
-            self._pipe.begin(self._controller.collect(self._request, timing, most_lines))
-            self._collect_ns, self._collected_at = clock.now_ns() - began, began
-            self._request, self._is_answered = None, True
+            self._collect(self._request)
         self._pipe.go_on(part)
         self._worked_at = clock.now_ns()
         if began <= self._due < self._worked_at:
             self._timing.late_by_picture += 1
+
+    def _collect(self, request: UpdateRequest) -> None:
+        """Collect a picture; where that is due, find its percentiles first, and collect in the next gap."""
+        began = clock.now_ns()
+        if not self._timing.find_percentiles() or self._interval >= FAST_NS:
+            self._pipe.begin(self._controller.collect(request, self._timing.summary(), request.most_lines))
+            self._collect_ns, self._collected_at = clock.now_ns() - began, began
+            self._request, self._is_answered = None, True
 
     def _may_collect(self, now: int, until: int) -> bool:
         """Return whether a picture like the last one can be collected before the next scan, or has to be.

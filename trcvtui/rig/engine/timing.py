@@ -118,12 +118,17 @@ class Punctuality:
             self._every.append((began, began - due, ended - began, self._used - before))
 
     def summary(self) -> EngineTiming:
-        """Return the percentiles of what is kept; they are found anew when enough of it is new."""
-        if self._scans - self._sorted_at >= len(self._late) // 8:
+        """Return the counters, and the percentiles as they were found last."""
+        return EngineTiming(self._scans, self._overruns, *self._percentiles, self._mode, self.late_by_picture)
+
+    def find_percentiles(self) -> bool:
+        """Find the percentiles anew when enough of what is kept is new; return whether that was so."""
+        is_due = self._scans - self._sorted_at >= max(1, len(self._late) // 8)
+        if is_due:
             self._sorted_at = self._scans
             late, length = sorted(self._late), sorted(self._length)
             self._percentiles = _at(late, 0.50), _at(late, 0.99), _at(length, 0.99)
-        return EngineTiming(self._scans, self._overruns, *self._percentiles, self._mode, self.late_by_picture)
+        return is_due
 
 
 def _at(ordered: list[int], share: float) -> int:

@@ -17,7 +17,15 @@ from trcvtui.blocks.table import shown_by
 from trcvtui.plc.ledger import BenchNote, InputEdge, StatusEdge
 from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.rig.bench.bench import Bench
-from trcvtui.rig.history.pin_waveform import NO_PINS, KnownPins, PinChange, PinValues, WaveformDelta, pins_of
+from trcvtui.rig.history.pin_waveform import (
+    NO_PINS,
+    KnownPins,
+    PinChange,
+    PinValues,
+    WaveformDelta,
+    pins_of,
+    with_changes,
+)
 from trcvtui.rig.history.received import JobHistory
 
 KEPT_CHANGES: Final = 32_768  # of one instance, where there are few: 7 MB
@@ -82,10 +90,10 @@ class PinRecord:
         return list(islice(self._changes, kept - fresh, kept - fresh + most))
 
     def since(self, number: int, most: int) -> tuple[int, tuple[PinChange, ...]]:
-        """Return the oldest `most` changes after `number`, and the number of the first of them."""
+        """Return the oldest `most` changes after `number`, bare, and the number of the first of them."""
         first = max(number, self.total - len(self._changes)) + 1
         found = self.after(number, most)
-        return min(first, self.total + 1), tuple([tuple.__new__(PinChange, change) for change in found])
+        return min(first, self.total + 1), tuple(found)  # type: ignore[arg-type]
 
 
 class WaveformRecorder:
@@ -157,6 +165,13 @@ class WaveformRecorder:
 
         `now` is the last scan and its time; at most `most` changes, the oldest of them, come at once.
         """
+        news = self.bare_news(instance, number, now, most)
+        return with_changes(news) if news is not None else None
+
+    def bare_news(
+        self, instance: str, number: int, now: tuple[int, int], most: int = MOST_NEWS
+    ) -> WaveformDelta | None:
+        """Return the same with bare changes, the fields of PinChange."""
         self._history.catch_up()
         self._settle(now[0] + 1)
         record = self.records.get(instance)
@@ -170,7 +185,7 @@ class WaveformRecorder:
         last = changes[-1] if changes else None
         until = now
         if not is_all and last is not None:
-            until = last.scan, last.t_ns
+            until = last[1:3]
         return WaveformDelta(instance, first, scan, t_ns, before, changes, *until)
 
 

@@ -87,7 +87,7 @@ async def on_a_line(
             shown = LineBench(driver, app, pilot)
             await shown.do(*lines)
             app.view_model.selected = select
-            app.main.on_instance_selected()
+            app.main.follow_selected()
             await follow(app, pilot)
             yield shown
     finally:

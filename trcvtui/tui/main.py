@@ -176,7 +176,7 @@ class MainScreen(FullScreen[None]):
         self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
         self._past = 4  # history or timing, where one place is for both
         actions = PaneActions(submit, self.action_prompt, lambda text: self.prompt.complain(text))
-        self.instances = InstanceList(view_model)
+        self.instances = InstanceList(view_model, self.follow_selected)
         self.filter = FilterLine(
             self.instances.narrow, self.instances.action_move, self.instances, self.instances.choose_listed
         )
@@ -297,7 +297,7 @@ class MainScreen(FullScreen[None]):
     def begin_anew(self) -> None:
         """Another bench stands here now: nothing that was pointed at is there any more."""
         self.block.forget()
-        self.on_instance_selected()
+        self.follow_selected()
         self.on_peer_selected()
 
     def obeys(self, line: str) -> bool:
@@ -329,7 +329,7 @@ class MainScreen(FullScreen[None]):
 
     # -- what the panes say -------------------------------------------------------------------------
 
-    def on_instance_selected(self) -> None:
+    def follow_selected(self) -> None:
         """Let all panes follow another instance."""
         self.history.forget()
         self.timing.forget()

@@ -19,10 +19,6 @@ class PaneActions(NamedTuple):
     complain: Callable[[str], None]
 
 
-class InstanceSelected(Message):
-    """Another instance was selected in the view_model: the panes follow."""
-
-
 class PeerSelected(Message):
     """Another peer was selected in the view_model: composer and buttons speak for it."""
 

@@ -19,7 +19,7 @@ from trcvtui.rig import demo_path
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES
 from trcvtui.tui.main import RACE, MainScreen
-from trcvtui.tui.messages import InstanceSelected, PeerSelected
+from trcvtui.tui.messages import PeerSelected
 from trcvtui.tui.peer_commands import SEND, buttons_for
 from trcvtui.tui.view_model.view_model import ViewModel
 
@@ -266,7 +266,7 @@ def _said(line: str, key: str) -> str:
 
 def _select(bench: PaletteReach, name: str) -> None:
     bench.view_model.selected = name
-    bench.main.post_message(InstanceSelected())
+    bench.main.follow_selected()
 
 
 def _peer(bench: PaletteReach, name: str) -> None:

@@ -47,7 +47,7 @@ class Bench:
     async def select(self, name: str) -> None:
         """Look at the block of another instance."""
         self.app.view_model.selected = name
-        self.app.main.on_instance_selected()
+        self.app.main.follow_selected()
         await self.press("2")
 
     @property

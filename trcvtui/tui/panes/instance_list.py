@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, NamedTuple
 
 from textual import events
@@ -11,7 +11,6 @@ from textual.binding import Binding
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot
 from trcvtui.project.connect_view import TLS, security_of
 from trcvtui.tui.formatting import age, bar, cells, clip, lamp, pad, plain, squeeze, status_word
-from trcvtui.tui.messages import InstanceSelected
 from trcvtui.tui.view_model.view_model import DONE, ERROR, PinPulse, ViewModel
 from trcvtui.tui.widgets.line_view import EMPTY, LineView, Part, Row, row
 
@@ -48,8 +47,10 @@ class InstanceList(LineView):
         Binding("exclamation_mark", "next_error", "the next instance with an ERROR", show=False),
     ]
 
-    def __init__(self, view_model: ViewModel, digit: int = 1) -> None:
+    def __init__(self, view_model: ViewModel, selected: Callable[[], None], digit: int = 1) -> None:
+        """Tell `selected` at once when another instance is chosen: all panes are painted with the list."""
         super().__init__(id="instances")
+        self._selected = selected
         self._digit = digit
         self._view_model = view_model
         self._words: list[str] = []  # of the filter: those listed have all of them
@@ -249,11 +250,10 @@ class InstanceList(LineView):
             self._choose(0)
 
     def _choose(self, y: int) -> None:
-        # At once and not by the message: the next key may come before it is heard.
         self._view_model.selected = self._listed[y].name
-        self.post_message(InstanceSelected())
         self.keep_in_view(y)
         self.show()
+        self._selected()
 
     def _keep_selected_in_view(self) -> None:
         names = [instance.name for instance in self._listed]

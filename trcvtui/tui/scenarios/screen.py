@@ -87,7 +87,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         self._past = TRACES
         self.list = ScenarioList(model)
         self.text = ScenarioText(model)
-        self.instances = InstanceList(view_model, digit=3)
+        self.instances = InstanceList(view_model, self.follow_selected, digit=3)
         self.traces = TraceList(view_model)
         actions = PaneActions(self._refuse, self._refuse, self._complain)
         self.status = StatusCard(view_model, STATUS)
@@ -156,7 +156,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         """Show the panes of a play while there is one; of another bench nothing is pointed at any more."""
         if self._bench != self._view_model.bench:
             self._bench = self._view_model.bench
-            self.on_instance_selected()
+            self.follow_selected()
         if plays != self.has_class(PLAYING):
             self.set_class(plays, PLAYING)
             self.arrange_panes()
@@ -201,7 +201,7 @@ class ScenariosScreen(SideScreen[Path | None]):
         """Load by mouse."""
         self.action_load()
 
-    def on_instance_selected(self) -> None:
+    def follow_selected(self) -> None:
         """Let all panes follow another instance."""
         self.history.forget()
         self.timing.forget()

@@ -260,6 +260,9 @@ class Received(Vertical):
 
     def _show_now(self, instance: InstanceSnapshot) -> None:
         self.data.frame, self.job.frame = marks_of_data(instance), marks_of_part(instance)
+        declared = self._view_model.declaration
+        if declared is not None:  # as high before its bytes have come: one layout, not two
+            self.data.rows_kept = -(-declared.size // self.data.per_row) * self.data.lines
         self.data.show_bytes(self._view_model.data, 0, self._starts(False))
         self._line.show()
         self._size_job(instance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment
@@ -102,18 +102,6 @@ class Block(Protocol):
 
     def detach(self, reason: str) -> None:
         """Detach the instance: deleted, or made anew by a download. The lock of a running job may stay."""
-        ...
-
-
-@runtime_checkable
-class ReceivingBlock(Protocol):
-    """A block that receives on a connection."""
-
-    def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether this instance receives on the connection as soon as it is called, or can.
-
-        `waits`: also where another reader has to let go first who cannot receive at present.
-        """
         ...
 
 

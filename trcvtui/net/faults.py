@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable, Collection, Mapping
-from typing import Final, Protocol, runtime_checkable
+from typing import Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.kernel import (
@@ -144,13 +144,6 @@ class FaultPlan:
         return fault
 
 
-@runtime_checkable
-class KnowsReady(Protocol):
-    """A kernel that can list what the last poll saw without asking for each handle."""
-
-    def ready(self) -> Collection[Handle]: ...
-
-
 NOTHING: Final[Mapping[Handle, str]] = {}
 
 
@@ -160,7 +153,7 @@ class FaultyKernel:
     def __init__(self, inner: Kernel, plan: FaultPlan) -> None:
         self.inner = inner
         self.plan = plan
-        self._ready = inner.ready if isinstance(inner, KnowsReady) else self._readable_ones
+        self._ready: Callable[[], Collection[Handle]] = getattr(inner, "ready", self._readable_ones)
         self.poll: Callable[[], None] = inner.poll
         self._owners: dict[Handle, str] = {}
         self._held: dict[Handle, Accepted] = {}  # clients whose accept was made to fail

@@ -50,6 +50,11 @@ class Credentials:
     is_unverified: bool = False
 
 
+def tls_of(session: object) -> Credentials | None:
+    """Return what a CONNECT with TLS shows and asks; None: it has another session, or none."""
+    return session if isinstance(session, Credentials) else None
+
+
 class LayerMessage(NamedTuple):
     """One message: its first bytes up to the session's cap, and how many it had."""
 

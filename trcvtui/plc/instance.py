@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from trcvtui.blocks.block import Binding, ReceivingBlock, new_block
+from trcvtui.blocks.block import Binding, new_block
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
 from trcvtui.blocks.pins import Inputs
 from trcvtui.blocks.serial.com_buffer import SerialBinding
@@ -63,7 +63,9 @@ class Instance:
     def fresh(self) -> None:
         """Begin anew, as after STOP and RUN or a download; inputs and DATA keep their values."""
         self._block = new_block(self._row, self._bound)
-        if isinstance(self._bound, Binding) and isinstance(self._block, ReceivingBlock):
+        self._block_would_read: Callable[[Inputs, bool], bool] | None
+        self._block_would_read = getattr(self._block, "would_read", None)  # of a block that receives
+        if isinstance(self._bound, Binding) and self._block_would_read is not None:
             self._bound.connection.readers[self.name] = self._would_read
         self._frozen: Inputs | None = None
         self.outcome = NOT_CALLED
@@ -118,7 +120,9 @@ class Instance:
             self._fading, self._pulsed = self._pulsed, []
         if outcome.clear_com_rst:
             self._write("COM_RST", False)
-        goes_on = self._frozen is None or bool(self._blinking or self._fading)
+        goes_on = self._frozen is None or bool(  # type: ignore[comparison-overlap]  # _write may have taken it
+            self._blinking or self._fading
+        )
         if self._stream is not None:
             self._stream.after(outcome, bool(self.inputs[self._row.begins]))
             goes_on = goes_on or self._stream.keeps_awake
@@ -140,7 +144,7 @@ class Instance:
         """Return whether the block receives as soon as it is called; a pin that blinks may be TRUE then."""
         pins = self.inputs | dict.fromkeys(self._blinking, True)
         inputs = Inputs(**{pin.lower(): value for pin, value in pins.items()})  # type: ignore[arg-type]
-        return isinstance(self._block, ReceivingBlock) and self._block.would_read(inputs, waits)
+        return self._block_would_read is not None and self._block_would_read(inputs, waits)
 
     def _freeze(self) -> Inputs:
         values = {pin.lower(): value for pin, value in self.inputs.items()}

@@ -11,7 +11,7 @@ from trcvtui.net.connection.config import ConnectConfig as ConnectConfig
 from trcvtui.net.connection.description import Description, DescriptionField, FieldType, Value, rows
 from trcvtui.net.connection.description import DescriptionRow as DescriptionRow
 from trcvtui.net.connection.description_check import Flaw, Protocol, field_name, meaning
-from trcvtui.net.layers.tls import TlsSettings
+from trcvtui.net.layer import Credentials, tls_of
 from trcvtui.project.descriptions import UNSAFE
 
 # Rule: what is pasted is what is here. Bytes that fill no structure stay bytes; nothing is rounded to fit.
@@ -144,16 +144,17 @@ class Security(NamedTuple):
 
 def security_of(config: ConnectConfig | None) -> Security | None:
     """Return how secure a CONNECT is, None without TLS."""
-    if config is None or not isinstance(config.session, TlsSettings):
+    tls = None if config is None else tls_of(config.session)
+    if tls is None:
         return None
-    unsafe = config.session.is_unverified
+    unsafe = tls.is_unverified
     return Security(UNCHECKED if unsafe else TLS, unsafe)
 
 
 def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
     """Return which files the references mean, by field name."""
-    session = config.session
-    if not isinstance(session, TlsSettings):
+    session = tls_of(config.session)
+    if session is None:
         return {}
     own, partners = ("Client", "Server") if config.active else ("Server", "Client")
     trusted = _trusted(session)
@@ -163,7 +164,7 @@ def certificate_remarks(config: ConnectConfig) -> dict[str, str]:
     return {f"TLS{own}CertRef": shown, f"TLS{partners}CertRef": trusted}
 
 
-def _trusted(session: TlsSettings) -> str:
+def _trusted(session: Credentials) -> str:
     if session.is_unverified:
         return "! NOT CHECKED: any certificate is taken"
     return f"trusts {_files(session.authorities)}" if session.authorities else "trusts nobody"

@@ -14,8 +14,8 @@ from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.description import Description
 from trcvtui.net.connection.description_check import Finding, Flaw, Protocol, as_param, meaning, narrow_tsap
+from trcvtui.net.layer import tls_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
-from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint
 from trcvtui.project.descriptions import LOOPBACK
 from trcvtui.project.key_rows import around_of
@@ -133,7 +133,7 @@ def _in_its_structure(config: ConnectConfig, dialect: Dialect, notes: list[str])
     description, taken = config.description, dialect.structures
     if description is None or not taken or description.structure.name in taken:
         return config
-    is_plain = not isinstance(config.session, TlsSettings)
+    is_plain = tls_of(config.session) is None
     has_interface = bool(description.number("InterfaceId"))
     found = as_param(meaning(description), has_interface) if is_plain else None
     if found is not None:

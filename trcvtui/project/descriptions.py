@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.errors import UserError
@@ -41,9 +41,8 @@ from trcvtui.net.connection.description_check import (
     speaks_iso,
     types_of,
 )
-from trcvtui.net.layer import LayerSettings
+from trcvtui.net.layer import LayerSettings, tls_of
 from trcvtui.net.layers.iso_on_tcp import IsoSettings
-from trcvtui.net.layers.tls import TlsSettings
 from trcvtui.net.results import ANY_ADDRESS, Endpoint, is_loopback, octets
 from trcvtui.project.project import CertificateDecl, Certificates
 from trcvtui.project.tables import (
@@ -63,6 +62,9 @@ from trcvtui.project.tables import (
 )
 from trcvtui.records import dataclass, replace
 from trcvtui.udt.byte_text import parse_hex
+
+if TYPE_CHECKING:
+    from trcvtui.net.layers.tls import TlsSettings
 
 LONGEST_MESSAGE: Final = 65536
 SIZES: Final = {1 << code: code for code in range(7, 14)}  # 128 .. 8192 bytes
@@ -196,6 +198,8 @@ def secure(
             kind = "certificate with a key" if needs_key else "certificate"
             return Finding(Flaw.CERTIFICATE, field, f"{field} is {number}, no {kind} has that number")
     shows = known.get(own)
+    from trcvtui.net.layers.tls import TlsSettings  # with the TLS library: only who is secure waits
+
     return TlsSettings(
         certificate=shows.file if shows else "",
         key=shows.key if shows else "",
@@ -227,6 +231,8 @@ def tls_of_peer(values: Mapping[str, Any], table: Table, known: Certificates) ->
     if own is not None and not own.key:
         table.wrong("certificate", f"{own.number}, which has no key", "one with a key")
     name = values["server_name"]
+    from trcvtui.net.layers.tls import TlsSettings
+
     settings = TlsSettings(
         certificate=own.file if own else "",
         key=own.key if own else "",
@@ -620,7 +626,8 @@ def dns_answer_of(config: ConnectConfig) -> str | None:
 
 def verify_of(config: ConnectConfig) -> str | None:
     """Return what switches the check of certificates off, None where it is on."""
-    is_off = isinstance(config.session, TlsSettings) and config.session.is_unverified
+    tls = tls_of(config.session)
+    is_off = tls is not None and tls.is_unverified
     return UNSAFE if is_off else None
 
 

@@ -103,7 +103,7 @@ class SingleTrcv:
         return self._told.shown(shown, inputs)
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether this instance receives on the connection when its turn comes (`ReceivingBlock`)."""
+        """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return self.job.would_read(inputs, waits)
 
     def stop(self, reason: str) -> None:

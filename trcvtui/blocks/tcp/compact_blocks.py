@@ -55,7 +55,7 @@ class TrcvC:
         return self.job if self.job.is_usual(inputs) else None
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether this instance receives on the connection when its turn comes (`ReceivingBlock`)."""
+        """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return (inputs.cont or self._course.request_connects) and self.job.would_read(inputs, waits)
 
     def _goes_on(self, inputs: Inputs) -> bool:

@@ -250,7 +250,7 @@ class Trcv:
         return self._not_connected()
 
     def would_read(self, inputs: Inputs, waits: bool) -> bool:
-        """Return whether this instance receives on the connection when its turn comes (`ReceivingBlock`)."""
+        """Return whether this instance receives on the connection when its turn comes; asked by name."""
         return self.job.would_read(inputs, waits)
 
     def stop(self, reason: str) -> None:

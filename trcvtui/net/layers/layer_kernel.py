@@ -10,7 +10,7 @@ session that ends by itself, and of what was passed over.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Final, Protocol, runtime_checkable
+from typing import Final, Protocol
 
 from trcvtui.net.connection.resources import Party, Work
 from trcvtui.net.events import What
@@ -30,12 +30,12 @@ from trcvtui.net.layers.layered_stream import (
     CLIENTS_QUEUED,
     ENDED,
     IGNORED,
-    Choosing,
     LayeredStream,
     LayerNote,
     PortMember,
     SharedListener,
     Told,
+    choosing,
 )
 from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
 
@@ -44,7 +44,6 @@ from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Faul
 ATTEMPT_LIMIT: Final = 4_000_000_000  # ns
 
 
-@runtime_checkable
 class ReadyKernel(Kernel, Protocol):
     """A kernel that can say which handles its last poll saw."""
 
@@ -88,7 +87,8 @@ class LayerKernel:
         self._listeners: dict[Handle, SharedListener] = {}  # by member
         self._ports: dict[Endpoint, SharedListener] = {}
         self._free_ports: dict[str, int] = {}  # by address: the one that stands for "any" on a shared port
-        self._ready_inside = inner.ready_handles if isinstance(inner, ReadyKernel) else nothing_known
+        self._ready_inside: Callable[[], Mapping[Handle, str] | None]
+        self._ready_inside = getattr(inner, "ready_handles", nothing_known)
         # What nothing is done to goes to the kernel without a second call.
         self.local_addresses: Callable[[], tuple[LocalAddress, ...]] = inner.local_addresses
         self.set_link: Callable[[str, bool], str] = inner.set_link
@@ -188,10 +188,8 @@ class LayerKernel:
         if stream is None:
             if options.session is not None:
                 self._wanted[handle] = options.session
-        elif (
-            isinstance(stream.session, Choosing) and stream.session.has_asked and options.session is not None
-        ):
-            stream.session.give_to(options.session)
+        elif (asked := choosing(stream.session)) is not None and options.session is not None:
+            asked.give_to(options.session)
             stream.flush()
         return refused
 
@@ -363,12 +361,12 @@ class LayerKernel:
         keep that from the next attempt for a minute (TIME_WAIT).
         """
         stream = self._streams.get(handle)
-        asked = stream is not None and isinstance(stream.session, Choosing) and stream.session.has_asked
-        if stream is not None and asked and isinstance(stream.session, Choosing):
-            stream.session.refuse(is_known=True)
+        asked = None if stream is None else choosing(stream.session)
+        if stream is not None and asked is not None:
+            asked.refuse(is_known=True)
             stream.flush()
             stream.is_told = True  # by whoever turns it away
-        says_goodbye = stream is not None and not asked and stream.goodbye() and handle not in self._fixed
+        says_goodbye = stream is not None and asked is None and stream.goodbye() and handle not in self._fixed
         stays = self._forget(handle)
         if stays:
             return None

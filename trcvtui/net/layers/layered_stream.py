@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Final, NamedTuple, Protocol, runtime_checkable
+from typing import Final, NamedTuple, Protocol
 
 from trcvtui.net.connection.resources import ACCEPT, BEGIN_TLS, READ, Party
 from trcvtui.net.events import What
@@ -248,7 +248,6 @@ GAVE_WAY: Final = f"{CLIENTS_WAITING} clients were there before it was done, and
 FULL: Final = f"{CLIENTS_WAITING} clients wait there already, and nobody takes them"
 
 
-@runtime_checkable
 class Choosing(Protocol):
     """A session whose partner asks for one of several: it waits until it is given to somebody, or refused."""
 
@@ -269,6 +268,12 @@ class Choosing(Protocol):
     def refuse(self, is_known: bool) -> None:
         """Say no; `is_known`: somebody has that name, but not for this partner, or not now."""
         ...
+
+
+def choosing(session: object) -> Choosing | None:
+    """Return the session if its partner has asked for somebody; None: not yet, or it knows no such thing."""
+    found: Choosing | None = session if getattr(session, "has_asked", False) else None  # type: ignore[assignment]
+    return found
 
 
 class PortMember:
@@ -342,8 +347,8 @@ class SharedListener:
             client.pump()
         for remark in session.take_remarks():
             self._told(LayerNote(self._any_member().owner, IGNORED, str(client.peer), remark))
-        if isinstance(session, Choosing) and session.has_asked:
-            self._give(client, session)
+        if (asked := choosing(session)) is not None:
+            self._give(client, asked)
         elif session.is_up:
             self._hand_over(client, self._any_member())
         elif client.is_over or session.ended is not None:
@@ -378,7 +383,7 @@ class SharedListener:
     def _fail(self, client: LayeredStream, why: str) -> None:
         session: LayerSession = client.session
         member = self._any_member()
-        told = session.ended is not None and not isinstance(session, Choosing)
+        told = session.ended is not None and not hasattr(session, "has_asked")
         if session.ended is not None and told and not self._is_full(member):
             member.ready.append(Fault("session", session.ended.error, peer=str(client.peer)))
         self._drop(client, why)

@@ -269,7 +269,7 @@ def _broadcast(address: str, item: _IfAddrs) -> str:
     told = _ipv4(item.everybody) if item.flags & IFF_BROADCAST else None
     if told in (None, ANY_ADDRESS):
         told = broadcast_of(address, _ipv4(item.netmask) or "")
-    return "" if told is None or told == address else told
+    return "" if told == address else told
 
 
 def _ipv4(address: int | None) -> str | None:

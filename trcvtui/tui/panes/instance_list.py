@@ -108,7 +108,7 @@ class InstanceList(LineView):
         spoken = (
             f"{instance.name} {instance.block} {self._view_model.project.dialect.label(instance.condition)}",
             _partner(self._view_model.connection_of(instance), True),
-            " ".join(f"16#{code:04X}" for code in codes if code is not None),
+            " ".join(f"16#{code:04X}" for code in codes),
             "error" if self._shows_error(instance) else "",
         )
         text = " ".join(spoken).casefold()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
@@ -11,11 +11,6 @@ from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
 from trcvtui.net.kernel import Kernel
 from trcvtui.net.layers.layer_kernel import LayerKernel
 from trcvtui.net.layers.layered_stream import LayerNote
-from trcvtui.net.os.kernel import OsKernel
-from trcvtui.net.os.network import LOOPBACK, set_loopback
-from trcvtui.net.os.network import enter as enter_namespace
-from trcvtui.net.os.network import is_own_network as is_own_network
-from trcvtui.net.os.serial import OsSerialPort
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
 from trcvtui.net.sim.kernel import SimKernel
@@ -36,6 +31,9 @@ from trcvtui.rig.commands.words import CheckOn, Mend, PeerSend
 from trcvtui.rig.peers.peer import Peer, SelfActing, next_due
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
+if TYPE_CHECKING:
+    from trcvtui.net.os.kernel import OsKernel
+
 NO_ADDRESSES: Final = SimDecl()
 
 
@@ -43,15 +41,19 @@ def enter_own_network(kernel: str, sim: SimDecl = NO_ADDRESSES) -> None:
     """Move this process into a fresh network with the addresses of [sim]; raise UserError where it cannot."""
     if kernel != "live":
         raise mistake("--netns", f"--kernel {kernel}", "--kernel live, which has a network to be moved")
-    wrong = enter_namespace(sim.addresses, sim.not_ethernet)
+    from trcvtui.net.os.network import enter
+
+    wrong = enter(sim.addresses, sim.not_ethernet)
     if wrong:
         raise mistake("--netns", wrong, "one that lets a program have a network of its own")
 
 
 def set_link(kernel: Kernel, connect: str, up: bool) -> tuple[str, str]:
     """Cut the wire of a CONNECT or mend it; return what is wrong, or "", and by what means it was done."""
-    if not isinstance(kernel, OsKernel):
+    if isinstance(kernel, SimKernel):
         return kernel.set_link(connect, up), "simulated wire"
+    from trcvtui.net.os.network import LOOPBACK, is_own_network, set_loopback
+
     if is_own_network():
         how = "up" if up else "down: it carries every CONNECT and peer"
         return set_loopback(up), f"interface {LOOPBACK} {how}"
@@ -117,6 +119,12 @@ class Checking:
 KERNELS: Final = ("sim", "live")
 
 
+def _network_of_this_machine() -> OsKernel:
+    from trcvtui.net.os.kernel import OsKernel  # with the sockets' library: a simulated bench waits for none
+
+    return OsKernel()
+
+
 class Bench:
     """PLC and peers on one kernel; time comes in as an argument, in ns from the start of the run."""
 
@@ -126,7 +134,7 @@ class Bench:
         self.plan = FaultPlan()
         self.now = 0
         self._sim = _simulated(project) if kernel == "sim" else None
-        self._kernel: SimKernel | OsKernel = self._sim or OsKernel()
+        self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else lambda: self.now  # what handshakes are measured by
         self._work, self._peers_work = Work(now_ns), Work(now_ns)
@@ -173,8 +181,11 @@ class Bench:
         )
 
     def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
-        port = OsSerialPort(settings) if self._sim is None else SimSerialPort()
-        return FaultyPort(port, self.plan, owner)
+        if self._sim is not None:
+            return FaultyPort(SimSerialPort(), self.plan, owner)
+        from trcvtui.net.os.serial import OsSerialPort
+
+        return FaultyPort(OsSerialPort(settings), self.plan, owner)
 
     def _of_a_session(self, note: LayerNote) -> None:
         event = BenchNote(note.connect, note.what, note.why, note.client, note.for_all)
@@ -396,7 +407,7 @@ class Bench:
         self.runtime.close()
         for peer in self.peers.values():
             peer.end()
-        if isinstance(self._kernel, OsKernel):
+        if not isinstance(self._kernel, SimKernel):
             self._kernel.close_all()
 
     def leaks(self) -> tuple[str, ...]:

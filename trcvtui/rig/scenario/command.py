@@ -10,7 +10,7 @@ from pathlib import Path
 from trcvtui.errors import UserError
 from trcvtui.files import refuse_input, replacing
 from trcvtui.rig import clock
-from trcvtui.rig.bench.bench import Bench, enter_own_network, is_own_network
+from trcvtui.rig.bench.bench import Bench, enter_own_network
 from trcvtui.rig.scenario.report import FORMATS, Document
 from trcvtui.rig.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario
@@ -93,8 +93,11 @@ def _wrong(document: Document, path: Path, error: UserError) -> int:
 
 
 def _run_one(path: Path, scenario: Scenario, kernel: str, document: Document) -> bool:
-    if is_own_network():
-        enter_own_network(kernel, scenario.project.sim)
+    if kernel == "live":
+        from trcvtui.net.os.network import is_own_network
+
+        if is_own_network():
+            enter_own_network(kernel, scenario.project.sim)
     bench = Bench(scenario.project, kernel)
     report = document.begin(path, scenario, bench.runtime.interval_ns)
     pace: Pace = LivePace() if kernel == "live" else VirtualPace()

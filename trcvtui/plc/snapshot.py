@@ -253,7 +253,7 @@ def bare_connection(connection: Connection, now: int) -> Bare:
         _connection_snapshot,
         config.name,
         config.active,
-        state,
+        str(state),
         connection.local,
         connection.peer if state is State.CONNECTED else connection.set_up.remote,
         connection.incarnation,
@@ -261,7 +261,7 @@ def bare_connection(connection: Connection, now: int) -> Bare:
         connection.bytes_received,
         connection.attempts,
         max(0, retry - now) if retry is not None else None,
-        loss.kind if loss else None,
+        loss.kind.name.lower().replace("_", " ") if loss else "",
         connection.bytes_sent,
         connection.unacknowledged() if connection.bytes_sent else 0,
         connection.receiving.owners(),
@@ -274,12 +274,7 @@ def bare_connection(connection: Connection, now: int) -> Bare:
 def _connection_snapshot(
     name: str, active: bool, state: str, local: object, remote: object, *others: Any
 ) -> ConnectionSnapshot:
-    incarnation, since, received, attempts, retry, loss, *rest = others
-    lost = loss.name.lower().replace("_", " ") if loss else ""
-    counted = incarnation, since, received, attempts, retry
-    return ConnectionSnapshot(
-        name, active, str(state), str(local or ""), str(remote or ""), *counted, lost, *rest
-    )
+    return ConnectionSnapshot(name, active, state, str(local or ""), str(remote or ""), *others)
 
 
 def bare_port(port: UdpEndpoint, now: int) -> Bare:
@@ -297,7 +292,7 @@ def bare_port(port: UdpEndpoint, now: int) -> Bare:
         port.bytes_received,
         port.attempts,
         max(0, retry - now) if retry is not None else None,
-        None,
+        "",
         port.bytes_sent,
         None,
         port.receiving.owners(),

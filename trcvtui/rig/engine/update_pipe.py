@@ -26,7 +26,7 @@ from trcvtui.rig.bench_update import BareUpdate, BenchUpdate
 from trcvtui.rig.history.pin_waveform import PinChange, WaveformDelta
 
 LINES_A_PIECE: Final = 32
-PARTS_A_PIECE: Final = 4
+PARTS_A_PIECE: Final = 8
 LOOK_AT: Final = 2000  # parts that are looked at in one piece of work, whether they have changed
 WRITE_BYTES: Final = 1 << 16  # with one write: about 10 us
 PIPES_KNOWN: Final = 8  # on the screen's side
@@ -82,7 +82,7 @@ class UpdatePipe:
                     places = [*compress(places, map(is_not, kind[span], before[span]))]
                 yield b""
                 for some in _batches(places, PARTS_A_PIECE):
-                    pieces.append(_dumps([(place, made(kind[place])) for place in some]))
+                    pieces.append(_dumps([(place, kind[place]) for place in some]))
                     yield b""
         lines: list[bytes] = []
         for numbered in _batches(enumerate(picture.lines, picture.first_seq), LINES_A_PIECE):
@@ -150,7 +150,7 @@ def _unpack(
         if len(kind) != size:
             kind[:] = [None] * size
         for place, part in chain.from_iterable(map(pickle.loads, pieces)):
-            kind[place] = part
+            kind[place] = made(part)
     instances, connections, data = map(tuple, known)
     snapshot = replace(bare.snapshot, instances=instances, connections=connections, data=data)
     news = chain.from_iterable(map(pickle.loads, lines))

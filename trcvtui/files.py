@@ -46,13 +46,20 @@ def read_bytes(path: FileName, most: int) -> bytes:
 
     One byte more than `most` tells the caller that the file is larger.
     """
+    with open_to_read(path) as file:
+        return file.read(most + 1)
+
+
+@contextmanager
+def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
+    """Give a regular file to read piece by piece; raise OSError or ValueError."""
     _refuse_when_closed()
     # O_NONBLOCK: the open of a FIFO would wait for its other end.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with open(handle, "rb") as file:
         _refuse_what_is_no_file(os.fstat(handle).st_mode)
         _read.add(os.path.realpath(path))
-        return file.read(most + 1)
+        yield file
 
 
 def check_readable(path: FileName) -> None:

@@ -1,0 +1,1 @@
+"""Evidence: capture files, conversations, recordings."""

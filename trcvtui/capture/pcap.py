@@ -1,0 +1,396 @@
+"""The codec of capture files: pcapng and pcap to packets, packets and what surrounds them to pcapng.
+
+Rule 1: a file is read block by block; no length in it is trusted, and no block above `MOST_BLOCK` is kept.
+Rule 2: time is integer nanoseconds since 1970, whatever the file counts in.
+Rule 3: what cannot be read ends the file: `trouble` says where, all packets before it are good.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Final, NamedTuple
+
+from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.files import FileName, open_to_read, reason_of
+
+# Link types, as tcpdump.org lists them.
+NULL: Final = 0
+ETHERNET: Final = 1
+RAW_IP: Final = 101
+LOOP: Final = 108
+LINUX_SLL: Final = 113
+USER0: Final = 147
+IPV4: Final = 228
+IPV6: Final = 229
+RTAC_SERIAL: Final = 250
+LINUX_SLL2: Final = 276
+
+# Block types.
+INTERFACE: Final = 1
+OLD_PACKET: Final = 2
+SIMPLE_PACKET: Final = 3
+ENHANCED_PACKET: Final = 6
+SECRETS: Final = 10
+CUSTOM: Final = 0xBAD
+SECTION: Final = 0x0A0D0D0A
+
+TLS_KEY_LOG: Final = 0x544C534B
+COMMENT: Final = 1  # option code
+NAME: Final = 2
+TIME_RESOLUTION: Final = 9
+TIME_OFFSET: Final = 14
+
+MOST_BLOCK: Final = 16 << 20  # what Wireshark takes
+MOST_INTERFACES: Final = 65_536
+CHUNK: Final = 256 << 10
+
+_LITTLE: Final = b"\x4d\x3c\x2b\x1a"
+_BIG: Final = b"\x1a\x2b\x3c\x4d"
+_CLASSIC: Final = {  # magic -> byte order, nanoseconds a tick, bytes before the data of a record
+    b"\xd4\xc3\xb2\xa1": ("<", 1000, 16),
+    b"\xa1\xb2\xc3\xd4": (">", 1000, 16),
+    b"\x4d\x3c\xb2\xa1": ("<", 1, 16),
+    b"\xa1\xb2\x3c\x4d": (">", 1, 16),
+    b"\x34\xcd\xb2\xa1": ("<", 1000, 24),  # Kuznetzov's: interface, protocol and kind stand after the usual
+    b"\xa1\xb2\xcd\x34": (">", 1000, 24),
+}
+_EXPECTED: Final = "a capture: pcapng or pcap, also as .gz"
+
+
+class Interface(NamedTuple):
+    """Where packets came from; ns = ticks * `numerator` // `denominator` + `offset_ns`."""
+
+    link_type: int
+    snaplen: int  # 0: no limit
+    name: str = ""
+    comments: tuple[str, ...] = ()
+    numerator: int = 1000
+    denominator: int = 1
+    offset_ns: int = 0
+
+
+class Packet(NamedTuple):
+    """One packet; `length` is what the wire had, `data` may be shorter; `at`: its byte in the file."""
+
+    ns: int
+    interface: int  # index of `CaptureReader.interfaces`
+    data: bytes
+    length: int
+    comments: tuple[str, ...]
+    at: int
+
+
+class CaptureReader:
+    """The packets of one file in its order, with about two chunks of it in memory.
+
+    `read` returns at most so many bytes, b"" at the end; a pipe may give fewer. `other` takes each block that
+    is no packet and no interface: type, body (without the lengths), byte of the block, byte order "<" or ">".
+    Raise UserError where the first bytes are no capture's.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[int], bytes],
+        name: str,
+        other: Callable[[int, bytes, int, str], None] | None = None,
+    ) -> None:
+        self.name = name
+        self.interfaces: list[Interface] = []  # of all sections, one after the other
+        self.trouble: Problem | None = None
+        self._other = other
+        self._read = read
+        self._buffer = b""
+        self._start = 0  # byte of the file at which the buffer begins
+        self._bad_input: Problem | None = None  # of the file below: a broken .gz, a disk error
+        magic = self._more(0, 4)
+        if magic[:2] == b"\x1f\x8b":
+            self._read, self._buffer = _gunzip(read, magic), b""
+            magic = self._more(0, 4)
+        if magic[:4] in _CLASSIC:
+            self._packets = self._classic()
+        elif magic[:4] == b"\x0a\x0d\x0d\x0a":
+            self._packets = self._pcapng()
+        else:
+            found = "an empty file" if not magic else f"a file that begins with 16#{magic[:4].hex().upper()}"
+            raise UserError(self._bad_input or Problem(name, found, _EXPECTED))
+
+    def __iter__(self) -> Iterator[Packet]:
+        """Return the packets that are left."""
+        return self._packets
+
+    def _more(self, at: int, wanted: int) -> bytes:
+        """Drop what stands before `at`, return at least `wanted` bytes from there, fewer at the end."""
+        self._start += at
+        parts = [self._buffer[at:]]
+        has = len(parts[0])
+        while has < wanted:
+            try:
+                part = self._read(CHUNK)
+            except (OSError, EOFError, ValueError) as failed:
+                self._bad_input = Problem(self.name, f"'{failed}'", "a file that can be read")
+                break
+            if not part:
+                break
+            parts.append(part)
+            has += len(part)
+        self._buffer = b"".join(parts)
+        return self._buffer
+
+    def _stop(self, at: int, found: str, expected: str) -> None:
+        self.trouble = self._bad_input or Problem(f"{self.name}: byte {self._start + at}", found, expected)
+
+    def _cut(self, at: int) -> None:
+        """Say that the file ends inside of what begins at `at`, where it does."""
+        left = len(self._buffer) - at
+        if left or self._bad_input:
+            self._stop(at, f"the end of the file after {left} bytes of a packet or block", "the rest of it")
+
+    def _classic(self) -> Iterator[Packet]:
+        order, scale, head = _CLASSIC[self._buffer[:4]]
+        buffer = self._more(0, 24)
+        if len(buffer) < 24:
+            return self._cut(0)
+        snaplen, link = struct.unpack_from(order + "II", buffer, 16)
+        self.interfaces.append(Interface(link & 0xFFFF, snaplen, numerator=scale))
+        unpack = struct.Struct(order + "IIII").unpack_from
+        at, end, make, start = 24, len(buffer), tuple.__new__, 0
+        while True:
+            data_at = at + head
+            if data_at > end:
+                buffer = self._more(at, head)
+                at, end, start, data_at = 0, len(buffer), self._start, head
+                if end < head:
+                    return self._cut(0)
+            seconds, parts, kept, length = unpack(buffer, at)
+            if kept > MOST_BLOCK:
+                return self._stop(at, f"a packet of {kept} bytes", f"at most {MOST_BLOCK}")
+            after = data_at + kept
+            if after > end:
+                buffer = self._more(at, head + kept)
+                at, end, start, data_at, after = 0, len(buffer), self._start, head, head + kept
+                if after > end:
+                    return self._cut(0)
+            ns = seconds * 1_000_000_000 + parts * scale
+            data = buffer[data_at:after]
+            yield make(Packet, (ns, 0, data, length if length > kept else kept, (), start + at))
+            at = after
+
+    def _pcapng(self) -> Iterator[Packet]:
+        buffer, at, end, start = self._buffer, 0, len(self._buffer), 0
+        order, base, ns, make = "<", 0, 0, tuple.__new__
+        unpack = struct.Struct("<IIIIIII").unpack_from  # type, length, then what a packet begins with
+        unpack_one = struct.Struct("<I").unpack_from
+        clocks: list[tuple[int, int, int]] = []
+        while True:
+            if at + 28 > end:
+                buffer = self._more(at, 28)
+                at, end, start = 0, len(buffer), self._start
+                if end < 12:
+                    return self._cut(0)
+                if end < 28:  # the last block, shorter than a packet's head
+                    buffer += bytes(28 - end)
+            if buffer[at : at + 4] == b"\x0a\x0d\x0d\x0a":
+                mark = buffer[at + 8 : at + 12]
+                if mark not in (_LITTLE, _BIG):
+                    return self._stop(at, "a section of no byte order", "1A2B3C4D")
+                order = "<" if mark == _LITTLE else ">"
+                unpack = struct.Struct(order + "IIIIIII").unpack_from
+                unpack_one = struct.Struct(order + "I").unpack_from
+                base, clocks = len(self.interfaces), []
+            kind, size, interface, high, low, kept, length = unpack(buffer, at)
+            if size < 12 or size & 3 or size > MOST_BLOCK:
+                return self._stop(at, f"a block of {size} bytes", f"12 to {MOST_BLOCK}, in steps of 4")
+            after = at + size
+            if after > end:
+                buffer = self._more(at, size)
+                at, end, start, after = 0, len(buffer), self._start, size
+                if after > end:
+                    return self._cut(0)
+            if unpack_one(buffer, after - 4)[0] != size:
+                return self._stop(at, "a block with two lengths", f"{size} at both ends")
+            comments: tuple[str, ...] = ()
+            if kind in (ENHANCED_PACKET, OLD_PACKET):
+                if kind == OLD_PACKET:
+                    interface = struct.unpack_from(order + "H", buffer, at + 8)[0]
+                options = at + 28 + ((kept + 3) & ~3)
+                if size < 32 or options > after - 4:
+                    return self._stop(at, f"a packet of {kept} bytes in a block of {size}", "a larger block")
+                if interface >= len(clocks):
+                    return self._stop(at, f"interface {interface}", f"one of {len(clocks)}")
+                numerator, denominator, offset = clocks[interface]
+                ns = (high << 32 | low) * numerator // denominator + offset
+                if options + 4 < after:
+                    comments = tuple(
+                        _text(value)
+                        for code, value in options_of(buffer, options, after - 4, order)
+                        if code == COMMENT
+                    )
+                data = buffer[at + 28 : at + 28 + kept]
+            elif kind == SIMPLE_PACKET:
+                if not clocks or size < 16:
+                    return self._stop(at, "a packet of no interface", "an interface before it")
+                length, interface, limit = interface, 0, self.interfaces[base].snaplen
+                kept = min(length, size - 16, limit or length)
+                data = buffer[at + 12 : at + 12 + kept]  # it has no time: that of the packet before it
+            else:
+                if kind == INTERFACE:
+                    found = _interface(buffer, at, after, order)
+                    if found is None or len(self.interfaces) == MOST_INTERFACES:
+                        return self._stop(at, "a broken interface", f"one of {MOST_INTERFACES} at most")
+                    self.interfaces.append(found)
+                    clocks.append((found.numerator, found.denominator, found.offset_ns))
+                elif self._other is not None:
+                    self._other(kind, buffer[at + 8 : after - 4], start + at, order)
+                at = after
+                continue
+            if length < kept:
+                length = kept
+            yield make(Packet, (ns, base + interface, data, length, comments, start + at))
+            at = after
+
+
+def _interface(buffer: bytes, at: int, after: int, order: str) -> Interface | None:
+    """Return what an interface block says; None for one that is too short."""
+    if after - at < 20:
+        return None
+    link, _reserved, snaplen = struct.unpack_from(order + "HHI", buffer, at + 8)
+    name, comments, numerator, denominator, offset = "", [], 1000, 1, 0
+    for code, value in options_of(buffer, at + 16, after - 4, order):
+        if code == NAME:
+            name = _text(value)
+        elif code == COMMENT:
+            comments.append(_text(value))
+        elif code == TIME_RESOLUTION and value:
+            power = value[0] & 0x7F
+            ticks = 2**power if value[0] & 0x80 else 10**power
+            numerator, denominator = 1_000_000_000, ticks
+            if not numerator % ticks:
+                numerator, denominator = numerator // ticks, 1
+        elif code == TIME_OFFSET and len(value) == 8:
+            offset = int(struct.unpack(order + "q", value)[0]) * 1_000_000_000
+    return Interface(link, snaplen, name, tuple(comments), numerator, denominator, offset)
+
+
+def options_of(buffer: bytes, at: int, end: int, order: str) -> Iterator[tuple[int, bytes]]:
+    """Yield code and value of each option between two places, up to the first that does not fit."""
+    unpack = struct.Struct(order + "HH").unpack_from
+    while at + 4 <= end:
+        code, size = unpack(buffer, at)
+        at += 4
+        if not code or at + size > end:
+            return
+        yield code, buffer[at : at + size]
+        at += (size + 3) & ~3
+
+
+def _text(value: bytes) -> str:
+    return value.decode("utf-8", "replace")
+
+
+def _gunzip(read: Callable[[int], bytes], first: bytes) -> Callable[[int], bytes]:
+    """Return a `read` of what a .gz holds, one member after the other; it raises EOFError for one cut off."""
+    import zlib
+
+    unpacker = zlib.decompressobj(31)
+    packed = first
+    is_fresh = False  # nothing of the member under way has come
+
+    def unpacked(most: int) -> bytes:
+        nonlocal unpacker, packed, is_fresh
+        while True:
+            if not packed:
+                packed = read(CHUNK)
+                if not packed and not is_fresh:
+                    raise EOFError("the .gz ends in the middle")
+                if not packed:
+                    return b""
+            if is_fresh and not packed.startswith(b"\x1f"):
+                return b""  # padding after the last member
+            is_fresh = False
+            try:
+                data = unpacker.decompress(packed, most)
+            except zlib.error as failed:
+                raise EOFError(f"the .gz is broken: {failed}") from None
+            packed = unpacker.unconsumed_tail
+            if unpacker.eof:
+                packed, unpacker, is_fresh = unpacker.unused_data, zlib.decompressobj(31), True
+            if data:
+                return data
+
+    return unpacked
+
+
+# -- writing: each function returns one block -----------------------------------------------------------
+
+
+def section_block(application: str, comments: tuple[str, ...] = ()) -> bytes:
+    """Return the block that a file begins with: little-endian, of a length that nobody knows yet."""
+    options = [*_comments(comments), _option(4, application.encode())]
+    return _block(SECTION, _LITTLE + struct.pack("<HHq", 1, 0, -1), options)
+
+
+def interface_block(link_type: int, name: str, comments: tuple[str, ...] = (), snaplen: int = 0) -> bytes:
+    """Return an interface that counts nanoseconds; the first of a section has index 0."""
+    options = [*_comments(comments), _option(NAME, name.encode()), _option(TIME_RESOLUTION, b"\x09")]
+    return _block(INTERFACE, struct.pack("<HHI", link_type, 0, snaplen), options)
+
+
+def packet_block(
+    interface: int, ns: int, data: bytes, comments: tuple[str, ...] = (), length: int | None = None
+) -> bytes:
+    """Return a packet; `length` is what the wire had, where `data` is not all of it."""
+    size = len(data)
+    if not comments:
+        padding = -size & 3
+        total = 32 + size + padding
+        head = _HEAD(ENHANCED_PACKET, total, interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
+        return b"".join((head, data, _ZEROS[padding], total.to_bytes(4, "little")))
+    head = struct.pack("<IIIII", interface, ns >> 32, ns & 0xFFFFFFFF, size, length or size)
+    return _block(ENHANCED_PACKET, head + data + _ZEROS[-size & 3], _comments(comments))
+
+
+def secrets_block(key_log: bytes) -> bytes:
+    """Return lines of a TLS key log, for the packets that stand after it."""
+    return _block(SECRETS, struct.pack("<II", TLS_KEY_LOG, len(key_log)) + key_log)
+
+
+def custom_block(enterprise: int, data: bytes) -> bytes:
+    """Return a block that only its enterprise's programs read; tools may copy it."""
+    return _block(CUSTOM, struct.pack("<I", enterprise) + data)
+
+
+_HEAD: Final = struct.Struct("<IIIIIII").pack
+_ZEROS: Final = (b"", b"\0", b"\0\0", b"\0\0\0")
+
+
+def _comments(comments: tuple[str, ...]) -> list[bytes]:
+    return [_option(COMMENT, text.encode()) for text in comments]
+
+
+def _option(code: int, value: bytes) -> bytes:
+    value = value[:65535]
+    return struct.pack("<HH", code, len(value)) + value + _ZEROS[-len(value) & 3]
+
+
+def _block(kind: int, body: bytes, options: list[bytes] | None = None) -> bytes:
+    parts = [body, _ZEROS[-len(body) & 3]]
+    if options:
+        parts += [*options, b"\0\0\0\0"]
+    content = b"".join(parts)
+    size = struct.pack("<I", len(content) + 12)
+    return b"".join((struct.pack("<I", kind), size, content, size))
+
+
+@contextmanager
+def open_capture(
+    path: FileName, other: Callable[[int, bytes, int, str], None] | None = None
+) -> Iterator[CaptureReader]:
+    """Give the packets of a file; raise UserError for one that cannot be opened or is no capture."""
+    with ExitStack() as opened:
+        try:
+            file = opened.enter_context(open_to_read(path))
+        except (OSError, ValueError) as failed:
+            raise mistake(str(path), reason_of(failed), "a capture that can be read") from None
+        yield CaptureReader(file.read, str(path), other)

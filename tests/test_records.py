@@ -6,12 +6,13 @@ import ast
 import copy
 import dataclasses
 import pickle
+import typing
 from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
 
-from trcvtui.records import dataclass, field, replace
+from trcvtui.records import NamedTuple, dataclass, field, replace
 
 PROGRAM = Path(__file__).parent.parent / "trcvtui"
 
@@ -156,3 +157,51 @@ def test_the_program_uses_no_other_dataclasses_and_nothing_that_records_lack() -
             ):
                 made = [one.name for one in node.body if isinstance(one, ast.FunctionDef)]
                 assert "__post_init__" not in made, f"{path}: records call no __post_init__"
+
+
+class Named(NamedTuple):
+    """Ours."""
+
+    name: str
+    size: int = 3
+
+    @property
+    def double(self) -> int:
+        return 2 * self.size
+
+
+class TheirNamed(typing.NamedTuple):
+    name: str
+    size: int = 3
+
+
+class Empty(NamedTuple):
+    """No field."""
+
+
+@pytest.mark.parametrize("words", [("a",), ("a", 4)])
+def test_a_named_tuple_is_what_the_librarys_is(words: tuple[Any, ...]) -> None:
+    ours, theirs = Named(*words), TheirNamed(*words)
+    assert repr(ours) == repr(theirs).replace("TheirNamed", "Named")
+    assert tuple(ours) == tuple(theirs) and hash(ours) == hash(theirs)
+    assert ours._asdict() == theirs._asdict()
+    assert ours._fields == theirs._fields == Named.__match_args__
+    assert ours._replace(name="b") == Named._make(("b", ours.size)) == Named("b", ours.size)
+    assert ours.double == 2 * theirs.size
+    assert not hasattr(ours, "__dict__")
+    assert pickle.loads(pickle.dumps(ours, 5)) == copy.deepcopy(ours) == ours
+    assert type(pickle.loads(pickle.dumps(ours, 5))) is Named
+    assert type(Named) is type and issubclass(Named, tuple) and Empty() == ()
+
+
+def test_a_named_tuple_refuses_what_the_librarys_refuses() -> None:
+    for refused, act in (
+        (AttributeError, lambda: setattr(Named("a"), "size", 4)),
+        (TypeError, lambda: Named()),  # type: ignore[call-arg]
+        (TypeError, lambda: Named("a", 1, 2)),  # type: ignore[call-arg]
+        (TypeError, lambda: Named("a", nmae=1)),  # type: ignore[call-arg]
+        (TypeError, lambda: Named._make(("a",))),
+        (ValueError, lambda: Named("a")._replace(nmae=1)),  # type: ignore[call-arg]
+    ):
+        with pytest.raises(refused):
+            act()

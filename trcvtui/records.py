@@ -1,4 +1,4 @@
-"""Records: `@dataclass` as the program uses it, without that library's import and its work at every start.
+"""Records: `@dataclass` and `NamedTuple` as the program uses them, without much work at a start.
 
 A type checker reads the library's own `dataclass`, `field` and `replace`. What runs is this: eq, hash, repr,
 order and pickling are shared functions over a getter of the class. `__init__` is compiled once for each
@@ -7,11 +7,12 @@ number of fields and given the names of each class. Not here: `__post_init__`, `
 
 from __future__ import annotations
 
+from collections import _tuplegetter  # type: ignore[attr-defined]  # what namedtuple reads a field with
 from operator import attrgetter
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, Final
 
-__all__ = ["dataclass", "field", "replace"]
+__all__ = ["NamedTuple", "dataclass", "field", "replace"]
 
 MISSING: Final = object()
 _CODES: Final[dict[str, Any]] = {}  # kinds of the fields, "v" or "f" each -> code of __init__
@@ -155,7 +156,66 @@ def _ordering(name: str) -> Any:
 
 _lt, _le, _gt, _ge = map(_ordering, ("__lt__", "__le__", "__gt__", "__ge__"))
 
+# -- named tuples -------------------------------------------------------------------------------------------
+
+
+class _Tuple(tuple[Any, ...]):
+    """What all named tuples share."""
+
+    __slots__ = ()
+    _fields: tuple[str, ...] = ()
+
+    @classmethod
+    def _make(cls, values: Any) -> Any:
+        made = tuple.__new__(cls, values)
+        if len(made) != len(cls._fields):
+            raise TypeError(f"Expected {len(cls._fields)} arguments, got {len(made)}")
+        return made
+
+    def _replace(self, /, **changes: Any) -> Any:
+        made = self._make(map(changes.pop, self._fields, self))
+        if changes:
+            raise ValueError(f"Got unexpected field names: {list(changes)!r}")
+        return made
+
+    def _asdict(self) -> dict[str, Any]:
+        return dict(zip(self._fields, self, strict=True))
+
+    def __repr__(self) -> str:
+        shown = [f"{name}={value!r}" for name, value in zip(self._fields, self, strict=True)]
+        return f"{self.__class__.__name__}({', '.join(shown)})"
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return tuple(self)
+
+
+class _TupleMaker(type):
+    def __new__(mcs, name: str, bases: tuple[type, ...], own: dict[str, Any]) -> Any:
+        if not bases:
+            return super().__new__(mcs, name, bases, own)
+        names = tuple(own.get("__annotations__", {}))
+        defaults = tuple(own.pop(name) for name in names if name in own)
+        code = _CODES.get(f"tuple {len(names)}")
+        if code is None:
+            places = "".join(f"a{at}, " for at in range(len(names)))
+            scratch: dict[str, Any] = {}
+            exec(f"def __new__(cls, {places}): return new(cls, ({places}))", scratch)
+            code = _CODES[f"tuple {len(names)}"] = scratch["__new__"].__code__
+        new = FunctionType(
+            code.replace(co_varnames=("cls", *names)), {"new": tuple.__new__}, "__new__", defaults
+        )
+        fields = {name: _tuplegetter(at, None) for at, name in enumerate(names)}
+        shared = {"__slots__": (), "_fields": names, "__match_args__": names, "__new__": new}
+        return type(name, (_Tuple,), own | fields | shared)
+
+
+class _NamedTuple(metaclass=_TupleMaker):
+    """The base that a class of named fields is written with; it is gone from what is made."""
+
+
 if TYPE_CHECKING:
     from dataclasses import dataclass, field, replace
+    from typing import NamedTuple
 else:
+    NamedTuple = _NamedTuple
     dataclass, field, replace = _dataclass, _field, _replace

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from enum import Enum, auto
-from typing import Final, NamedTuple
+from typing import Final
+
+from trcvtui.records import NamedTuple
 
 
 class Elements(Enum):

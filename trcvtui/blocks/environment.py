@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.net.connection.resources import Resources
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 
 class BytesArrived(NamedTuple):

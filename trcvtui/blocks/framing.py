@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import Final
 
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 
 class Ending(StrEnum):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import NamedTuple
 
 from trcvtui.net.results import Fault
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 
 class What(StrEnum):

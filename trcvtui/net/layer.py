@@ -8,9 +8,9 @@ Rule: a session never touches a socket and never raises, whatever comes; it hold
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 
 class TlsError(StrEnum):

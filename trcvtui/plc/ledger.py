@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import islice
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted, SerialNote
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import shown_by
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 KEPT_LINES: Final = 20_000
 

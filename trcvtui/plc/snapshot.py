@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from operator import attrgetter
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing import FrameMarks, Tally
@@ -19,7 +19,7 @@ from trcvtui.net.connection.connection import Connection, State
 from trcvtui.net.connection.udp import UdpEndpoint
 from trcvtui.net.results import Fault
 from trcvtui.plc.ledger import Outputs
-from trcvtui.records import dataclass, field
+from trcvtui.records import NamedTuple, dataclass, field
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,6 @@ that it cannot describe at all is refused.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from trcvtui.blocks.table import known_blocks
 from trcvtui.dialects.dialect import Dialect, SwitchValue, format_value, read_switches
 from trcvtui.errors import Problem, UserError, mistake
@@ -22,7 +20,7 @@ from trcvtui.project.key_rows import around_of
 from trcvtui.project.keys import read_table
 from trcvtui.project.project import DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import Table
-from trcvtui.records import replace
+from trcvtui.records import NamedTuple, replace
 from trcvtui.udt.layout.layout import lay_out
 from trcvtui.udt.layout.rules import LayoutRules, rules_for
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.errors import UserError
@@ -60,7 +60,7 @@ from trcvtui.project.tables import (
     shown,
     whole,
 )
-from trcvtui.records import dataclass, replace
+from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.udt.byte_text import parse_hex
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ Rule: these are the loader's own readers, so what a file may not say, nobody may
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import Problem, UserError
@@ -44,7 +44,7 @@ from trcvtui.project.project import (
     Project,
 )
 from trcvtui.project.tables import Given, Table
-from trcvtui.records import dataclass, replace
+from trcvtui.records import NamedTuple, dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.table import known_blocks
@@ -13,7 +13,7 @@ from trcvtui.net.results import Endpoint
 from trcvtui.net.serial_line import SerialSettings
 from trcvtui.project.project import Certificates, Declaration, Project
 from trcvtui.project.tables import Kind, Table
-from trcvtui.records import dataclass, field
+from trcvtui.records import NamedTuple, dataclass, field
 from trcvtui.udt.layout.rules import LayoutChoice, LayoutRules
 from trcvtui.udt.type_set import NO_TYPES, TypeSet
 

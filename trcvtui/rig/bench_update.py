@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import starmap
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from trcvtui.blocks.serial.com_buffer import Recording
 from trcvtui.plc.ledger import Line, Stamped, line_of
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
-from trcvtui.records import dataclass, replace
+from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.history.pin_waveform import WaveformDelta, with_changes
 from trcvtui.rig.history.records import Facts, HistoryRequest, HistoryWindow
 from trcvtui.rig.snapshots import Answer, EngineTiming, Fired, PeerSnapshot, PlayerSnapshot, TrialSnapshot

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 from textual.message import Message
 
 from trcvtui.plc.ledger import Line
+from trcvtui.records import NamedTuple
 
 
 class PaneActions(NamedTuple):

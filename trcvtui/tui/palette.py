@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from inspect import isawaitable
-from typing import Final, NamedTuple
+from typing import Final
 
 from textual.actions import parse
 from textual.app import SystemCommand
@@ -15,6 +15,7 @@ from textual.keys import format_key
 from textual.widget import Widget
 
 from trcvtui.plc.snapshot import block_row
+from trcvtui.records import NamedTuple
 from trcvtui.rig import demo_path
 from trcvtui.tui.formatting import plain
 from trcvtui.tui.forms.fields import TITLES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.rules import AreaRules, NotConnected, Rules, StatusSequence
@@ -19,7 +19,7 @@ from trcvtui.net.connection.description_check import Flaw
 from trcvtui.net.connection.resources import TakenId
 from trcvtui.net.connection.set_up import SetUpStage
 from trcvtui.net.layer import TlsError
-from trcvtui.records import replace
+from trcvtui.records import NamedTuple, replace
 
 # One course for all of them; a dialect below it is its limits and its few differences.
 

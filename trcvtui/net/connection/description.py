@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import Final
 
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 CONFIGURED: Final = 254  # ConnectionType
 LONGEST_SELECTOR: Final = 32

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.net.connection.description import (
     CONFIGURED,
@@ -18,7 +18,7 @@ from trcvtui.net.connection.description import (
     pack,
 )
 from trcvtui.net.results import ANY_ADDRESS, is_group, is_loopback
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 MOST_ID: Final = 4095
 UDP_TYPE: Final = 19

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from collections import deque
 from enum import Enum, IntEnum, auto
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.net.layer import Ended, LayerMessage, LayerSettings
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 # -- TPDUs -----------------------------------------------------------------------------------------------
 #

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum, IntFlag
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 from trcvtui.net.kernel import PathInfo
 from trcvtui.net.results import ANY_ADDRESS, WOULD_BLOCK, Endpoint, WouldBlock
 from trcvtui.net.sim.timers import LONGEST_WAIT, MS, SECOND, SYN_WAITS, KeepAlive, Retry, Ticket, TimerVerdict
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 # Positions count bytes from 0; FIN is one number after the last byte. A window never shrinks, and sending
 # again goes back to the first unacknowledged byte.

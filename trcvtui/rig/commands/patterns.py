@@ -12,10 +12,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.errors import mistake
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 
 # A trace comes as runs of equal scans. Rule: work grows with atoms x scans / 64. The places that the first
 # atoms can reach are the bits of one number, and each atom moves all of them at once, so no pattern can make

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, Protocol
 
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import Problem, UserError
 from trcvtui.project.project import MessageDecl, PeerDecl, Project, SequenceDecl
 from trcvtui.project.tables import Kind, expected_name, shown, whole
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 from trcvtui.rig.commands.conditions import read_instance, read_peer
 from trcvtui.rig.commands.counters_and_checksums import (
     CHECKSUMS,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
 from trcvtui.blocks.pins import Direction, Pin
 from trcvtui.blocks.table import block_row, known_blocks
@@ -16,7 +16,7 @@ from trcvtui.project.file import WORDS
 from trcvtui.project.keys import link_key
 from trcvtui.project.project import SERIAL, SIMULATED, ComBufferDecl, DataDecl, InstanceDecl, Project
 from trcvtui.project.tables import IDENTIFIER_TEXT, expected_name, is_identifier, shown, whole, with_article
-from trcvtui.records import replace
+from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.commands.conditions import read_instance
 from trcvtui.rig.commands.edit import edits_of, read_change
 from trcvtui.rig.commands.tokens import FORMS, Words, duration, is_payload, pin_value, read_payload, value_of

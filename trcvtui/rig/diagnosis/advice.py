@@ -10,12 +10,12 @@ still showed. A block that showed no code of its own for it has none to tell.
 from __future__ import annotations
 
 from enum import Enum, auto
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.blocks.outcome import TOOK_PART, Cause, Why
 from trcvtui.blocks.table import block_row
-from trcvtui.records import dataclass, replace
+from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.diagnosis import job, link, receive, serial
 from trcvtui.rig.diagnosis.evidence import Evidence
 from trcvtui.rig.diagnosis.job import Tell, says

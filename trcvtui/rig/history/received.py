@@ -16,7 +16,7 @@ from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from operator import attrgetter
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from trcvtui.blocks.environment import (
     BytesArrived,
@@ -31,6 +31,7 @@ from trcvtui.net.events import BytesDropped
 from trcvtui.plc.ledger import WHOLE, Stamped
 from trcvtui.plc.snapshot import FramerSnapshot
 from trcvtui.project.project import Project
+from trcvtui.records import NamedTuple
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.history.records import JobSpan, Moment, RecvSpan

@@ -12,11 +12,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from trcvtui.blocks.environment import JobEnded, JobStarted
 from trcvtui.net.events import BytesReceived, ConnectionChanged, What
 from trcvtui.plc.ledger import Event, PeerSent
+from trcvtui.records import NamedTuple
 from trcvtui.rig.history.records import PAUSE_SCANS, MessageSpan, Moment, RecvSpan, SentMessage, Sizes
 
 KEPT_MESSAGES: Final = 20_000  # of one connection; beyond them the older half is forgotten

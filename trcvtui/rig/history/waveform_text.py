@@ -12,12 +12,13 @@ from html import escape
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.blocks.table import block_row, pin_named, shown_by
 from trcvtui.errors import mistake
 from trcvtui.files import write_file
 from trcvtui.plc.ledger import Line, StatusEdge
+from trcvtui.records import NamedTuple
 from trcvtui.rig.history.pin_waveform import Column, PinWaveform, Waveform, Window, pins_of
 
 LOW, HIGH, ONE_SCAN, RISE, FALL, INSIDE, GAP, NOT_YET = "▁▔█╱╲┃░·"

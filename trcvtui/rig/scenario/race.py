@@ -17,7 +17,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from hashlib import blake2s
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.dialects import DIALECTS
@@ -26,7 +26,7 @@ from trcvtui.errors import UserError, mistake, one_line
 from trcvtui.project.convert_dialect import in_dialect
 from trcvtui.project.project import Project
 from trcvtui.project.tables import expected_name, shown
-from trcvtui.records import dataclass, replace
+from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.commands.reader import after

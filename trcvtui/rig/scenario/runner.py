@@ -6,12 +6,12 @@ Bounds of ERRORs told: MOST_KEPT different ones, the oldest are forgotten first;
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 from trcvtui.blocks.outcome import Cause
 from trcvtui.blocks.table import block_row
 from trcvtui.plc.ledger import StatusEdge
-from trcvtui.records import dataclass, replace
+from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
 from trcvtui.rig.diagnosis.advice import because

@@ -9,10 +9,10 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.records import replace
+from trcvtui.records import NamedTuple, replace
 from trcvtui.rig.history.records import END, MOST_WINDOW, HistoryRequest, HistoryWindow, JobSpan
 from trcvtui.tui.formatting import count, plain
 from trcvtui.tui.lab.collapsible_tree import FoldTree, twin_of

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from textual.binding import Binding
 
 from trcvtui.errors import UserError
 from trcvtui.plc.snapshot import ComBufferSnapshot, FramerSnapshot, InstanceSnapshot, block_row
 from trcvtui.project.project import SERIAL, SIMULATED
+from trcvtui.records import NamedTuple
 from trcvtui.rig.commands.words import FeedLine
 from trcvtui.tui.formatting import MS, bar, clip, count, pad, plain
 from trcvtui.tui.messages import PaneActions

@@ -9,10 +9,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import ClassVar, Final, NamedTuple, Protocol, TypeVar
+from typing import ClassVar, Final, Protocol, TypeVar
 
 from textual import events
 
+from trcvtui.records import NamedTuple
 from trcvtui.rig.history.records import (
     END,
     MOST_WINDOW,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from textual import events
 
 from trcvtui.plc.ledger import StatusEdge
+from trcvtui.records import NamedTuple
 from trcvtui.rig.history.pin_waveform import PinWaveform, Waveform, Window, lamp_of
 from trcvtui.rig.history.waveform_text import (
     CODES,

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from itertools import takewhile
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.plc.ledger import BenchNote, Line, StatusEdge
 from trcvtui.plc.snapshot import ConnectionSnapshot, InstanceSnapshot, Snapshot
 from trcvtui.project.project import DataDecl, Project
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 from trcvtui.rig.history.pin_waveform import WaveformCache
 from trcvtui.rig.history.records import HistoryRequest, HistoryWindow

@@ -6,7 +6,7 @@ never markup, so whatever bytes a partner sends stay text.
 
 from __future__ import annotations
 
-from typing import ClassVar, Final, NamedTuple, Self
+from typing import ClassVar, Final, Self
 
 from rich.segment import Segment
 from rich.style import Style
@@ -17,6 +17,7 @@ from textual.geometry import Region, Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import cells
 from trcvtui.tui.widgets.theme import composed
 

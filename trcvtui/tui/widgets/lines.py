@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, Final, NamedTuple
+from typing import ClassVar, Final
 
 from textual import events
 from textual.widget import Widget
 from textual.widgets import Input
 
+from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import clip, count, plain, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
 from trcvtui.tui.view_model.view_model import ViewModel

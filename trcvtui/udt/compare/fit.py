@@ -10,10 +10,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import islice, pairwise
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.errors import one_line
-from trcvtui.records import dataclass
+from trcvtui.records import NamedTuple, dataclass
 from trcvtui.udt.compare.compare import difference
 from trcvtui.udt.compare.likelihood import (
     CAUSES,

@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Sequence
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
+from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import BYTE_ORDERS, Leaf
 from trcvtui.udt.layout.rules import LayoutRules
 from trcvtui.udt.layout.value_text import real_text

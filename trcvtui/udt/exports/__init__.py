@@ -7,9 +7,10 @@ ask the rows.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.errors import mistake
+from trcvtui.records import NamedTuple
 from trcvtui.udt.layout.layout import Layout
 
 PORTS: Final = range(1, 65_536)

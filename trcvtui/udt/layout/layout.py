@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple
 
 from trcvtui.errors import UserError, mistake
-from trcvtui.records import dataclass, field, replace
+from trcvtui.records import NamedTuple, dataclass, field, replace
 from trcvtui.udt.layout.codec import Codec, Page, codec_of, page_of
 from trcvtui.udt.layout.layout_tree import (
     Leaf,

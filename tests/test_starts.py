@@ -36,7 +36,7 @@ STARTS = {
     "scenario": (
         RUN,
         f"scenario {SCENARIO}",
-        f"{SCREEN} {LIBRARY} ctypes socket trcvtui.net.os",
+        f"{SCREEN} {LIBRARY} ctypes socket trcvtui.net.os trcvtui.rig.diagnosis",
     ),
     "the engine": (
         "import sys, trcvtui.rig.engine.engine; ",

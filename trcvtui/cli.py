@@ -187,9 +187,13 @@ def _load_bench(path: Path) -> Project:
 
 
 def _scenario(args: SimpleNamespace) -> int:
+    import gc
+
+    gc.disable()  # what is imported stays
     from trcvtui.rig.scenario.command import run_files
     from trcvtui.rig.scenario.report import FORMATS
 
+    gc.enable()
     if args.format not in FORMATS:
         raise mistake("--format", f"'{args.format}'", "one of " + ", ".join(FORMATS))
     from pathlib import Path

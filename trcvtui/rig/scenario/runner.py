@@ -14,7 +14,6 @@ from trcvtui.plc.ledger import StatusEdge
 from trcvtui.records import NamedTuple, dataclass, replace
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands import words as words
-from trcvtui.rig.diagnosis.advice import because
 from trcvtui.rig.scenario.step_runner import Failure, StepRunner
 
 MOST_KEPT: Final = 100
@@ -51,7 +50,7 @@ class Errors:
         for edge in changed:
             if not edge.outputs.error:
                 continue
-            told = ErrorTold(edge.instance, edge.outputs.status, because(edge.cause, edge.block), scan, scan)
+            told = ErrorTold(edge.instance, edge.outputs.status, _because(edge.cause, edge.block), scan, scan)
             key = told.instance, told.status, told.text
             known = self._told.get(key)
             self._told[key] = told if known is None else replace(known, last=scan, times=known.times + 1)
@@ -70,7 +69,7 @@ class Errors:
 def cause_record(cause: Cause, block: str) -> dict[str, object]:
     """Return a cause as an object of JSON: what took no part is null."""
     return {
-        "text": because(cause, block),
+        "text": _because(cause, block),
         "call": cause.asked or None,
         "errno": cause.errno or None,
         "peer": cause.peer or None,
@@ -212,3 +211,9 @@ class Runner:
         if runtime.changed:
             self._errors.see(runtime.scans, runtime.changed)
             self._on_scan(runtime.scans, runtime.changed, deliveries(self._bench, runtime.changed))
+
+
+def _because(cause: Cause, block: str) -> str:
+    from trcvtui.rig.diagnosis.advice import because  # with all advice: only who tells of an error waits
+
+    return because(cause, block)

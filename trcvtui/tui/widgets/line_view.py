@@ -82,6 +82,7 @@ class LineView(ScrollView, can_focus=True):
     def __init__(self, id: str) -> None:
         super().__init__(id=id)
         self._painted: dict[int, Row] = {}
+        self._fresh: dict[int, Row] = {}  # rows that `show` has found to be painted anew
         self._ready_styles: dict[str, Style] = {}
         self._title = ""
         self._is_over = False
@@ -117,6 +118,7 @@ class LineView(ScrollView, can_focus=True):
             fresh = self.row_at(y) if y < count else EMPTY
             if self._painted.get(y) != fresh:
                 self.refresh_line(y)
+                self._fresh[y] = fresh
 
     def resize_rows(self) -> None:
         """Take over the number of rows; a new layout of the screen only where something would move."""
@@ -136,6 +138,8 @@ class LineView(ScrollView, can_focus=True):
     ) -> Self:
         """Paint anew, the whole pane or some of its lines."""
         self._strips_in_view = None
+        if not regions:
+            self._fresh.clear()
         return super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
 
     def render_lines(self, crop: Region) -> list[Strip]:
@@ -150,7 +154,9 @@ class LineView(ScrollView, can_focus=True):
     def render_line(self, y: int) -> Strip:
         """Return line `y` of what is in view."""
         number = y + self.scroll_offset.y
-        fresh = self.row_at(number) if number < self.row_count() else EMPTY
+        fresh = self._fresh.pop(number, None)
+        if fresh is None:
+            fresh = self.row_at(number) if number < self.row_count() else EMPTY
         if len(self._painted) > 4 * self.size.height + 64:
             self._painted.clear()
         self._painted[number] = fresh

@@ -203,7 +203,10 @@ class BenchApp(App[None]):
         elif self.main.is_mounted:
             if self.view_model.bench != before:
                 self.main.begin_anew()
-            self.main.show()
+            if self.screen is self.main:
+                self.main.show()
+            else:
+                self.main.show_soon()
 
     def _end_on_signals(self) -> None:
         """Let SIGTERM and SIGHUP end the screen as `q` does: the terminal gets back what it had."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from textual import events
 from textual.binding import Binding
 from textual.containers import Container
+from textual.timer import Timer
 from textual.widget import Widget
 
 from trcvtui.errors import UserError, mistake
@@ -97,6 +98,7 @@ def grown(rows: tuple[int, ...], height: int, status: int, peer: int) -> tuple[i
 if TYPE_CHECKING:
     from trcvtui.tui.panes.timing import Timing
 
+BELOW_DIALOG_S: Final = 0.5
 EXPORT, FIND = "export", "find"
 EXPORT_LINES: Final = "export timing vcd|svg|text, perhaps a FILE"
 
@@ -171,6 +173,7 @@ class MainScreen(FullScreen[None]):
 
     def __init__(self, view_model: ViewModel, submit: Callable[[str], None]) -> None:
         super().__init__(view_model, KeyLine())
+        self._owed: Timer | None = None  # what came below a dialog will be shown
         self._submit = submit
         self._pane = 3
         self._status_rows: deque[int] = deque(maxlen=CALM_PICTURES)  # that STATUS needed of late
@@ -289,6 +292,22 @@ class MainScreen(FullScreen[None]):
         self.prompt.answered(self._view_model.answers)
         self._give_rows()
         self._show_keys()
+
+    def show_soon(self) -> None:
+        """Show below a dialog: each time Textual paints both anew as a whole, so twice a second."""
+        self.prompt.answered(self._view_model.answers)
+        if self._owed is None:
+            self._owed = self.set_timer(BELOW_DIALOG_S, self._show_owed)
+
+    def on_screen_resume(self) -> None:
+        """Show what came meanwhile as soon as the dialog is left."""
+        if self._owed is not None:
+            self._owed.stop()
+            self._show_owed()
+
+    def _show_owed(self) -> None:
+        self._owed = None
+        self.show()
 
     def _show_keys(self) -> None:
         picture = self._view_model.live

@@ -23,3 +23,11 @@ The tour of the house, bottom to top; a folder imports only from folders below i
 """
 
 __version__ = "0.1.0"
+LANE = "TRCVTUI_LANE"  # of the environment; "slow": the PLC has no fast lanes (plc/fast_lane.py)
+
+
+def lane_note() -> str:
+    """Return ", slow lane" where the environment asks for it, else ""."""
+    import os  # not at the head: `trcvtui status` needs nothing of it
+
+    return ", slow lane" if os.environ.get(LANE) == "slow" else ""

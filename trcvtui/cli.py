@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Final
 
-from trcvtui import __version__
+from trcvtui import __version__, lane_note
 from trcvtui.arguments import SUPPRESS, ArgumentRows, PlainParser
 from trcvtui.errors import UserError, mistake
 
@@ -347,7 +347,7 @@ def _arguments(given: Sequence[str]) -> SimpleNamespace:
         description="A soft PLC on a test bench: TRCV_C on real sockets, scan by scan. "
         "Without a command: the built-in demo.",
     )
-    full.add_argument("--version", action="version", version=f"trcvtui {__version__}")
+    full.add_argument("--version", action="version", version=f"trcvtui {__version__}{lane_note()}")
     _fill(full, given)
     return full.parse_args(given, SimpleNamespace())
 

@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
-from trcvtui.plc.fast_lane import SWITCH, Answer, Lane
+from trcvtui import LANE
+from trcvtui.plc.fast_lane import Answer, Lane
 from trcvtui.project.file import read_project
 from trcvtui.rig.bench.bench import Bench
 from trcvtui.rig.commands.table import parse_line
@@ -71,7 +72,7 @@ class LaneMachine(RuleBasedStateMachine):
         project = read_project(document(dialect, sim, options), "lanes", Path())
         self.ours = Bench(project, "sim")
         with self.monkeypatch.context() as patch:
-            patch.setenv(SWITCH, "slow")
+            patch.setenv(LANE, "slow")
             self.theirs = Bench(project, "sim")
         assert self.ours.runtime.has_lanes and not self.theirs.runtime.has_lanes
         self.seq = self.number = 0

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence, Set
 
-from trcvtui.net.kernel import Handle
 from trcvtui.plc.fast_lane import COLLECTS, Lane, lane_of
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import Ledger, StatusEdge
@@ -49,7 +48,7 @@ class CallOrder:
         self._lanes: list[Lane | None] = [None] * len(self._entries)  # by place
         self._laned: set[int] = set()
         self._is_settled = True
-        self.lane_handles: set[Handle] = set()  # of connections that lanes read
+        self.lane_handles: set[int] = set()  # of connections that lanes read
         self._awake_since = set(self._places)  # which CONNECTs have been awake since `take_awake`
 
     def wake_all(self) -> None:
@@ -82,7 +81,7 @@ class CallOrder:
                 self._laned.discard(place)
                 self.lane_handles.discard(lane.handle)
 
-    def call(self, turn: int, ready: Container[Handle], scan: int, now: int) -> list[StatusEdge]:
+    def call(self, turn: int, ready: Container[int], scan: int, now: int) -> list[StatusEdge]:
         """Call who is awake and due, in call order; return the edges of those whose outputs changed."""
         changed: list[StatusEdge] = []
         if not self._awake:

@@ -10,7 +10,6 @@ Rule 3: while a fault is planned there is no lane: nobody knows which call the f
 
 from __future__ import annotations
 
-import os
 from collections.abc import Container
 from typing import Final
 
@@ -20,14 +19,6 @@ from trcvtui.net.events import BytesReceived
 from trcvtui.net.kernel import DirectRead, Handle
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import Ledger, StatusEdge
-
-SWITCH: Final = "TRCVTUI_LANE"  # of the environment; "slow": no lanes
-
-
-def is_wanted() -> bool:
-    """Return whether lanes are made."""
-    return os.environ.get(SWITCH) != "slow"
-
 
 STILL: Final = False  # what a call answers that changed no output
 Answer = StatusEdge | bool | None
@@ -88,7 +79,7 @@ class Lane:
         self._dones, self._done_in, self._since = 0, 0, instance.since_scan
 
     # fmt: off
-    def scan(self, ready: Container[Handle], scan: int, now: int) -> Answer:
+    def scan(self, ready: Container[int], scan: int, now: int) -> Answer:
         """Do what one call does."""
         step = self.step
         if step == SHOWS:

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
+from trcvtui import lane_note
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
 from trcvtui.blocks.environment import Environment
@@ -45,7 +46,6 @@ from trcvtui.plc.commands import (
     Withdraw,
     WriteData,
 )
-from trcvtui.plc.fast_lane import is_wanted
 from trcvtui.plc.instance import Instance
 from trcvtui.plc.ledger import BenchNote, Ledger, Outputs, StatusEdge
 from trcvtui.plc.serial_lines import SerialLines
@@ -111,7 +111,7 @@ class Runtime:
         has_lanes: bool | None = None,
     ) -> None:
         self.ledger = Ledger()
-        self.has_lanes = is_wanted() if has_lanes is None else has_lanes
+        self.has_lanes = not lane_note() if has_lanes is None else has_lanes
         self.running = True
         self.calls_all = False  # True: sleeping instances are called too; no reader can tell the difference
         self.changed: tuple[StatusEdge, ...] = ()

@@ -9,6 +9,7 @@ from textual import events
 from textual.widget import Widget
 from textual.widgets import Input
 
+from trcvtui import lane_note
 from trcvtui.records import NamedTuple
 from trcvtui.tui.formatting import clip, count, plain, short_time, wrapped
 from trcvtui.tui.messages import ButtonPointed, KeyClicked, PaneWanted
@@ -332,7 +333,7 @@ class HeaderLine(OneLine):
     def _pieces(self) -> list[HeaderWord]:
         project, picture = self._view_model.project, self._view_model.picture
         name = plain(project.path.name)
-        pieces = [HeaderWord("trcvtui", "dim", 60), HeaderWord(name, "strong", 10)]
+        pieces = [HeaderWord(f"trcvtui{lane_note()}", "dim", 60), HeaderWord(name, "strong", 10)]
         pieces.append(HeaderWord(f"{project.dialect.name} {project.model}", "", 20))
         if self._view_model.unsaved:
             pieces.append(HeaderWord(f"+{self._view_model.unsaved} unsaved", "warn", 15))

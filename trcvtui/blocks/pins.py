@@ -6,6 +6,8 @@ from enum import StrEnum
 
 from trcvtui.records import dataclass
 
+PinValue = int  # of a BOOL pin False or True
+
 
 class Direction(StrEnum):
     """Where a pin points."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from trcvtui.blocks.pins import PinValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.project.project import ComBufferDecl, DataDecl, InstanceDecl
 from trcvtui.records import dataclass
-
-PinValue = bool | int
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,14 @@ from typing import Final
 
 from trcvtui.blocks.block import Binding, new_block
 from trcvtui.blocks.outcome import NOT_CALLED, Outcome
-from trcvtui.blocks.pins import Inputs
+from trcvtui.blocks.pins import Inputs, PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.blocks.serial.receiving import Reception
 from trcvtui.blocks.table import block_row
 from trcvtui.blocks.tcp.compact_blocks import TrcvC
 from trcvtui.blocks.tcp.receive_job import ReceiveJob
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
-from trcvtui.plc.ledger import InputEdge, Outputs, PinValue, StatusEdge
+from trcvtui.plc.ledger import InputEdge, Outputs, StatusEdge
 from trcvtui.plc.serial_line_control import StreamDrain, StreamFeed
 from trcvtui.plc.snapshot import Bare, FramerSnapshot, InstanceSnapshot, framer_snapshot
 from trcvtui.project.project import InstanceDecl

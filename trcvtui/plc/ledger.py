@@ -13,14 +13,12 @@ from typing import Any, Final
 
 from trcvtui.blocks.environment import JobEnded, JobStarted, SendEnded, SendStarted, SerialNote
 from trcvtui.blocks.outcome import Cause
+from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import shown_by
 from trcvtui.net.events import BytesDropped, BytesReceived, BytesSent, ConnectionChanged
 from trcvtui.records import NamedTuple, dataclass
 
 KEPT_LINES: Final = 20_000
-
-
-PinValue = bool | int
 
 
 class Outputs(NamedTuple):
@@ -65,7 +63,7 @@ class InputEdge:
 
     instance: str
     pin: str
-    value: bool | int
+    value: PinValue
 
 
 class PeerSent(NamedTuple):

@@ -16,6 +16,7 @@ from trcvtui import lane_note
 from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
 from trcvtui.blocks.environment import Environment
+from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.serial.com_buffer import Recording, SerialBinding
 from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
@@ -223,7 +224,7 @@ class Runtime:
         self._call_order.settle()
         return self._instances.get(instance)
 
-    def inputs(self, instance: str) -> Mapping[str, bool | int]:
+    def inputs(self, instance: str) -> Mapping[str, PinValue]:
         """Return a copy of the inputs of an instance."""
         known = self._instances.get(instance)
         return dict(known.inputs) if known else {}

@@ -9,6 +9,7 @@ from typing import Any, Final
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.framing import FrameMarks, Tally
 from trcvtui.blocks.outcome import Cause
+from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.serial.com_buffer import SerialBinding
 from trcvtui.blocks.serial.receiving import MILLISECOND, Reception, text_of
 from trcvtui.blocks.table import block_row as block_row
@@ -90,7 +91,7 @@ class InstanceSnapshot:
     block: str
     connect: str
     data: str | None
-    inputs: tuple[tuple[str, bool | int], ...]
+    inputs: tuple[tuple[str, PinValue], ...]
     outputs: Outputs
     condition: str
     cause: Cause
@@ -129,7 +130,7 @@ class InstanceSnapshot:
         """Return what the manual calls the pin of DATA, "" where the block has none."""
         return block_row(self.block).data_pin
 
-    def pin(self, name: str) -> bool | int | None:
+    def pin(self, name: str) -> PinValue | None:
         """Return the value of an input or output by its manual's name, None where it has none."""
         for pin, value in self.inputs:
             if pin == name:
@@ -312,7 +313,7 @@ def addr_snapshots(addrs: Iterable[RemoteAddress]) -> tuple[AddrSnapshot, ...]:
 
 
 def framer_snapshot(
-    block: str, bound: SerialBinding, job: Reception, inputs: Mapping[str, bool | int]
+    block: str, bound: SerialBinding, job: Reception, inputs: Mapping[str, PinValue]
 ) -> FramerSnapshot:
     """Return a receiving block's framer as it stands."""
     is_text = "SizeReceiveData" not in inputs

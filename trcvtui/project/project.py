@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from trcvtui.blocks.pins import Pin
+from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.blocks.rules import Rules
 from trcvtui.blocks.table import block_row
 from trcvtui.dialects.dialect import Dialect, SwitchValue
@@ -70,7 +70,7 @@ class InstanceDecl:
     connect: str
     data: str | None
     task: str
-    inputs: tuple[tuple[str, bool | int], ...]
+    inputs: tuple[tuple[str, PinValue], ...]
     addr: str | None = None
     on_config: bool = False
     pointers: tuple[str, ...] = ()

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
-from trcvtui.blocks.pins import Direction, Pin
+from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import BlockRow, block_row, is_time
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import AddrParam, ConnectConfig
@@ -18,7 +18,6 @@ from trcvtui.project.project import InstanceDecl, Project
 from trcvtui.project.tables import expected_name
 from trcvtui.udt.literals import format_time
 
-PinValue = bool | int
 Inputs = Mapping[str, PinValue]
 NO_INPUTS: Final[Inputs] = {}
 INDENT: Final = "    "

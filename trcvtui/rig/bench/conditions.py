@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from trcvtui.blocks.pins import PinValue
 from trcvtui.blocks.table import is_time, shown_by
 from trcvtui.plc.runtime import Runtime
 from trcvtui.project.project import Project
@@ -72,7 +73,7 @@ def _port_away(bench: Watched, instance: str) -> str:
     return port_away(bench.runtime.snapshot().combuffer(decl.connect)) if decl is not None else ""
 
 
-def pin_now(bench: Watched, instance: str, pin: str) -> bool | int:
+def pin_now(bench: Watched, instance: str, pin: str) -> PinValue:
     """Return the value of a pin, an input or an output, after the last finished scan."""
     if shown_by(pin):
         return bench.runtime.outputs(instance).pin(pin)
@@ -80,7 +81,7 @@ def pin_now(bench: Watched, instance: str, pin: str) -> bool | int:
     return bench.runtime.inputs(instance).get(pin, 0)
 
 
-def _pin_text(pin: str, value: bool | int) -> str:
+def _pin_text(pin: str, value: PinValue) -> str:
     if is_time(pin):
         return format_time(value * 1_000_000)
     return f"{value:04X}" if pin == "STATUS" else str(int(value))

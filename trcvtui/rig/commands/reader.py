@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final, Literal
 
-from trcvtui.blocks.pins import Direction, Pin
+from trcvtui.blocks.pins import Direction, Pin, PinValue
 from trcvtui.blocks.table import block_row, known_blocks
 from trcvtui.errors import UserError
 from trcvtui.net.faults import DEFAULT_ERROR, KNOWN_ERRORS
@@ -33,7 +33,6 @@ from trcvtui.rig.commands.words import (
     FaultOn,
     FeedLine,
     Link,
-    PinValue,
     PlcRun,
     PlcStop,
     Pulse,
@@ -132,7 +131,7 @@ def _reference(given: dict[str, str], key: str, names: list[str], what: str, wor
 
 def _inputs(
     given: dict[str, str], block: str, words: Words, project: Project
-) -> tuple[tuple[str, bool | int], ...]:
+) -> tuple[tuple[str, PinValue], ...]:
     row = block_row(block)
     pins = {pin.name: pin for pin in project.pins(block) if pin.direction is not Direction.OUT}
     link = ("config", "addr") if row.speaks_udp else (link_key(block), *row.pointers)

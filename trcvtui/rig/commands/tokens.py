@@ -12,7 +12,7 @@ from copy import copy
 from pathlib import Path
 from typing import Final
 
-from trcvtui.blocks.pins import Pin
+from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import READABLE, read_bytes, reason_of
 from trcvtui.project.keys import kind_of
@@ -190,7 +190,7 @@ def chunks(payload: bytes, split: Iterable[int]) -> tuple[memoryview, ...]:
 _WORD: Final = re.compile(r"(?:(?:W#|WORD#)?16#|0x)?([0-9A-F]{1,4})", re.IGNORECASE)
 
 
-def pin_value(pin: Pin, text: str, where: str) -> bool | int:
+def pin_value(pin: Pin, text: str, where: str) -> PinValue:
     """Return the value of a pin: 0 1 TRUE FALSE, a number, or a STATUS word in hex."""
     if pin.is_bool:
         truth = TRUTH_WORDS.get(text.upper())

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
+from trcvtui.blocks.pins import PinValue
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, UdpConfig
 from trcvtui.plc import commands
 from trcvtui.project.project import (
@@ -158,8 +159,6 @@ DEFAULT_CHECK_NS: Final = 100_000_000
 DEFAULT_CHECK_SIZE: Final = 64
 FOREVER: Final = 0  # FaultOn.times
 PEER_STATES: Final = ("connected", "listening", "closed", "reset", "refused")
-
-PinValue = bool | int
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from trcvtui.blocks.outcome import Cause
+from trcvtui.blocks.pins import PinValue
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.plc.ledger import Line, StatusEdge
 from trcvtui.plc.snapshot import ComBufferSnapshot, ConnectionSnapshot
@@ -32,7 +33,7 @@ class Evidence:
     since_scan: int
     interval_ns: int
     is_past: bool = False
-    pins: tuple[tuple[str, bool | int], ...] = ()
+    pins: tuple[tuple[str, PinValue], ...] = ()
     data: str = ""
     data_size: int = 0
     have: int = 0
@@ -51,7 +52,7 @@ class Evidence:
     is_stopped: bool = False  # the PLC is in STOP
     buffer: ComBufferSnapshot | None = None  # what a block of serial lines works on
 
-    def pin(self, name: str) -> bool | int | None:
+    def pin(self, name: str) -> PinValue | None:
         """Return the value of a pin, None where it is not known."""
         return next((value for pin, value in self.pins if pin == name), None)
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from operator import eq, ge, gt, le, lt, ne
 from typing import Any, Final
 
-from trcvtui.blocks.pins import Pin
+from trcvtui.blocks.pins import Pin, PinValue
 from trcvtui.errors import UserError, mistake
 from trcvtui.plc.ledger import Event, InputEdge, Stamped, event_of
 from trcvtui.plc.snapshot import BareSnapshot
@@ -49,7 +49,7 @@ class PinIs:
     instance: str
     pin: str
     operator: str
-    value: bool | int
+    value: PinValue
 
     def now(self, bench: Bench) -> bool:
         """Return whether that is so after the last scan."""

@@ -231,7 +231,7 @@ class FunctionBlock(LineView):
         self._view_model = view_model
         self._actions = actions
         self._drawings: dict[tuple[str, str], Drawing] = {}
-        self._pending: dict[tuple[str, str], tuple[bool | int, int]] = {}
+        self._pending: dict[tuple[str, str], tuple[int, int]] = {}
         self._cursor = 0
         self._told: list[Row] = []  # below the box of a block on a ComBuffer
         self._hover: int | None = None
@@ -466,7 +466,7 @@ class FunctionBlock(LineView):
 
     # -- toggling -----------------------------------------------------------------------------------
 
-    def value_of(self, pin: DrawnPin) -> tuple[bool | int, bool]:
+    def value_of(self, pin: DrawnPin) -> tuple[int, bool]:
         """Return the value of an input, and whether it still waits for the next scan."""
         instance = self._view_model.instance
         if instance is None:

@@ -209,6 +209,12 @@ def _race(args: SimpleNamespace) -> int:
     return _print(run_race(_path(args.file), args.dialect, args.format))
 
 
+def _conversations(args: SimpleNamespace) -> int:
+    from trcvtui.capture.command import conversations_of
+
+    return _print_lines(conversations_of([_given(file) for file in args.files], args.plc, args.format))
+
+
 def _format_names() -> str:
     from trcvtui.rig.scenario.report import FORMATS
 
@@ -415,6 +421,13 @@ def _add_race(parser: ArgumentRows) -> None:
     parser.add_argument("--format", choices=("text", "jsonl"), default="text", help="default: text")
 
 
+def _add_conversations(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_conversations)
+    parser.add_argument("files", metavar="FILE", nargs="+", help="pcapng or pcap, also .gz; one capture")
+    parser.add_argument("--plc", metavar="ADDR[:PORT]", help="the PLC end; default: guessed")
+    parser.add_argument("--format", choices=("text", "json"), default="text", help="default: text")
+
+
 def _add_status(parser: ArgumentRows) -> None:
     parser.set_defaults(command=_status)
     parser.last_words = _dialect_names
@@ -455,6 +468,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),
     "race": ("a scenario through several dialects, scan by scan", _add_race),
+    "conversations": ("what two ends said to each other in a capture", _add_conversations),
     "status": ("explain a STATUS code", _add_status),
     "st": ("print instances as their calls in Structured Text", _add_st),
     "udt": ("show, decode, encode, export, compare, fit, cure a UDT", _add_udt),

@@ -1,0 +1,519 @@
+"""Conversations: streams put together, their events, and the command that lists them."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import os
+import random
+import shutil
+import struct
+import subprocess
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pytest
+
+from tests.capture.wire import (
+    ACK,
+    FIN,
+    NS,
+    PARTNER,
+    PLC,
+    RST,
+    SYN,
+    answer,
+    capture,
+    handshake,
+    ip,
+    tcp,
+    udp,
+)
+from trcvtui.capture import pcap
+from trcvtui.capture.command import conversations_of, guess_plc, parse_plc
+from trcvtui.capture.pcap import CaptureReader, interface_block, packet_block, section_block
+from trcvtui.capture.reassembly import ConversationEvent, Conversations, Kind
+from trcvtui.cli import main
+from trcvtui.errors import UserError
+
+
+def listen(
+    packets: Iterable[bytes], link_type: int = pcap.RAW_IP, step_ns: int = 1_000_000
+) -> list[ConversationEvent]:
+    """Return the events of packets, one each millisecond."""
+    events: list[ConversationEvent] = []
+    found = Conversations(events.append)
+    for packet in CaptureReader(io.BytesIO(capture(list(packets), link_type, step_ns)).read, "F"):
+        found.take(packet, link_type)
+    found.close()
+    return events
+
+
+def kinds(events: list[ConversationEvent]) -> list[Kind]:
+    return [event.kind for event in events]
+
+
+def to_plc(events: list[ConversationEvent]) -> bytes:
+    """Return what the PLC was told; a missing byte is `?`."""
+    text = b""
+    for event in events:
+        if event.direction.address[1] == PARTNER[1] and event.kind in (Kind.BYTES, Kind.MISSING):
+            assert event.at == len(text)
+            text += event.data if event.kind is Kind.BYTES else b"?" * event.size
+    return text
+
+
+def test_a_conversation_from_syn_to_fin() -> None:
+    events = listen(
+        [
+            *handshake(),
+            tcp(b"abc", 101, 501),
+            answer(b"ok", 501, 104),
+            tcp(seq=104, ack=503, flags=FIN | ACK),
+            answer(seq=503, ack=105, flags=FIN | ACK),
+            tcp(seq=105, ack=504),
+        ]
+    )
+    assert kinds(events) == [
+        Kind.SYN, Kind.ANSWER, Kind.ESTABLISHED, Kind.BYTES, Kind.BYTES, Kind.FIN, Kind.FIN
+    ]  # fmt: skip
+    conversation = events[0].conversation
+    assert conversation.begins_with_syn and conversation.end == ("fin", conversation.there)
+    assert conversation.listener is conversation.back
+
+
+def test_segments_out_of_order_wait_for_the_first() -> None:
+    events = listen([*handshake(), tcp(b"ghi", 107), tcp(b"def", 104), tcp(b"abc", 101)])
+    assert to_plc(events) == b"abcdefghi" and Kind.RETRANSMISSION not in kinds(events)
+
+
+def test_the_first_copy_counts_and_a_different_second_one_is_told() -> None:
+    events = listen([*handshake(), tcp(b"abcdef", 101), tcp(b"aXcdefg", 101)])
+    assert to_plc(events) == b"abcdefg"
+    assert [(one.at, one.size) for one in events if one.kind is Kind.DIFFERENT_COPY] == [(0, 6)]
+    assert events[0].direction.retransmitted == 6
+
+
+def test_the_first_copy_counts_among_those_that_wait() -> None:
+    events = listen([*handshake(), tcp(b"CDE", 103), tcp(b"bcdef", 102), tcp(b"a", 101)])
+    assert to_plc(events) == b"abCDEf" and kinds(events).count(Kind.DIFFERENT_COPY) == 1
+
+
+def test_an_equal_second_copy_is_no_different_one() -> None:
+    events = listen([*handshake(), tcp(b"abc", 101), tcp(b"def", 104), tcp(b"bcde", 102)])
+    assert to_plc(events) == b"abcdef"
+    assert kinds(events).count(Kind.RETRANSMISSION) == 1 and Kind.DIFFERENT_COPY not in kinds(events)
+
+
+def test_sequence_numbers_wrap() -> None:
+    there = 2**32 - 4
+    events = listen(
+        [*handshake(there), tcp(b"abcdef", there + 1), tcp(b"jkl", there + 10), tcp(b"ghi", there + 7)]
+    )
+    assert to_plc(events) == b"abcdefghijkl"
+
+
+def test_what_the_receiver_has_and_the_capture_has_not_is_a_hole() -> None:
+    events = listen(
+        [*handshake(), tcp(b"abc", 101), tcp(b"ghi", 107), *[answer(seq=501, ack=110)] * 30, tcp(b"jk", 110)]
+    )
+    assert to_plc(events) == b"abc???ghijk" and events[0].direction.missing == 3
+
+
+def test_a_hole_at_the_end_is_one_too() -> None:
+    events = listen([*handshake(), tcp(b"abc", 101), answer(seq=501, ack=110)])
+    assert to_plc(events) == b"abc??????"
+
+
+def test_a_packet_that_stands_after_its_ack_is_no_hole() -> None:
+    events = listen([*handshake(), answer(seq=501, ack=104), tcp(b"abc", 101), tcp(b"def", 104)])
+    assert to_plc(events) == b"abcdef"
+
+
+@pytest.mark.parametrize("garbage", [b"", b"\0"])
+def test_keep_alives_are_no_data(garbage: bytes) -> None:
+    events = listen(
+        [
+            *handshake(),
+            tcp(b"abc", 101),
+            answer(seq=501, ack=104),
+            tcp(garbage, 103, 501),
+            answer(seq=501, ack=104),
+            tcp(b"d", 104),
+        ]
+    )
+    assert to_plc(events) == b"abcd"
+    assert kinds(events)[3:] == [Kind.BYTES, Kind.KEEP_ALIVE, Kind.KEEP_ALIVE_ACK, Kind.BYTES]
+    assert events[0].direction.retransmitted == 0
+
+
+@pytest.mark.parametrize("gets_in", [False, True])
+def test_a_window_probe_is_data_only_where_the_closed_window_took_it(gets_in: bool) -> None:
+    events = listen(
+        [
+            *handshake(),
+            tcp(b"abc", 101),
+            answer(seq=501, ack=104, window=0),
+            tcp(b"d", 104, 501),
+            answer(seq=501, ack=104 + gets_in, window=0),
+            answer(seq=501, ack=104 + gets_in),
+            tcp(b"def"[gets_in:], 104 + gets_in, 501),
+        ]
+    )
+    assert to_plc(events) == b"abcdef" and events[0].direction.retransmitted == 0
+    assert {Kind.ZERO_WINDOW, Kind.WINDOW_PROBE, Kind.WINDOW_OPENS} <= set(kinds(events))
+
+
+def test_rst_and_silence_are_events() -> None:
+    events = listen([*handshake(), answer(seq=501, flags=RST)], step_ns=11_000_000_000)
+    assert kinds(events).count(Kind.SILENCE) == 3
+    assert events[-1].kind is Kind.RST and events[-1].conversation.end == ("rst", events[-1].direction)
+
+
+def test_a_new_syn_between_the_same_ends_is_a_new_conversation() -> None:
+    events = listen([*handshake(), tcp(b"abc", 101), *handshake(9000, 9500), tcp(b"xyz", 9001)])
+    assert events[-1].conversation.number == 2 and events[-1].at == 0 and events[-1].data == b"xyz"
+
+
+def test_a_syn_sent_again_is_the_same_conversation() -> None:
+    events = listen([tcp(seq=100, flags=SYN), *handshake(), tcp(b"abc", 101)])
+    assert {event.conversation.number for event in events} == {1} and to_plc(events) == b"abc"
+    assert kinds(events)[1] is Kind.RETRANSMISSION
+
+
+def test_a_conversation_that_begins_in_the_middle_is_said_to() -> None:
+    events = listen([answer(seq=7, ack=1000), tcp(b"\0", 999, 7), tcp(b"abc", 1000, 7), tcp(b"d", 1003, 7)])
+    assert not events[0].conversation.begins_with_syn and to_plc(events) == b"abcd"
+    assert events[0].kind is Kind.KEEP_ALIVE
+
+
+def test_a_packet_cut_by_snaplen_leaves_a_hole() -> None:
+    events: list[ConversationEvent] = []
+    found = Conversations(events.append)
+    for n, (data, keep) in enumerate(
+        [*((one, 99) for one in handshake()), (tcp(b"abcdef", 101), 43), (tcp(b"gh", 107), 99)]
+    ):
+        found.take(pcap.Packet(n, 0, data[:keep], len(data), (), 0), pcap.RAW_IP)
+    assert to_plc(events) == b"abc???gh"
+
+
+def test_udp_ends_are_a_conversation() -> None:
+    events = listen([udp(b"one"), udp(b"two"), udp(b"back", PLC, PARTNER)])
+    assert [event.data for event in events] == [b"one", b"two", b"back"]
+    assert {event.conversation.protocol for event in events} == {"udp"}
+
+
+def ethernet(kind: bytes, packet: bytes, tags: bytes = b"") -> bytes:
+    return bytes.fromhex("000e8c000001 020000000001") + tags + kind + packet
+
+
+V4, V6 = b"\x08\x00", b"\x86\xdd"
+LINKS: dict[str, tuple[int, Callable[[bytes], bytes]]] = {
+    "ethernet": (pcap.ETHERNET, lambda one: ethernet(V4, one) + bytes(6)),
+    "vlan": (pcap.ETHERNET, lambda one: ethernet(V4, one, b"\x81\x00\x00\x07")),
+    "stacked vlans": (pcap.ETHERNET, lambda one: ethernet(V4, one, b"\x88\xa8\x00\x07\x81\x00\x00\x08")),
+    "cooked": (pcap.LINUX_SLL, lambda one: bytes(14) + V4 + one),
+    "cooked, vlan": (pcap.LINUX_SLL, lambda one: bytes(14) + b"\x81\x00\x00\x07" + V4 + one),
+    "cooked 2": (pcap.LINUX_SLL2, lambda one: V4 + bytes(18) + one),
+    "raw": (pcap.RAW_IP, lambda one: one),
+    "raw 4": (pcap.IPV4, lambda one: one),
+    "null": (pcap.NULL, lambda one: b"\x02\0\0\0" + one),
+    "loop": (pcap.LOOP, lambda one: b"\0\0\0\x02" + one),
+}
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_each_link_layer_is_read(name: str) -> None:
+    link_type, wrap = LINKS[name]
+    packets = [*handshake(), tcp(b"abc", 101, 501), tcp(b"def", 104, 501)]
+    assert to_plc(listen([wrap(one) for one in packets], link_type)) == b"abcdef"
+
+
+@pytest.mark.parametrize(
+    "extra", [b"", bytes.fromhex("0600000000000000"), bytes.fromhex("2c00000000000000 0600000000000000")]
+)
+def test_ipv6_and_its_extension_headers_are_read(extra: bytes) -> None:
+    plc, partner = ("fd00::5", 2000), ("fd00::9", 51000)
+    packets = [tcp(b"abc", 1, 1, ACK, 9, partner, plc, extra), tcp(b"def", 4, 1, ACK, 9, partner, plc, extra)]
+    assert to_plc(listen(packets)) == b"abcdef"
+
+
+def test_ipv4_options_are_read_and_fragments_are_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    fragment = bytearray(tcp(b"abc", 101))
+    fragment[6:8] = b"\x20\x00"
+    path = tmp_path / "one"
+    path.write_bytes(
+        capture(
+            [
+                tcp(b"abc", 101, extra=bytes(4)),
+                bytes(fragment),
+                ip("10.0.0.1", "10.0.0.2", 1, b"12345678"),
+                b"",
+            ]
+        )
+    )
+    assert main(["conversations", str(path), "--format", "json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)[0]["to_plc"]["bytes"] == 3
+    assert "1 IP fragments, which are not put together" in said.err
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_order_and_any_copies_give_the_stream_and_lost_bytes_are_holes(seed: int) -> None:
+    chance = random.Random(seed)
+    there = chance.choice([100, 2**32 - 3000])
+    text = bytes(chance.randrange(256) for _ in range(8000)).replace(b"?", b"!")
+    pieces, at = [], 0
+    while at < len(text):
+        size = chance.randrange(2, 300)
+        pieces.append((at, text[at : at + size]))
+        at += size
+    lost = set(chance.sample(range(1, len(pieces) - 1), 3)) if seed % 2 else set()
+    sent = [piece for n, piece in enumerate(pieces) if n not in lost for _ in range(chance.randrange(1, 3))]
+    order = sorted(range(len(sent)), key=lambda n: n + chance.randrange(8))
+    got = to_plc(listen([*handshake(there), *(tcp(sent[n][1], there + 1 + sent[n][0]) for n in order)]))
+    expected = bytearray(text)
+    for n in lost:
+        begin, data = pieces[n]
+        expected[begin : begin + len(data)] = b"?" * len(data)
+    assert got == expected
+
+
+def test_memory_of_a_direction_with_a_hole_is_bounded() -> None:
+    found = Conversations()
+    packets = [*handshake(), *(tcp(bytes(1400), 200 + n * 1400) for n in range(3000))]
+    for n, data in enumerate(packets):
+        found.take(pcap.Packet(n, 0, data, len(data), (), 0), pcap.RAW_IP)
+        assert found.all[0].there.waiting_cost <= 1 << 20
+    assert found.all[0].there.bytes == 3000 * 1400 and found.all[0].there.missing == 99
+
+
+def test_conversations_above_the_limit_are_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("trcvtui.capture.reassembly.MOST_CONVERSATIONS", 3)
+    path = tmp_path / "scan"
+    path.write_bytes(capture([tcp(flags=SYN, source=("10.0.0.9", n)) for n in range(1, 9)]))
+    assert main(["conversations", str(path)]) == 0
+    said = capsys.readouterr()
+    assert len(said.out.splitlines()) == 4 and "5 packets of conversations after number 3" in said.err
+
+
+# -- the command -----------------------------------------------------------------------------------------
+
+
+def rows_of(path: Path, *words: str, capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    assert main(["conversations", str(path), "--format", "json", *words]) == 0
+    return list(json.loads(capsys.readouterr().out))
+
+
+def test_the_json_of_a_conversation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "c.pcapng"
+    path.write_bytes(
+        capture(
+            [
+                *handshake(),
+                tcp(b"abc", 101, 501),
+                answer(b"ok", 501, 104),
+                tcp(b"abc", 101, 503),
+                answer(seq=503, flags=RST),
+            ]
+        )
+    )
+    assert rows_of(path, capsys=capsys) == [
+        {
+            "id": "C1",
+            "protocol": "tcp",
+            "plc": "10.0.0.5:2000",
+            "partner": "10.0.0.9:51000",
+            "plc_guess": {"confidence": 0.6, "why": "it listens: the SYN went there"},
+            "t_s": 0.0,
+            "duration_s": 0.006,
+            "begin": "syn",
+            "end": "rst-plc",
+            "to_plc": {"bytes": 3, "segments": 2, "retransmitted": 3, "missing": 0},
+            "from_plc": {"bytes": 2, "segments": 1, "retransmitted": 0, "missing": 0},
+        }
+    ]
+
+
+@pytest.mark.parametrize("plc", ["10.0.0.9", "10.0.0.9:51000"])
+def test_the_plc_end_can_be_given(plc: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "c.pcapng"
+    path.write_bytes(capture(handshake()))
+    (row,) = rows_of(path, "--plc", plc, capsys=capsys)
+    assert row["plc"] == "10.0.0.9:51000" and row["plc_guess"] == {"confidence": 1.0, "why": "--plc"}
+
+
+def test_a_vendor_s_mac_tells_the_plc_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "c.pcapng"
+    path.write_bytes(capture([ethernet(V4, answer(seq=5, flags=SYN))], pcap.ETHERNET))
+    (row,) = rows_of(path, capsys=capsys)
+    assert row["plc"] == "10.0.0.9:51000"
+    assert row["plc_guess"] == {"confidence": 0.9, "why": "MAC of Siemens"}
+
+
+def test_several_files_are_one_capture_in_time_order(tmp_path: Path) -> None:
+    packets = [*handshake(), *(tcp(b"%d" % n, 101 + n, 501) for n in range(9))]
+    names = []
+    for part in (2, 0, 1):
+        blocks = [packet_block(0, NS + n, one) for n, one in enumerate(packets) if n % 3 == part]
+        (tmp_path / f"{part}").write_bytes(
+            section_block("t") + interface_block(pcap.RAW_IP, "") + b"".join(blocks)
+        )
+        names.append(str(tmp_path / f"{part}"))
+    (row,) = json.loads("".join(conversations_of(names, None, "json")))
+    assert row["begin"] == "syn" and row["to_plc"] == {
+        "bytes": 9,
+        "segments": 9,
+        "retransmitted": 0,
+        "missing": 0,
+    }
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "10.0.0", "10.0.0.5:0", "10.0.0.5:x", "10.0.0.5:", "[fd00::1", "[fd00::1]2000", "[fd00::1]:70000"],
+)
+def test_a_wrong_plc_end_is_one_line(text: str) -> None:
+    with pytest.raises(UserError, match="--plc: found"):
+        parse_plc(text)
+
+
+def test_plc_ends_of_both_kinds() -> None:
+    assert parse_plc("[fd00::1]:2000") == (bytes.fromhex("fd" + "0" * 29 + "1"), 2000)
+    assert parse_plc("fd00::1")[1] is None and parse_plc("10.0.0.5:2000") == (b"\n\0\0\5", 2000)
+
+
+def test_files_that_are_no_capture_are_one_line_and_exit_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "gif").write_bytes(b"GIF89a")
+    for name in ("gif", "nothing", "."):
+        assert main(["conversations", str(tmp_path / name)]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_cut_file_gives_what_could_be_read_and_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cut"
+    path.write_bytes(capture(handshake())[:-5])
+    assert main(["conversations", str(path)]) == 0
+    said = capsys.readouterr()
+    assert "10.0.0.5:2000" in said.out and said.err.endswith("; read up to there\n")
+
+
+def classic(packets: list[bytes]) -> bytes:
+    head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, pcap.RAW_IP)
+    return head + b"".join(
+        struct.pack("<IIII", 1, n, len(one), len(one)) + one for n, one in enumerate(packets)
+    )
+
+
+@pytest.mark.parametrize("form", ["pcapng", "pcap", "gz"])
+def test_a_thousand_broken_files_end_with_a_line(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    packets = [
+        *handshake(),
+        tcp(b"abc", 101, 501),
+        tcp(b"ghi", 107, 501),
+        udp(b"xyz"),
+        answer(seq=501, ack=110, flags=FIN | ACK),
+    ]
+    good = classic(packets) if form == "pcap" else capture(packets)
+    if form == "gz":
+        good = gzip.compress(good)
+    path = tmp_path / "broken"
+    codes = set()
+    for seed in range(1000):
+        chance = random.Random(seed)
+        data = bytearray(good)
+        for _ in range(chance.randrange(1, 6)):
+            at = chance.randrange(len(data))
+            what = chance.randrange(4)
+            if what == 0:
+                data[at] ^= 1 << chance.randrange(8)
+            elif what == 1:
+                data[at : at + 4] = chance.choice([b"\xff" * 4, bytes(4), b"\xff\xff\xff\x7f"])
+            elif what == 2:
+                del data[at : at + chance.randrange(1, 20)]
+            else:
+                data[at:at] = chance.randbytes(chance.randrange(1, 20))
+        path.write_bytes(data[: chance.randrange(len(data) + 1)] if seed % 5 == 0 else data)
+        code = main(["conversations", str(path), "--format", chance.choice(["text", "json"])])
+        said = capsys.readouterr()
+        assert code in (0, 2) and "Traceback" not in said.err
+        assert (code == 2) == (not said.out and len(said.err.splitlines()) == 1) or code == 0
+        codes.add(code)
+    assert codes == {0, 2}
+
+
+# -- judges ----------------------------------------------------------------------------------------------
+
+
+def test_tshark_follows_the_same_bytes(tmp_path: Path) -> None:
+    if shutil.which("tshark") is None:
+        pytest.skip("tshark is not installed")
+    chance = random.Random(3)
+    text = chance.randbytes(6000)
+    sent = [(at, text[at : at + 100]) for at in range(0, 6000, 100)]
+    order = sorted(range(60), key=lambda n: n + chance.randrange(6))
+    packets = [*handshake(), *(tcp(sent[n][1], 101 + sent[n][0], 501) for n in order)]
+    path = tmp_path / "c.pcapng"
+    path.write_bytes(capture(packets))
+    said = subprocess.run(
+        ["tshark", "-r", str(path), "-q", "-z", "follow,tcp,raw,0"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    followed = "".join(line for line in said.splitlines() if line and set(line) <= set("0123456789abcdef"))
+    assert bytes.fromhex(followed) == to_plc(listen(packets)) == text
+
+
+@pytest.mark.live
+@pytest.mark.slow
+def test_a_capture_of_socat_has_the_bytes_that_it_sent(tmp_path: Path) -> None:
+    for tool in ("dumpcap", "socat"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    got, sent = tmp_path / "got", tmp_path / "sent"
+    sent.write_bytes(random.Random(4).randbytes(200_000))
+    listener = subprocess.Popen(
+        ["socat", "-d", "-d", "-u", "TCP-LISTEN:0,bind=127.0.0.1", f"CREATE:{got}"],
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert listener.stderr is not None
+    port = next(line for line in listener.stderr if "listening on" in line).rpartition(":")[2].strip()
+    words = ["dumpcap", "-q", "-i", "lo", "-f", f"tcp port {port}", "-w", "-"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as dump:
+        assert dump.stdout is not None and dump.stderr is not None
+        if not any(line.startswith(b"File:") for line in dump.stderr):
+            listener.kill()
+            listener.communicate()
+            pytest.skip("dumpcap may not capture here")
+        subprocess.run(["socat", "-u", f"OPEN:{sent}", f"TCP:127.0.0.1:{port}"], check=True)
+        listener.communicate()
+        assert got.read_bytes() == sent.read_bytes()
+        handle, events = dump.stdout.fileno(), list[ConversationEvent]()
+        reader = CaptureReader(lambda most: os.read(handle, most), "lo")
+        found = Conversations(events.append)
+        for packet in reader:
+            found.take(packet, reader.interfaces[packet.interface].link_type)
+            if any(event.kind is Kind.FIN for event in events):
+                break
+        dump.terminate()
+    text = b""
+    for event in events:
+        if event.kind is Kind.BYTES:
+            assert event.data == sent.read_bytes()[event.at : event.at + event.size]
+        text += bytes(event.size) if event.kind in (Kind.BYTES, Kind.MISSING) else b""
+    conversation = found.all[0]
+    assert len(text) == 200_000 and conversation.begins_with_syn and conversation.end is not None
+    assert guess_plc(conversation).says.address == (b"\x7f\0\0\1", int(port))

@@ -1,0 +1,232 @@
+"""`trcvtui conversations`: what is in a capture, and which end of each conversation is the PLC."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from heapq import heappop, heappush
+from ipaddress import ip_address
+from typing import Final, NamedTuple
+
+from trcvtui.capture.pcap import Packet, open_capture
+from trcvtui.capture.reassembly import Conversation, Conversations, Direction
+from trcvtui.errors import Problem, UserError, mistake
+
+# The first three bytes of MACs, as the IEEE gave them.
+_MACS: Final = {
+    "Beckhoff": "000105",
+    "Bosch Rexroth": "000B0F 006034",
+    "Mitsubishi Electric": "002692 080070 104B46 28E98E 30BE3B 38E08E 58528A 588D39 94A4B5",
+    "Omron": "00000A 3CF7D1",
+    "Phoenix Contact": "00A045 A8741D CCCCEA",
+    "Pilz": "000248",
+    "Rockwell Automation": "0000BC 001D9C 086195 184C08 34C0F9 404101 5C2167 5C8816 68C8EB BCF499 E48EBB "
+    "E49069 F45433",
+    "Schneider Electric": "000054 000417 0080F4 9C0E51",
+    "Siemens": "0001E3 000BA3 000E8C 001B1B 001C06 001FF8 080006 10DFFC 208756 20A8B9 286336 301389 302F1E "
+    "30B851 384B24 40ECF8 4CE705 681FD8 683E02 789F87 883F99 8CF319 AC6417 D4F527 E0DCA0 E8EF22 EC1C5D",
+    "WAGO": "0030DE",
+}
+VENDORS: Final = {bytes.fromhex(mac): name for name, macs in _MACS.items() for mac in macs.split()}
+_TITLES: Final = (
+    "ID", "PROTOCOL", "PLC END", "PARTNER END", "SURE", "AT", "FOR", "BEGIN", "END",
+    "BYTES TO PLC", "SEGMENTS", "SENT AGAIN", "MISSING", "BYTES FROM PLC",
+    "SEGMENTS", "SENT AGAIN", "MISSING", "WHY",
+)  # fmt: skip
+
+
+class PlcEnd(NamedTuple):
+    """What `--plc` names: an address as bytes; None: any port."""
+
+    address: bytes
+    port: int | None
+
+
+class PlcGuess(NamedTuple):
+    """Which end is the PLC's: what it says, how sure that is (0 to 1), and why."""
+
+    says: Direction
+    confidence: float
+    why: str
+
+
+def parse_plc(text: str) -> PlcEnd:
+    """Return the end that `10.0.0.5`, `10.0.0.5:2000`, `fd00::1` or `[fd00::1]:2000` names."""
+    address, colon, port = text, "", ""
+    if text.startswith("["):
+        address, closed, rest = text[1:].partition("]")
+        colon, port = rest[:1] if closed else "]", rest[1:]
+    elif text.count(":") == 1:
+        address, colon, port = text.partition(":")
+    try:
+        number = int(port) if colon else None
+        if colon not in ("", ":") or not (number is None or (port.isascii() and 0 < number < 65536)):
+            raise ValueError(port)
+        return PlcEnd(ip_address(address).packed, number)
+    except ValueError:
+        raise mistake("--plc", f"'{text}'", "10.0.0.5, 10.0.0.5:2000 or [fd00::1]:2000") from None
+
+
+def guess_plc(
+    conversation: Conversation, given: PlcEnd | None = None, plc_ports: frozenset[int] = frozenset()
+) -> PlcGuess:
+    """Return the PLC end: as given, by a vendor's MAC, by the project's ports, or the listening end."""
+    ends = (conversation.there, conversation.back)
+    if given is not None:
+        fits = [
+            end for end in ends if end.address[0] == given.address and given.port in (None, end.address[1])
+        ]
+        if fits:
+            return PlcGuess(fits[-1], 1.0, "--plc")
+    vendors = [end for end in ends if end.mac[:3] in VENDORS]
+    if len(vendors) == 1:
+        return PlcGuess(vendors[0], 0.9, f"MAC of {VENDORS[vendors[0].mac[:3]]}")
+    listening = [end for end in ends if end.address[1] in plc_ports]
+    if len(listening) == 1:
+        return PlcGuess(listening[0], 0.8, f"port {listening[0].address[1]} of the project")
+    if conversation.listener is not None:
+        return PlcGuess(conversation.listener, 0.6, "it listens: the SYN went there")
+    lower = min(ends, key=lambda end: end.address[1])
+    if ends[0].address[1] == ends[1].address[1]:
+        return PlcGuess(conversation.back, 0.2, "the first packet went there")
+    return PlcGuess(lower, 0.3, "the lower port: it may listen there")
+
+
+def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tuple[Packet, int]]:
+    """Yield the packets of one capture in several files, each with its link type.
+
+    A file is opened when its time has come; where its reading stopped is added to `troubles`.
+    """
+    waiting = [(0, n) for n in range(len(paths))]
+    if len(paths) > 1:
+        waiting = sorted((_first_ns(path), n) for n, path in enumerate(paths))
+    waiting.reverse()
+    running: list[tuple[int, int, Packet, int, Iterator[tuple[Packet, int]]]] = []
+
+    def put_next(number: int, packets: Iterator[tuple[Packet, int]]) -> None:
+        found = next(packets, None)
+        if found is not None:
+            heappush(running, (found[0].ns, number, *found, packets))
+
+    while waiting or running:
+        while waiting and (not running or waiting[-1][0] <= running[0][0]):
+            number = waiting.pop()[1]
+            packets = _packets_of(paths[number], troubles)
+            if not waiting and not running:
+                yield from packets
+            else:
+                put_next(number, packets)
+        if running:
+            _, number, packet, link_type, packets = heappop(running)
+            yield packet, link_type
+            put_next(number, packets)
+
+
+def _first_ns(path: str) -> int:
+    with open_capture(path) as reader:
+        first = next(iter(reader), None)
+        return 0 if first is None else first.ns
+
+
+def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, int]]:
+    with open_capture(path) as reader:
+        interfaces = reader.interfaces
+        for packet in reader:
+            yield packet, interfaces[packet.interface].link_type
+        if reader.trouble is not None:
+            troubles.append(reader.trouble)
+
+
+def conversations_of(paths: Sequence[str], plc: str | None, form: str) -> Iterator[str]:
+    """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
+    given = None if plc is None else parse_plc(plc)
+    found, troubles = Conversations(), list[Problem]()
+    take = found.take
+    for packet, link_type in in_time_order(paths, troubles):
+        take(packet, link_type)
+    found.close()
+    if troubles and not found.packets:
+        raise UserError(troubles)
+    rows = (_row(found, one, given) for one in found.all)
+    yield from _as_json(rows) if form == "json" else _as_table(rows)
+    for line in _notes(found, troubles):
+        sys.stderr.write(line + "\n")
+
+
+def _notes(found: Conversations, troubles: list[Problem]) -> Iterator[str]:
+    if not found.all:
+        yield f"no conversation in {found.packets} packets"
+    for why, count in found.unread.items():
+        yield f"not read: {count} {why.value}"
+    if found.unlisted:
+        yield f"not read: {found.unlisted} packets of conversations after number {len(found.all)}"
+    for trouble in troubles:
+        yield f"{trouble}; read up to there"
+
+
+def _row(found: Conversations, conversation: Conversation, given: PlcEnd | None) -> dict[str, object]:
+    guess = guess_plc(conversation, given)
+    partner = guess.says.other
+    end = "open"
+    if conversation.end is not None:
+        end = f"{conversation.end[0]}-{'plc' if conversation.end[1] is guess.says else 'partner'}"
+    first_ns = found.first_ns or 0
+    return {
+        "id": f"C{conversation.number}",
+        "protocol": conversation.protocol,
+        "plc": address_text(guess.says.address),
+        "partner": address_text(partner.address),
+        "plc_guess": {"confidence": guess.confidence, "why": guess.why},
+        "t_s": (conversation.first_ns - first_ns) / 1e9,
+        "duration_s": (conversation.last_ns - conversation.first_ns) / 1e9,
+        "begin": "syn" if conversation.begins_with_syn else "middle",
+        "end": end,
+        "to_plc": _counts(partner),
+        "from_plc": _counts(guess.says),
+    }
+
+
+def _counts(direction: Direction) -> dict[str, int]:
+    return {
+        "bytes": direction.bytes,
+        "segments": direction.segments,
+        "retransmitted": direction.retransmitted,
+        "missing": direction.missing,
+    }
+
+
+def address_text(end: tuple[bytes, int]) -> str:
+    """Return an end as `10.0.0.5:2000` or `[fd00::1]:2000`."""
+    address = ip_address(end[0])
+    return f"{address}:{end[1]}" if address.version == 4 else f"[{address}]:{end[1]}"
+
+
+def _as_json(rows: Iterator[dict[str, object]]) -> Iterator[str]:
+    before = "["
+    for row in rows:
+        yield before + json.dumps(row)
+        before = ","
+    yield "]" if before == "," else "[]"
+
+
+def _as_table(rows: Iterator[dict[str, object]]) -> Iterator[str]:
+    table = [_TITLES, *(tuple(_cells(row)) for row in rows)]
+    if len(table) == 1:
+        return
+    widths = [max(len(cells[n]) for cells in table) for n in range(len(_TITLES))]
+    for cells in table:
+        yield "  ".join(text.ljust(width) for text, width in zip(cells, widths, strict=True)).rstrip()
+
+
+def _cells(row: dict[str, object]) -> Iterator[str]:
+    guess: object = {}
+    for name, value in row.items():
+        if name == "plc_guess" and isinstance(value, dict):
+            guess = value["why"]
+            yield f"{value['confidence']:.0%}"
+        elif isinstance(value, dict):
+            yield from (str(count) for count in value.values())
+        else:
+            yield f"{value:.3f}s" if isinstance(value, float) else str(value)
+    yield str(guess)

@@ -1,0 +1,475 @@
+"""Packets to conversations: TCP streams put together, UDP datagrams in their order.
+
+Rule 1: the first copy of a byte counts; a later one that differs is told.
+Rule 2: bytes that the receiver has, and the capture has not, are a hole; nothing is put in their place.
+Rule 3: what waits for earlier bytes, and what is kept for comparison, is bounded, each and all together.
+"""
+
+from __future__ import annotations
+
+import struct
+from bisect import bisect, insort
+from collections import Counter, deque
+from collections.abc import Callable
+from enum import Enum
+from typing import Final, NamedTuple
+
+from trcvtui.capture.packets import TCP, UDP, Unread, carried_by, macs_of
+from trcvtui.capture.pcap import ETHERNET, Packet
+
+MOST_CONVERSATIONS: Final = 32_768
+MOST_WAITING: Final = 1 << 20  # of one direction
+MOST_WAITING_OF_ALL: Final = 32 << 20
+MOST_KEPT: Final = 32 << 20  # delivered bytes that a second copy is compared with
+SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
+PATIENCE_NS: Final = 20_000_000  # a packet may stand in the capture after the ACK of its bytes
+SILENCE_NS: Final = 10_000_000_000
+
+_FIN, _SYN, _RST, _ACK = 1, 2, 4, 16
+_MASK: Final = 0xFFFFFFFF
+_HALF: Final = 0x80000000
+# IPv4 without options and TCP: the head of nearly every packet.
+_USUAL: Final = struct.Struct(">BBHHHBBH12sIIBBH").unpack_from
+_TCP_HEAD: Final = struct.Struct(">IIBBH").unpack_from
+
+
+class Kind(Enum):
+    """What happens in a conversation."""
+
+    SYN = "SYN"
+    ANSWER = "answer"
+    ESTABLISHED = "established"
+    BYTES = "bytes"
+    FIN = "FIN"
+    RST = "RST"
+    KEEP_ALIVE = "keep-alive"
+    KEEP_ALIVE_ACK = "keep-alive ACK"
+    ZERO_WINDOW = "zero window"
+    WINDOW_OPENS = "window opens"
+    WINDOW_PROBE = "window probe"
+    RETRANSMISSION = "retransmission"
+    DIFFERENT_COPY = "different copy"
+    MISSING = "missing"
+    SILENCE = "silence"
+
+
+class ConversationEvent(NamedTuple):
+    """One event: `at` is the byte of its direction, `size` its bytes, of a silence its nanoseconds."""
+
+    ns: int
+    conversation: Conversation
+    direction: Direction
+    kind: Kind
+    at: int
+    size: int
+    data: bytes
+
+
+class Direction:
+    """What one end says to the other."""
+
+    __slots__ = (
+        "acked", "address", "bytes", "conversation", "fin", "has_base", "has_fin", "is_closed_window",
+        "is_firm", "kept", "mac", "missing", "next", "other", "position", "probe", "retransmitted",
+        "segments", "syn", "waiting", "waiting_cost", "waiting_since", "was_probed",
+    )  # fmt: skip
+
+    def __init__(self, conversation: Conversation, address: tuple[bytes, int], mac: bytes) -> None:
+        self.conversation = conversation
+        self.other: Direction = self
+        self.address = address  # of its sender
+        self.mac = mac
+        self.bytes = self.segments = self.retransmitted = self.missing = 0
+        self.next = self.position = 0  # sequence number and byte of what comes next
+        self.has_base = self.is_firm = False  # is `next` known; has it proved right
+        self.acked = 0  # sequence number up to which the other end has told to have all
+        self.syn: int | None = None
+        self.fin: int | None = None  # the byte before which its sender has ended
+        self.has_fin = False
+        self.is_closed_window = False  # its sender has told a window of 0
+        self.was_probed = False
+        self.probe = b""
+        self.kept: deque[tuple[int, bytes]] | None = None
+        self.waiting: list[tuple[int, bytes]] = []
+        self.waiting_cost = 0
+        self.waiting_since: int | None = None
+
+
+class Conversation:
+    """What two ends said to each other; `there` is what the sender of the first packet said."""
+
+    __slots__ = ("back", "begins_with_syn", "end", "first_ns", "is_established", "last_ns", "listener",
+                 "number", "protocol", "there")  # fmt: skip
+
+    def __init__(self, number: int, protocol: str, ns: int) -> None:
+        self.number = number
+        self.protocol = protocol
+        self.first_ns = self.last_ns = ns
+        self.begins_with_syn = self.is_established = False
+        self.listener: Direction | None = None
+        self.end: tuple[str, Direction] | None = None  # "fin" or "rst", and who sent it
+        self.there: Direction
+        self.back: Direction
+
+
+class Conversations:
+    """Takes the packets of a capture; knows all conversations, tells their events to `told`."""
+
+    def __init__(self, told: Callable[[ConversationEvent], None] | None = None) -> None:
+        self.all: list[Conversation] = []
+        self.unread: Counter[Unread] = Counter()
+        self.unlisted = 0  # packets of conversations above the limit
+        self.first_ns: int | None = None
+        self.packets = 0
+        self._told = told
+        self._flows: dict[bytes, Direction] = {}  # addresses and ports of the sender and the receiver
+        self._kept: deque[deque[tuple[int, bytes]]] = deque()  # whose oldest piece goes next
+        self._kept_cost = 0
+        self._waiting_cost = 0
+
+    def take(self, packet: Packet, link_type: int) -> None:
+        """Take the next packet."""
+        ns, _, data, _, _, _ = packet
+        self.packets += 1
+        at = 14 if link_type == ETHERNET and data[12:14] == b"\x08\x00" else -1
+        if at < 0 or len(data) < 50:
+            return self._take_unusual(packet, link_type)
+        head, _, total, _, fragment, _, protocol, _, key, seq, ack, offset, flags, window = _USUAL(data, at)
+        if head != 0x45 or protocol != TCP or fragment & 0x3FFF or not total:
+            return self._take_unusual(packet, link_type)
+        direction = self._flows.get(key)
+        begin = at + 20 + (offset >> 4) * 4
+        if direction is None or flags & 7 or not flags & _ACK or seq != direction.next or not window:
+            return self._take_unusual(packet, link_type)
+        size = at + total - begin
+        payload = data[begin : at + total]
+        if direction.waiting or size != len(payload) or direction.is_closed_window or not direction.is_firm:
+            return self._take_unusual(packet, link_type)
+        conversation, other = direction.conversation, direction.other
+        if ns - conversation.last_ns > SILENCE_NS or (size == 1 and other.is_closed_window):
+            return self._take_unusual(packet, link_type)
+        conversation.last_ns = ns
+        if ack != other.acked or other.was_probed:
+            self._acknowledge(ns, other, ack, size)
+        if size:
+            direction.segments += 1
+            self._deliver(ns, direction, payload)
+        return None
+
+    def close(self) -> None:
+        """Say what is missing to the end: the capture has no more packets."""
+        for conversation in self.all:
+            for direction in (conversation.there, conversation.back):
+                while direction.waiting:
+                    self._leave_out(conversation.last_ns, direction, direction.waiting[0][0])
+                left = _distance(direction.acked, direction.next)
+                if direction.has_base and left > 1:
+                    self._leave_out(conversation.last_ns, direction, direction.position + left)
+
+    # -- one packet --------------------------------------------------------------------------------------
+
+    def _take_unusual(self, packet: Packet, link_type: int) -> None:
+        data = packet.data
+        if self.first_ns is None:
+            self.first_ns = packet.ns
+        found = carried_by(link_type, data, packet.length)
+        if isinstance(found, Unread):
+            self.unread[found] += 1
+            return
+        protocol, source, target, ports, at, end = found
+        key = b"".join((source, target, ports) if protocol == TCP else (b"U", source, target, ports))
+        if protocol == UDP:
+            direction = self._flows.get(key) or self._open(packet, link_type, key, found, "udp")
+            if direction is not None:
+                self._datagram(packet.ns, direction, data[at + 8 : end], max(end - at - 8, 0))
+            return
+        if len(data) < at + 16:
+            self.unread[Unread.CUT] += 1
+            return
+        seq, ack, offset, flags, window = _TCP_HEAD(data, at + 4)
+        begin = at + (offset >> 4) * 4
+        direction = self._flows.get(key)
+        if direction is not None and flags & _SYN and self._is_another(direction, seq, flags):
+            direction = None
+        direction = direction or self._open(packet, link_type, key, found, "tcp")
+        if direction is None:
+            return
+        ns, size = packet.ns, max(end - begin, 0)
+        self._pass_time(ns, direction)
+        if flags & _SYN:
+            self._synchronise(ns, direction, seq, flags)
+            seq = (seq + 1) & _MASK
+        elif flags & _ACK and not direction.conversation.is_established:
+            self._establish(ns, direction)
+        if flags & _ACK:
+            self._acknowledge(ns, direction.other, ack, size)
+        if not flags & (_RST | _SYN):
+            self._see_window(ns, direction, window)
+        if not flags & _RST:
+            self._segment(ns, direction, seq, data[begin:end], size, flags)
+        elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
+            self._tell(ns, direction, Kind.RST)
+            direction.conversation.end = direction.conversation.end or ("rst", direction)
+
+    def _open(
+        self,
+        packet: Packet,
+        link_type: int,
+        key: bytes,
+        found: tuple[int, bytes, bytes, bytes, int, int],
+        name: str,
+    ) -> Direction | None:
+        if len(self.all) == MOST_CONVERSATIONS:
+            self.unlisted += 1
+            return None
+        _, source, target, ports, _, _ = found
+        made = Conversation(len(self.all) + 1, name, packet.ns)
+        macs = macs_of(link_type, packet.data)
+        there = made.there = Direction(made, (source, int.from_bytes(ports[:2], "big")), macs[0])
+        back = made.back = Direction(made, (target, int.from_bytes(ports[2:], "big")), macs[1])
+        there.other, back.other = back, there
+        self._flows[key] = there
+        kind = b"" if name == "tcp" else b"U"
+        self._flows[b"".join((kind, target, source, ports[2:], ports[:2]))] = back
+        self.all.append(made)
+        return there
+
+    def _is_another(self, direction: Direction, seq: int, flags: int) -> bool:
+        """Return whether a SYN begins a new conversation between the same ends."""
+        if direction.syn == seq:
+            return False
+        if flags & _ACK:
+            return direction.has_base and direction.is_firm
+        if direction.syn is None and direction.other.syn is not None and not direction.is_firm:
+            return direction.acked != (seq + 1) & _MASK  # its answer may stand before it in the capture
+        return direction.has_base or direction.other.has_base
+
+    def _establish(self, ns: int, direction: Direction) -> None:
+        listener = direction.conversation.listener
+        if listener is not None and listener is not direction and listener.has_base:
+            direction.conversation.is_established = True
+            self._tell(ns, direction, Kind.ESTABLISHED)
+
+    def _pass_time(self, ns: int, direction: Direction) -> None:
+        conversation = direction.conversation
+        silence = ns - conversation.last_ns
+        if silence > SILENCE_NS:
+            self._tell(ns, direction, Kind.SILENCE, size=silence)
+        conversation.last_ns = max(ns, conversation.last_ns)
+
+    def _datagram(self, ns: int, direction: Direction, data: bytes, size: int) -> None:
+        self._pass_time(ns, direction)
+        direction.segments += 1
+        direction.bytes += len(data)
+        self._tell(ns, direction, Kind.BYTES, direction.position, len(data), data)
+        direction.position += len(data)
+        if size > len(data):
+            self._leave_out(ns, direction, direction.position + size - len(data))
+
+    def _synchronise(self, ns: int, direction: Direction, seq: int, flags: int) -> None:
+        conversation = direction.conversation
+        if direction.syn == seq:
+            self._tell(ns, direction, Kind.RETRANSMISSION)
+            return
+        direction.syn = seq
+        direction.next = (seq + 1) & _MASK
+        direction.acked = direction.next
+        direction.has_base = direction.is_firm = True
+        conversation.begins_with_syn = True
+        conversation.listener = direction if flags & _ACK else conversation.listener or direction.other
+        self._tell(ns, direction, Kind.ANSWER if flags & _ACK else Kind.SYN)
+
+    def _see_window(self, ns: int, direction: Direction, window: int) -> None:
+        if direction.is_closed_window != (not window):
+            direction.is_closed_window = not window
+            self._tell(ns, direction, Kind.WINDOW_OPENS if window else Kind.ZERO_WINDOW)
+
+    def _acknowledge(self, ns: int, said: Direction, ack: int, size: int) -> None:
+        """Take what the other end tells to have of what `said` holds."""
+        if not said.has_base:
+            said.next = said.acked = ack  # a guess, until bytes come
+            said.has_base = True
+            return
+        if said.was_probed and not size and ack == said.next:
+            said.was_probed = False
+            self._tell(ns, said.other, Kind.KEEP_ALIVE_ACK)
+        if _distance(ack, said.acked) > 0:
+            said.acked = ack
+            beyond = _distance(ack, said.next)
+            if said.probe and beyond == 1:
+                probe, said.probe = said.probe, b""
+                self._deliver(ns, said, probe)  # the window was closed, the byte got in
+            elif beyond <= 0:
+                said.waiting_since = None
+            elif said.waiting_since is None:
+                said.waiting_since = ns
+        if not said.is_firm and not said.bytes and _distance(ack, said.next) > 0:
+            said.next = ack
+
+    def _segment(
+        self, ns: int, direction: Direction, seq: int, payload: bytes, size: int, flags: int
+    ) -> None:
+        if not direction.has_base or (not direction.is_firm and size > 1):
+            direction.next = seq
+            direction.acked = direction.acked if direction.has_base else seq
+            direction.has_base = True
+            direction.waiting_since = None
+        direction.is_firm = direction.is_firm or size > 0
+        ahead = _distance(seq, direction.next)
+        if (
+            ahead == -1
+            and size <= 1
+            and not flags & (_FIN | _SYN)
+            and _distance(direction.acked, direction.next) >= 0
+        ):
+            direction.was_probed = True
+            self._tell(ns, direction, Kind.KEEP_ALIVE)
+            return
+        if size == 1 and not ahead and direction.other.is_closed_window and payload:
+            direction.probe = payload
+            self._tell(ns, direction, Kind.WINDOW_PROBE, direction.position, 1)
+            return
+        at = direction.position + ahead
+        if flags & _FIN and direction.fin is None:
+            direction.fin = at + size
+        if size:
+            direction.segments += 1
+            direction.probe = b""
+            if direction.fin is not None and at + size > direction.fin:
+                size = max(direction.fin - at, 0)
+                payload = payload[:size]
+            self._place(ns, direction, at, payload)
+            if size > len(payload) and at + size > direction.position:  # cut by the capture's own limit
+                self._leave_out(ns, direction, at + size)
+        since = direction.waiting_since
+        if since is not None and ns - since > PATIENCE_NS:
+            self._give_up(ns, direction)
+        self._end(ns, direction)
+
+    def _end(self, ns: int, direction: Direction) -> None:
+        if direction.fin is None or direction.has_fin or direction.position < direction.fin:
+            return
+        direction.has_fin = True
+        direction.next = (direction.next + 1) & _MASK
+        self._tell(ns, direction, Kind.FIN, direction.position)
+        conversation = direction.conversation
+        conversation.end = conversation.end or ("fin", direction)
+
+    # -- bytes -------------------------------------------------------------------------------------------
+
+    def _place(self, ns: int, direction: Direction, at: int, data: bytes) -> None:
+        """Put bytes where they belong: what is there already stays, what is too early waits."""
+        old = direction.position - at
+        if old > 0:
+            self._compare(ns, direction, at, data[:old])
+            at, data = direction.position, data[old:]
+        if data and at == direction.position and not direction.waiting:
+            self._deliver(ns, direction, data)
+            return
+        first = max(bisect(direction.waiting, (at, b"")) - 1, 0)
+        for begin, other in direction.waiting[first:] if data else ():
+            if not data or begin >= at + len(data):
+                break
+            end = begin + len(other)
+            if end <= at:
+                continue
+            if begin > at:
+                self._wait(direction, at, data[: begin - at])
+                at, data = begin, data[begin - at :]
+            copy = data[: end - at]
+            self._retransmitted(ns, direction, at, copy, other[at - begin : at - begin + len(copy)])
+            at, data = at + len(copy), data[len(copy) :]
+        if data:
+            self._wait(direction, at, data)
+        self._drain(ns, direction)
+        while direction.waiting and (
+            direction.waiting_cost > MOST_WAITING or self._waiting_cost > MOST_WAITING_OF_ALL
+        ):
+            self._leave_out(ns, direction, direction.waiting[0][0])
+
+    def _wait(self, direction: Direction, at: int, data: bytes) -> None:
+        insort(direction.waiting, (at, data))
+        cost = len(data) + SEGMENT_COST
+        direction.waiting_cost += cost
+        self._waiting_cost += cost
+
+    def _drain(self, ns: int, direction: Direction) -> None:
+        """Deliver what waits and follows."""
+        waiting = direction.waiting
+        ready = 0
+        while ready < len(waiting) and waiting[ready][0] <= direction.position:
+            at, data = waiting[ready]
+            ready += 1
+            cost = len(data) + SEGMENT_COST
+            direction.waiting_cost -= cost
+            self._waiting_cost -= cost
+            old = direction.position - at
+            if old < len(data):
+                self._deliver(ns, direction, data[old:])
+        del waiting[:ready]
+        if ready:
+            direction.waiting_since = None
+
+    def _give_up(self, ns: int, direction: Direction) -> None:
+        """Call what the other end has, and nobody has seen, missing."""
+        direction.waiting_since = None
+        left = _distance(direction.acked, direction.next)
+        if direction.waiting and left > 0:
+            self._leave_out(ns, direction, min(direction.waiting[0][0], direction.position + left))
+        elif left > 1:
+            self._leave_out(ns, direction, direction.position + left)
+
+    def _leave_out(self, ns: int, direction: Direction, to: int) -> None:
+        count = to - direction.position
+        if count > 0:
+            self._tell(ns, direction, Kind.MISSING, direction.position, count)
+            direction.missing += count
+            direction.position = to
+            direction.next = (direction.next + count) & _MASK
+        self._drain(ns, direction)
+        self._end(ns, direction)
+
+    def _deliver(self, ns: int, direction: Direction, data: bytes) -> None:
+        at, size = direction.position, len(data)
+        direction.position = at + size
+        direction.next = (direction.next + size) & _MASK
+        direction.bytes += size
+        kept = direction.kept
+        if kept is None:
+            kept = direction.kept = deque()
+        kept.append((at, data))
+        self._kept.append(kept)
+        self._kept_cost += size + SEGMENT_COST
+        while self._kept_cost > MOST_KEPT:
+            self._kept_cost -= len(self._kept.popleft().popleft()[1]) + SEGMENT_COST
+        if self._told is not None:
+            self._tell(ns, direction, Kind.BYTES, at, size, data)
+
+    def _compare(self, ns: int, direction: Direction, at: int, data: bytes) -> None:
+        """Compare a second copy with what was delivered, as far as that is kept."""
+        first = bytearray(data)
+        for begin, kept in reversed(direction.kept or ()):
+            if begin + len(kept) <= at:
+                break
+            low, high = max(begin, at), min(begin + len(kept), at + len(data))
+            if low < high:
+                first[low - at : high - at] = kept[low - begin : high - begin]
+        self._retransmitted(ns, direction, at, data, bytes(first))
+
+    def _retransmitted(self, ns: int, direction: Direction, at: int, data: bytes, first: bytes) -> None:
+        direction.retransmitted += len(data)
+        self._tell(ns, direction, Kind.RETRANSMISSION, at, len(data))
+        if data != first:
+            self._tell(ns, direction, Kind.DIFFERENT_COPY, at, len(data), data)
+
+    def _tell(
+        self, ns: int, direction: Direction, kind: Kind, at: int = 0, size: int = 0, data: bytes = b""
+    ) -> None:
+        if self._told is not None:
+            self._told(ConversationEvent(ns, direction.conversation, direction, kind, at, size, data))
+
+
+def _distance(one: int, other: int) -> int:
+    """Return how far a sequence number stands after another; negative: before it."""
+    far = (one - other) & _MASK
+    return far - (_MASK + 1) if far & _HALF else far

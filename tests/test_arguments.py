@@ -28,6 +28,7 @@ status 7006 --dialect baosky
 status --block TRCV_C 7006
 st a.toml TRCV_C_1
 race a.toml --dialect a --dialect b
+conversations a.pcapng b.pcap --plc 10.0.0.5:2000 --format json
 udt show a.st --type T --with b.st
 udt decode a.st 01 02 03 --format md
 udt decode a.st -

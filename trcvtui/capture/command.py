@@ -7,11 +7,12 @@ import sys
 from collections.abc import Iterator, Sequence
 from heapq import heappop, heappush
 from ipaddress import ip_address
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.capture.pcap import Packet, open_capture
-from trcvtui.capture.reassembly import Conversation, Conversations, Direction
+from trcvtui.capture.reassembly import Conversation, Conversations, WireDirection
 from trcvtui.errors import Problem, UserError, mistake
+from trcvtui.records import NamedTuple
 
 # The first three bytes of MACs, as the IEEE gave them.
 _MACS: Final = {
@@ -46,7 +47,7 @@ class PlcEnd(NamedTuple):
 class PlcGuess(NamedTuple):
     """Which end is the PLC's: what it says, how sure that is (0 to 1), and why."""
 
-    says: Direction
+    says: WireDirection
     confidence: float
     why: str
 
@@ -187,7 +188,7 @@ def _row(found: Conversations, conversation: Conversation, given: PlcEnd | None)
     }
 
 
-def _counts(direction: Direction) -> dict[str, int]:
+def _counts(direction: WireDirection) -> dict[str, int]:
     return {
         "bytes": direction.bytes,
         "segments": direction.segments,

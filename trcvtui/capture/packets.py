@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import struct
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.capture import pcap
+from trcvtui.records import NamedTuple
 
 TCP: Final = 6
 UDP: Final = 17

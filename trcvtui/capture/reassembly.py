@@ -12,10 +12,11 @@ from bisect import bisect, insort
 from collections import Counter, deque
 from collections.abc import Callable
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Final
 
 from trcvtui.capture.packets import TCP, UDP, Unread, carried_by, macs_of
 from trcvtui.capture.pcap import ETHERNET, Packet
+from trcvtui.records import NamedTuple
 
 MOST_CONVERSATIONS: Final = 32_768
 MOST_WAITING: Final = 1 << 20  # of one direction
@@ -33,7 +34,7 @@ _USUAL: Final = struct.Struct(">BBHHHBBH12sIIBBH").unpack_from
 _TCP_HEAD: Final = struct.Struct(">IIBBH").unpack_from
 
 
-class Kind(Enum):
+class EventKind(Enum):
     """What happens in a conversation."""
 
     SYN = "SYN"
@@ -58,14 +59,14 @@ class ConversationEvent(NamedTuple):
 
     ns: int
     conversation: Conversation
-    direction: Direction
-    kind: Kind
+    direction: WireDirection
+    kind: EventKind
     at: int
     size: int
     data: bytes
 
 
-class Direction:
+class WireDirection:
     """What one end says to the other."""
 
     __slots__ = (
@@ -76,7 +77,7 @@ class Direction:
 
     def __init__(self, conversation: Conversation, address: tuple[bytes, int], mac: bytes) -> None:
         self.conversation = conversation
-        self.other: Direction = self
+        self.other: WireDirection = self
         self.address = address  # of its sender
         self.mac = mac
         self.bytes = self.segments = self.retransmitted = self.missing = 0
@@ -106,10 +107,10 @@ class Conversation:
         self.protocol = protocol
         self.first_ns = self.last_ns = ns
         self.begins_with_syn = self.is_established = False
-        self.listener: Direction | None = None
-        self.end: tuple[str, Direction] | None = None  # "fin" or "rst", and who sent it
-        self.there: Direction
-        self.back: Direction
+        self.listener: WireDirection | None = None
+        self.end: tuple[str, WireDirection] | None = None  # "fin" or "rst", and who sent it
+        self.there: WireDirection
+        self.back: WireDirection
 
 
 class Conversations:
@@ -122,7 +123,7 @@ class Conversations:
         self.first_ns: int | None = None
         self.packets = 0
         self._told = told
-        self._flows: dict[bytes, Direction] = {}  # addresses and ports of the sender and the receiver
+        self._flows: dict[bytes, WireDirection] = {}  # addresses and ports of the sender and the receiver
         self._kept: deque[deque[tuple[int, bytes]]] = deque()  # whose oldest piece goes next
         self._kept_cost = 0
         self._waiting_cost = 0
@@ -208,7 +209,7 @@ class Conversations:
         if not flags & _RST:
             self._segment(ns, direction, seq, data[begin:end], size, flags)
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
-            self._tell(ns, direction, Kind.RST)
+            self._tell(ns, direction, EventKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
 
     def _open(
@@ -218,15 +219,15 @@ class Conversations:
         key: bytes,
         found: tuple[int, bytes, bytes, bytes, int, int],
         name: str,
-    ) -> Direction | None:
+    ) -> WireDirection | None:
         if len(self.all) == MOST_CONVERSATIONS:
             self.unlisted += 1
             return None
         _, source, target, ports, _, _ = found
         made = Conversation(len(self.all) + 1, name, packet.ns)
         macs = macs_of(link_type, packet.data)
-        there = made.there = Direction(made, (source, int.from_bytes(ports[:2], "big")), macs[0])
-        back = made.back = Direction(made, (target, int.from_bytes(ports[2:], "big")), macs[1])
+        there = made.there = WireDirection(made, (source, int.from_bytes(ports[:2], "big")), macs[0])
+        back = made.back = WireDirection(made, (target, int.from_bytes(ports[2:], "big")), macs[1])
         there.other, back.other = back, there
         self._flows[key] = there
         kind = b"" if name == "tcp" else b"U"
@@ -234,7 +235,7 @@ class Conversations:
         self.all.append(made)
         return there
 
-    def _is_another(self, direction: Direction, seq: int, flags: int) -> bool:
+    def _is_another(self, direction: WireDirection, seq: int, flags: int) -> bool:
         """Return whether a SYN begins a new conversation between the same ends."""
         if direction.syn == seq:
             return False
@@ -244,32 +245,32 @@ class Conversations:
             return direction.acked != (seq + 1) & _MASK  # its answer may stand before it in the capture
         return direction.has_base or direction.other.has_base
 
-    def _establish(self, ns: int, direction: Direction) -> None:
+    def _establish(self, ns: int, direction: WireDirection) -> None:
         listener = direction.conversation.listener
         if listener is not None and listener is not direction and listener.has_base:
             direction.conversation.is_established = True
-            self._tell(ns, direction, Kind.ESTABLISHED)
+            self._tell(ns, direction, EventKind.ESTABLISHED)
 
-    def _pass_time(self, ns: int, direction: Direction) -> None:
+    def _pass_time(self, ns: int, direction: WireDirection) -> None:
         conversation = direction.conversation
         silence = ns - conversation.last_ns
         if silence > SILENCE_NS:
-            self._tell(ns, direction, Kind.SILENCE, size=silence)
+            self._tell(ns, direction, EventKind.SILENCE, size=silence)
         conversation.last_ns = max(ns, conversation.last_ns)
 
-    def _datagram(self, ns: int, direction: Direction, data: bytes, size: int) -> None:
+    def _datagram(self, ns: int, direction: WireDirection, data: bytes, size: int) -> None:
         self._pass_time(ns, direction)
         direction.segments += 1
         direction.bytes += len(data)
-        self._tell(ns, direction, Kind.BYTES, direction.position, len(data), data)
+        self._tell(ns, direction, EventKind.BYTES, direction.position, len(data), data)
         direction.position += len(data)
         if size > len(data):
             self._leave_out(ns, direction, direction.position + size - len(data))
 
-    def _synchronise(self, ns: int, direction: Direction, seq: int, flags: int) -> None:
+    def _synchronise(self, ns: int, direction: WireDirection, seq: int, flags: int) -> None:
         conversation = direction.conversation
         if direction.syn == seq:
-            self._tell(ns, direction, Kind.RETRANSMISSION)
+            self._tell(ns, direction, EventKind.RETRANSMISSION)
             return
         direction.syn = seq
         direction.next = (seq + 1) & _MASK
@@ -277,14 +278,14 @@ class Conversations:
         direction.has_base = direction.is_firm = True
         conversation.begins_with_syn = True
         conversation.listener = direction if flags & _ACK else conversation.listener or direction.other
-        self._tell(ns, direction, Kind.ANSWER if flags & _ACK else Kind.SYN)
+        self._tell(ns, direction, EventKind.ANSWER if flags & _ACK else EventKind.SYN)
 
-    def _see_window(self, ns: int, direction: Direction, window: int) -> None:
+    def _see_window(self, ns: int, direction: WireDirection, window: int) -> None:
         if direction.is_closed_window != (not window):
             direction.is_closed_window = not window
-            self._tell(ns, direction, Kind.WINDOW_OPENS if window else Kind.ZERO_WINDOW)
+            self._tell(ns, direction, EventKind.WINDOW_OPENS if window else EventKind.ZERO_WINDOW)
 
-    def _acknowledge(self, ns: int, said: Direction, ack: int, size: int) -> None:
+    def _acknowledge(self, ns: int, said: WireDirection, ack: int, size: int) -> None:
         """Take what the other end tells to have of what `said` holds."""
         if not said.has_base:
             said.next = said.acked = ack  # a guess, until bytes come
@@ -292,7 +293,7 @@ class Conversations:
             return
         if said.was_probed and not size and ack == said.next:
             said.was_probed = False
-            self._tell(ns, said.other, Kind.KEEP_ALIVE_ACK)
+            self._tell(ns, said.other, EventKind.KEEP_ALIVE_ACK)
         if _distance(ack, said.acked) > 0:
             said.acked = ack
             beyond = _distance(ack, said.next)
@@ -307,7 +308,7 @@ class Conversations:
             said.next = ack
 
     def _segment(
-        self, ns: int, direction: Direction, seq: int, payload: bytes, size: int, flags: int
+        self, ns: int, direction: WireDirection, seq: int, payload: bytes, size: int, flags: int
     ) -> None:
         if not direction.has_base or (not direction.is_firm and size > 1):
             direction.next = seq
@@ -323,11 +324,11 @@ class Conversations:
             and _distance(direction.acked, direction.next) >= 0
         ):
             direction.was_probed = True
-            self._tell(ns, direction, Kind.KEEP_ALIVE)
+            self._tell(ns, direction, EventKind.KEEP_ALIVE)
             return
         if size == 1 and not ahead and direction.other.is_closed_window and payload:
             direction.probe = payload
-            self._tell(ns, direction, Kind.WINDOW_PROBE, direction.position, 1)
+            self._tell(ns, direction, EventKind.WINDOW_PROBE, direction.position, 1)
             return
         at = direction.position + ahead
         if flags & _FIN and direction.fin is None:
@@ -346,18 +347,18 @@ class Conversations:
             self._give_up(ns, direction)
         self._end(ns, direction)
 
-    def _end(self, ns: int, direction: Direction) -> None:
+    def _end(self, ns: int, direction: WireDirection) -> None:
         if direction.fin is None or direction.has_fin or direction.position < direction.fin:
             return
         direction.has_fin = True
         direction.next = (direction.next + 1) & _MASK
-        self._tell(ns, direction, Kind.FIN, direction.position)
+        self._tell(ns, direction, EventKind.FIN, direction.position)
         conversation = direction.conversation
         conversation.end = conversation.end or ("fin", direction)
 
     # -- bytes -------------------------------------------------------------------------------------------
 
-    def _place(self, ns: int, direction: Direction, at: int, data: bytes) -> None:
+    def _place(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         """Put bytes where they belong: what is there already stays, what is too early waits."""
         old = direction.position - at
         if old > 0:
@@ -387,13 +388,13 @@ class Conversations:
         ):
             self._leave_out(ns, direction, direction.waiting[0][0])
 
-    def _wait(self, direction: Direction, at: int, data: bytes) -> None:
+    def _wait(self, direction: WireDirection, at: int, data: bytes) -> None:
         insort(direction.waiting, (at, data))
         cost = len(data) + SEGMENT_COST
         direction.waiting_cost += cost
         self._waiting_cost += cost
 
-    def _drain(self, ns: int, direction: Direction) -> None:
+    def _drain(self, ns: int, direction: WireDirection) -> None:
         """Deliver what waits and follows."""
         waiting = direction.waiting
         ready = 0
@@ -410,7 +411,7 @@ class Conversations:
         if ready:
             direction.waiting_since = None
 
-    def _give_up(self, ns: int, direction: Direction) -> None:
+    def _give_up(self, ns: int, direction: WireDirection) -> None:
         """Call what the other end has, and nobody has seen, missing."""
         direction.waiting_since = None
         left = _distance(direction.acked, direction.next)
@@ -419,17 +420,17 @@ class Conversations:
         elif left > 1:
             self._leave_out(ns, direction, direction.position + left)
 
-    def _leave_out(self, ns: int, direction: Direction, to: int) -> None:
+    def _leave_out(self, ns: int, direction: WireDirection, to: int) -> None:
         count = to - direction.position
         if count > 0:
-            self._tell(ns, direction, Kind.MISSING, direction.position, count)
+            self._tell(ns, direction, EventKind.MISSING, direction.position, count)
             direction.missing += count
             direction.position = to
             direction.next = (direction.next + count) & _MASK
         self._drain(ns, direction)
         self._end(ns, direction)
 
-    def _deliver(self, ns: int, direction: Direction, data: bytes) -> None:
+    def _deliver(self, ns: int, direction: WireDirection, data: bytes) -> None:
         at, size = direction.position, len(data)
         direction.position = at + size
         direction.next = (direction.next + size) & _MASK
@@ -443,9 +444,9 @@ class Conversations:
         while self._kept_cost > MOST_KEPT:
             self._kept_cost -= len(self._kept.popleft().popleft()[1]) + SEGMENT_COST
         if self._told is not None:
-            self._tell(ns, direction, Kind.BYTES, at, size, data)
+            self._tell(ns, direction, EventKind.BYTES, at, size, data)
 
-    def _compare(self, ns: int, direction: Direction, at: int, data: bytes) -> None:
+    def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         """Compare a second copy with what was delivered, as far as that is kept."""
         first = bytearray(data)
         for begin, kept in reversed(direction.kept or ()):
@@ -456,14 +457,20 @@ class Conversations:
                 first[low - at : high - at] = kept[low - begin : high - begin]
         self._retransmitted(ns, direction, at, data, bytes(first))
 
-    def _retransmitted(self, ns: int, direction: Direction, at: int, data: bytes, first: bytes) -> None:
+    def _retransmitted(self, ns: int, direction: WireDirection, at: int, data: bytes, first: bytes) -> None:
         direction.retransmitted += len(data)
-        self._tell(ns, direction, Kind.RETRANSMISSION, at, len(data))
+        self._tell(ns, direction, EventKind.RETRANSMISSION, at, len(data))
         if data != first:
-            self._tell(ns, direction, Kind.DIFFERENT_COPY, at, len(data), data)
+            self._tell(ns, direction, EventKind.DIFFERENT_COPY, at, len(data), data)
 
     def _tell(
-        self, ns: int, direction: Direction, kind: Kind, at: int = 0, size: int = 0, data: bytes = b""
+        self,
+        ns: int,
+        direction: WireDirection,
+        kind: EventKind,
+        at: int = 0,
+        size: int = 0,
+        data: bytes = b"",
     ) -> None:
         if self._told is not None:
             self._told(ConversationEvent(ns, direction.conversation, direction, kind, at, size, data))

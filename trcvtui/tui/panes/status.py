@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import takewhile
 from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
@@ -57,12 +58,11 @@ class StatusHistory(LineView):
 
     def _measure(self, known: int) -> None:
         """Widen the columns for the edges that have come since this one."""
-        for line in self._edges:
-            if line.seq <= known:
-                break
-            if isinstance(line.event, StatusEdge):
-                self._word = max(self._word, len(self._label(line.event)))
-                self._lamp = max(self._lamp, len(_lamp(line.event)))
+        fresh = [line.event for line in takewhile(lambda line: line.seq > known, self._edges)]
+        looks = {(e.condition, e.outputs): e for e in fresh if isinstance(e, StatusEdge)}  # few differ
+        for edge in looks.values():
+            self._word = max(self._word, len(self._label(edge)))
+            self._lamp = max(self._lamp, len(_lamp(edge)))
 
     def _detail(self) -> str:
         if not self._view_model.history.skipped:

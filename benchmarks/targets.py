@@ -12,6 +12,7 @@ from typing import Final
 from benchmarks import (
     attacked,
     busy,
+    captures,
     growth,
     hex_export,
     hex_view,
@@ -158,6 +159,10 @@ TARGETS: Final = (
     Target("M11", "beside one attack 8 good connections lose < 5 % of DONEs; no overrun", attacked.measure, (
         Aim("*: DONE beside / alone", ">= 0.95"),
         Aim("*: overruns", "<= 0"),
+    )),
+    Target("R4", "a capture is read and put together as quickly as dpkt reads it", captures.measure, (
+        Aim("*: reading and reassembly / dpkt's bare reader", ">= 1"),
+        Aim("a capture of 1 GiB: peak memory", "<= 256 MiB"),
     )),
     Target("growth", "what costs, costs by what is busy, not by what is there", growth.measure, (
         Aim("* 1 busy of 1000 / 1 busy of 1", "<= 1.2", "1.2",

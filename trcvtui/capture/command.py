@@ -99,10 +99,7 @@ def in_time_order(paths: Sequence[str], troubles: list[Problem]) -> Iterator[tup
 
     A file is opened when its time has come; where its reading stopped is added to `troubles`.
     """
-    waiting = [(0, n) for n in range(len(paths))]
-    if len(paths) > 1:
-        waiting = sorted((_first_ns(path), n) for n, path in enumerate(paths))
-    waiting.reverse()
+    waiting = sorted(((_first_ns(path), n) for n, path in enumerate(paths)), reverse=True)
     running: list[tuple[int, int, Packet, int, Iterator[tuple[Packet, int]]]] = []
 
     def put_next(number: int, packets: Iterator[tuple[Packet, int]]) -> None:
@@ -132,9 +129,8 @@ def _first_ns(path: str) -> int:
 
 def _packets_of(path: str, troubles: list[Problem]) -> Iterator[tuple[Packet, int]]:
     with open_capture(path) as reader:
-        interfaces = reader.interfaces
         for packet in reader:
-            yield packet, interfaces[packet.interface].link_type
+            yield packet, reader.link_types[packet.interface]
         if reader.trouble is not None:
             troubles.append(reader.trouble)
 
@@ -143,9 +139,13 @@ def conversations_of(paths: Sequence[str], plc: str | None, form: str) -> Iterat
     """Yield the lines of `trcvtui conversations`; raise UserError where nothing can be read."""
     given = None if plc is None else parse_plc(plc)
     found, troubles = Conversations(), list[Problem]()
-    take = found.take
-    for packet, link_type in in_time_order(paths, troubles):
-        take(packet, link_type)
+    if len(paths) == 1:
+        with open_capture(paths[0]) as reader:
+            found.take_all(reader, reader.link_types)
+            troubles += [reader.trouble] if reader.trouble else []
+    else:
+        for packet, link_type in in_time_order(paths, troubles):
+            found.take(packet, link_type)
     found.close()
     if troubles and not found.packets:
         raise UserError(troubles)

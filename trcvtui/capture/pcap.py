@@ -99,6 +99,7 @@ class CaptureReader:
     ) -> None:
         self.name = name
         self.interfaces: list[Interface] = []  # of all sections, one after the other
+        self.link_types: list[int] = []  # of the interfaces
         self.trouble: Problem | None = None
         self._other = other
         self._read = read
@@ -155,6 +156,7 @@ class CaptureReader:
             return self._cut(0)
         snaplen, link = struct.unpack_from(order + "II", buffer, 16)
         self.interfaces.append(Interface(link & 0xFFFF, snaplen, numerator=scale))
+        self.link_types.append(link & 0xFFFF)
         unpack = struct.Struct(order + "IIII").unpack_from
         at, end, make, start = 24, len(buffer), tuple.__new__, 0
         while True:
@@ -241,6 +243,7 @@ class CaptureReader:
                     if found is None or len(self.interfaces) == MOST_INTERFACES:
                         return self._stop(at, "a broken interface", f"one of {MOST_INTERFACES} at most")
                     self.interfaces.append(found)
+                    self.link_types.append(found.link_type)
                     clocks.append((found.numerator, found.denominator, found.offset_ns))
                 elif self._other is not None:
                     self._other(kind, buffer[at + 8 : after - 4], start + at, order)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from bisect import bisect, insort
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from typing import Final
 
@@ -21,7 +21,7 @@ from trcvtui.records import NamedTuple
 MOST_CONVERSATIONS: Final = 32_768
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
-MOST_KEPT: Final = 32 << 20  # delivered bytes that a second copy is compared with
+MOST_KEPT: Final = 8 << 20  # delivered bytes that a second copy is compared with
 SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
 PATIENCE_NS: Final = 20_000_000  # a packet may stand in the capture after the ACK of its bytes
 SILENCE_NS: Final = 10_000_000_000
@@ -29,8 +29,8 @@ SILENCE_NS: Final = 10_000_000_000
 _FIN, _SYN, _RST, _ACK = 1, 2, 4, 16
 _MASK: Final = 0xFFFFFFFF
 _HALF: Final = 0x80000000
-# IPv4 without options and TCP: the head of nearly every packet.
-_USUAL: Final = struct.Struct(">BBHHHBBH12sIIBBH").unpack_from
+# Ethernet, IPv4 without options and TCP: the head of nearly every packet.
+_USUAL: Final = struct.Struct(">12xHBxH2xHxB2x12sIIBBH").unpack_from
 _TCP_HEAD: Final = struct.Struct(">IIBBH").unpack_from
 
 
@@ -70,9 +70,10 @@ class WireDirection:
     """What one end says to the other."""
 
     __slots__ = (
-        "acked", "address", "bytes", "conversation", "fin", "has_base", "has_fin", "is_closed_window",
-        "is_firm", "kept", "mac", "missing", "next", "other", "position", "probe", "retransmitted",
-        "segments", "syn", "waiting", "waiting_cost", "waiting_since", "was_probed",
+        "acked", "address", "conversation", "fin", "has_base", "has_fin", "is_closed_window",
+        "is_firm", "is_steady", "kept", "mac", "missing", "next", "other", "position", "probe",
+        "retransmitted", "segments", "syn", "told_ack", "waiting", "waiting_cost", "waiting_since",
+        "was_probed",
     )  # fmt: skip
 
     def __init__(self, conversation: Conversation, address: tuple[bytes, int], mac: bytes) -> None:
@@ -80,9 +81,11 @@ class WireDirection:
         self.other: WireDirection = self
         self.address = address  # of its sender
         self.mac = mac
-        self.bytes = self.segments = self.retransmitted = self.missing = 0
+        self.segments = self.retransmitted = self.missing = 0
         self.next = self.position = 0  # sequence number and byte of what comes next
         self.has_base = self.is_firm = False  # is `next` known; has it proved right
+        self.is_steady = False  # does what begins at `next`, as it should, need no further look
+        self.told_ack = -1  # the last acknowledgement in what its sender said
         self.acked = 0  # sequence number up to which the other end has told to have all
         self.syn: int | None = None
         self.fin: int | None = None  # the byte before which its sender has ended
@@ -94,6 +97,21 @@ class WireDirection:
         self.waiting: list[tuple[int, bytes]] = []
         self.waiting_cost = 0
         self.waiting_since: int | None = None
+
+    @property
+    def bytes(self) -> int:
+        """Return how many bytes of the stream the capture has."""
+        return self.position - self.missing
+
+    def is_usual(self) -> bool:
+        """Return whether nothing is under way but bytes in their order."""
+        other = self.other
+        return (
+            self.is_firm
+            and not self.waiting
+            and self.fin is None
+            and not (self.is_closed_window or other.is_closed_window or other.was_probed or self.probe)
+        )
 
 
 class Conversation:
@@ -130,32 +148,56 @@ class Conversations:
 
     def take(self, packet: Packet, link_type: int) -> None:
         """Take the next packet."""
-        ns, _, data, _, _, _ = packet
-        self.packets += 1
-        at = 14 if link_type == ETHERNET and data[12:14] == b"\x08\x00" else -1
-        if at < 0 or len(data) < 50:
-            return self._take_unusual(packet, link_type)
-        head, _, total, _, fragment, _, protocol, _, key, seq, ack, offset, flags, window = _USUAL(data, at)
-        if head != 0x45 or protocol != TCP or fragment & 0x3FFF or not total:
-            return self._take_unusual(packet, link_type)
-        direction = self._flows.get(key)
-        begin = at + 20 + (offset >> 4) * 4
-        if direction is None or flags & 7 or not flags & _ACK or seq != direction.next or not window:
-            return self._take_unusual(packet, link_type)
-        size = at + total - begin
-        payload = data[begin : at + total]
-        if direction.waiting or size != len(payload) or direction.is_closed_window or not direction.is_firm:
-            return self._take_unusual(packet, link_type)
-        conversation, other = direction.conversation, direction.other
-        if ns - conversation.last_ns > SILENCE_NS or (size == 1 and other.is_closed_window):
-            return self._take_unusual(packet, link_type)
-        conversation.last_ns = ns
-        if ack != other.acked or other.was_probed:
-            self._acknowledge(ns, other, ack, size)
-        if size:
-            direction.segments += 1
-            self._deliver(ns, direction, payload)
-        return None
+        self.take_all((packet,), {packet.interface: link_type})
+
+    def take_all(self, packets: Iterable[Packet], link_types: Sequence[int] | dict[int, int]) -> None:
+        """Take packets; those that go on where a steady direction is cost as little as can be."""
+        flow_of, is_told, deliver = self._flows.get, self._told is not None, self._deliver
+        for packet in packets:
+            self.packets += 1
+            ns, interface, data, _, _, _ = packet
+            if link_types[interface] != ETHERNET:
+                self._take_unusual(packet, link_types[interface])
+                continue
+            try:
+                kind, head, total, fragment, protocol, key, seq, ack, offset, flags, window = _USUAL(data)
+            except struct.error:
+                self._take_unusual(packet, ETHERNET)
+                continue
+            if (
+                (direction := flow_of(key)) is None
+                or not direction.is_steady
+                or seq != direction.next
+                or flags & 0x17 != _ACK
+                or not window
+                or head != 0x45
+                or kind != 0x800
+                or protocol != TCP
+                or fragment & 0x3FFF
+                or ns > direction.conversation.last_ns + SILENCE_NS
+            ):
+                self._take_unusual(packet, ETHERNET)
+                continue
+            begin, end = 34 + (offset >> 4) * 4, 14 + total
+            if end > len(data) or begin > end:
+                self._take_unusual(packet, ETHERNET)
+                continue
+            direction.conversation.last_ns = ns
+            if ack != direction.told_ack:
+                direction.told_ack = ack
+                self._acknowledge(ns, direction.other, ack, end - begin)
+            if end > begin:
+                direction.segments += 1
+                payload = data[begin:end]
+                if is_told or self._kept_cost > MOST_KEPT or direction.kept is None:
+                    deliver(ns, direction, payload)
+                    continue
+                at, size = direction.position, end - begin
+                direction.kept.append((at, payload))
+                self._kept.append(direction.kept)
+                self._kept_cost += size + SEGMENT_COST
+                direction.position = at + size
+                direction.next = (seq + size) & _MASK
 
     def close(self) -> None:
         """Say what is missing to the end: the capture has no more packets."""
@@ -211,6 +253,9 @@ class Conversations:
         elif direction.conversation.end is None or direction.conversation.end[0] == "fin":
             self._tell(ns, direction, EventKind.RST)
             direction.conversation.end = direction.conversation.end or ("rst", direction)
+        direction.told_ack = ack
+        for one in (direction, direction.other):
+            one.is_steady = one.is_usual()
 
     def _open(
         self,
@@ -261,7 +306,6 @@ class Conversations:
     def _datagram(self, ns: int, direction: WireDirection, data: bytes, size: int) -> None:
         self._pass_time(ns, direction)
         direction.segments += 1
-        direction.bytes += len(data)
         self._tell(ns, direction, EventKind.BYTES, direction.position, len(data), data)
         direction.position += len(data)
         if size > len(data):
@@ -434,14 +478,14 @@ class Conversations:
         at, size = direction.position, len(data)
         direction.position = at + size
         direction.next = (direction.next + size) & _MASK
-        direction.bytes += size
         kept = direction.kept
         if kept is None:
             kept = direction.kept = deque()
         kept.append((at, data))
         self._kept.append(kept)
         self._kept_cost += size + SEGMENT_COST
-        while self._kept_cost > MOST_KEPT:
+        most = MOST_KEPT if self._kept_cost <= MOST_KEPT else MOST_KEPT * 3 // 4
+        while self._kept_cost > most:
             self._kept_cost -= len(self._kept.popleft().popleft()[1]) + SEGMENT_COST
         if self._told is not None:
             self._tell(ns, direction, EventKind.BYTES, at, size, data)

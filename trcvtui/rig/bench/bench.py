@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from trcvtui.errors import mistake
 from trcvtui.net.connection.config import ConnectConfig
 from trcvtui.net.connection.resources import BufferPool, ConnectionBudget, JobQueue, Resources, Work
+from trcvtui.net.events import What
 from trcvtui.net.faults import FaultPlan, FaultyKernel, FaultyPort
 from trcvtui.net.kernel import Kernel
-from trcvtui.net.layers.layer_kernel import LayerKernel
+from trcvtui.net.layers.layer_kernel import LayerKernel, ReadyKernel
 from trcvtui.net.layers.layered_stream import LayerNote
 from trcvtui.net.results import Endpoint, Fault
 from trcvtui.net.serial_line import SerialPort, SerialSettings, SimSerialPort
@@ -32,6 +34,7 @@ from trcvtui.rig.peers.peer import Peer, SelfActing, next_due
 from trcvtui.rig.snapshots import CheckSnapshot, PeerSnapshot
 
 if TYPE_CHECKING:
+    from trcvtui.capture.journal import Note, Seam
     from trcvtui.net.os.kernel import OsKernel
 
 NO_ADDRESSES: Final = SimDecl()
@@ -116,6 +119,7 @@ class Checking:
         return CheckSnapshot(self._sent, data, self._echo.tally())
 
 
+T = TypeVar("T")
 KERNELS: Final = ("sim", "live")
 
 
@@ -128,21 +132,24 @@ def _network_of_this_machine() -> OsKernel:
 class Bench:
     """PLC and peers on one kernel; time comes in as an argument, in ns from the start of the run."""
 
-    def __init__(self, project: Project, kernel: str) -> None:
+    def __init__(self, project: Project, kernel: str, seam: Seam | None = None) -> None:
         self.project = project
         self.kernel_name = kernel
+        self._seam = seam  # records what is asked, or answers it from a record
         self.plan = FaultPlan()
         self.now = 0
-        self._sim = _simulated(project) if kernel == "sim" else None
+        is_replay = seam is not None and seam.answers
+        self._sim = _simulated(project) if kernel == "sim" or is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else lambda: self.now  # what handshakes are measured by
-        self._work, self._peers_work = Work(now_ns), Work(now_ns)
+        self._work, self._peers_work = self._new_work(now_ns), Work(now_ns)
         self._has_sessions = any(config.session is not None for config in project.connects)
-        plc_kernel = self._with_sessions() if self._has_sessions else self._faulty
         self.runtime = Runtime(
-            project, plc_kernel, self._resources(project), self._peer_port, self._serial_port
+            project, self._plc_kernel(), self._resources(project), self._peer_port, self._serial_port
         )
+        if seam is not None:
+            seam.tell, self._said, self._work.said = self._write, self._work.said, self._work_waits
         self._peers_work.set_interval(self.runtime.interval_ns)
         self.plan.fired = self._fault_fired
         self.peers = {decl.name: self._new_peer(decl) for decl in project.peers}
@@ -163,6 +170,23 @@ class Bench:
         small = self.project.rules.policy.small_buffers
         return Peer(decl, self._peer_kernel(decl), self._listening_end, self.runtime.ledger.write, small)
 
+    def _new_work(self, now_ns: Callable[[], int]) -> Work:
+        if self._seam is None:
+            return Work(now_ns)
+        from trcvtui.capture.replay import SeamWork
+
+        return SeamWork(self._seam, now_ns)
+
+    def _plc_kernel(self) -> ReadyKernel:
+        make = self._with_sessions if self._has_sessions else lambda: self._faulty
+        return make() if self._seam is None else self._on_seam(self._seam, "PLC", make)
+
+    @staticmethod
+    def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:
+        from trcvtui.capture.replay import seam_kernel  # a bench that nobody records waits for none of it
+
+        return seam_kernel(seam, label, make)
+
     def _with_sessions(self) -> LayerKernel:
         """Return what stands in front of the PLC's kernel where a CONNECT has a session, and costs else.
 
@@ -174,6 +198,11 @@ class Bench:
         return LayerKernel(self._faulty, lambda: self.now, self._of_a_session, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
+        if self._seam is None:
+            return self._kernel_of(decl)
+        return self._on_seam(self._seam, decl.name, lambda: self._kernel_of(decl))
+
+    def _kernel_of(self, decl: PeerDecl) -> Kernel:
         if decl.session is None:
             return self._kernel
         return LayerKernel(
@@ -181,6 +210,13 @@ class Bench:
         )
 
     def _serial_port(self, owner: str, settings: SerialSettings) -> SerialPort:
+        if self._seam is None:
+            return self._port_of(owner, settings)
+        from trcvtui.capture.replay import SeamPort
+
+        return SeamPort(self._seam, owner, lambda: self._port_of(owner, settings))
+
+    def _port_of(self, owner: str, settings: SerialSettings) -> SerialPort:
         if self._sim is not None:
             return FaultyPort(SimSerialPort(), self.plan, owner)
         from trcvtui.net.os.serial import OsSerialPort
@@ -188,8 +224,27 @@ class Bench:
         return FaultyPort(OsSerialPort(settings), self.plan, owner)
 
     def _of_a_session(self, note: LayerNote) -> None:
-        event = BenchNote(note.connect, note.what, note.why, note.client, note.for_all)
-        self.runtime.ledger.write(event)
+        self._tell(BenchNote(note.connect, note.what, note.why, note.client, note.for_all))
+
+    def _work_waits(self, connect: str, what: What, partner: str, why: str) -> None:
+        from trcvtui.capture.journal import WorkWaits
+
+        self._tell(WorkWaits(connect, what, partner, why))
+
+    def _tell(self, note: Note) -> None:
+        """Write into the ledger what a call has told."""
+        if self._seam is not None:
+            self._seam.told(note)
+        self._write(note)
+
+    def _write(self, note: Note) -> None:
+        if isinstance(note, BenchNote):
+            self.runtime.ledger.write(note)
+        else:
+            self._said(note.connect, What(note.what), note.partner, note.why)
+
+    def _ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        return do() if self._seam is None else self._seam.ask(owner, call, args, do)
 
     def _must_listen(self, peer: Peer) -> None:
         """Let a passive peer listen at load; a taken port is the user's to mend."""
@@ -213,6 +268,9 @@ class Bench:
 
     def is_free(self, end: Endpoint) -> bool:
         """Return whether nobody listens at an end of this machine."""
+        return self._ask("bench", "is_free", (end,), lambda: self._is_free(end))
+
+    def _is_free(self, end: Endpoint) -> bool:
         handle = self._kernel.socket("bench")
         if isinstance(handle, Fault):
             return True
@@ -229,12 +287,16 @@ class Bench:
 
     def step(self, now: int | None = None) -> None:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
-        self.now = self.runtime.scans * self.runtime.interval_ns if now is None else now
+        due = self.runtime.scans * self.runtime.interval_ns if now is None else now
+        self.now = due if self._seam is None else self._seam.ask("bench", "step", (), lambda: due)
         if self._sim is not None:
             self._sim.advance(self.now)
         self.step_peers()
         self._program.go_on()
         self.runtime.scan(self.now)
+        if self._seam is not None:
+            for edge in self.runtime.changed:
+                self._seam.ask(edge.instance, "shows", tuple(edge.outputs), lambda: None)
         if self._checks:
             self._check_data()
         self.step_peers()
@@ -345,7 +407,7 @@ class Bench:
     def _let_sessions_in(self, decl: object) -> None:
         if isinstance(decl, ConnectConfig) and decl.session is not None and not self._has_sessions:
             self._has_sessions = True
-            self.runtime.stand_on(self._with_sessions())
+            self.runtime.stand_on(self._plc_kernel())
 
     def _add_peer(self, decl: PeerDecl, edited: Project) -> str:
         """Let one more peer begin as those of the file do; a taken port is the user's to mend."""
@@ -376,7 +438,12 @@ class Bench:
 
     def set_link(self, command: words.Link) -> str:
         """Let the wire of a CONNECT go silent, or speak again."""
-        wrong, how = set_link(self._kernel, command.connect, command.up)
+        wrong, how = self._ask(
+            command.connect,
+            "link",
+            (command.up,),
+            lambda: set_link(self._kernel, command.connect, command.up),
+        )
         if not wrong:
             (self._down.discard if command.up else self._down.add)(command.connect)
             self.note(command.connect, "link up" if command.up else "link down", how)
@@ -396,7 +463,7 @@ class Bench:
         return ""
 
     def _fault_fired(self, owner: str, fault: Fault) -> None:
-        self.note(owner, "fault fired", str(fault))
+        self._tell(BenchNote(owner, "fault fired", str(fault)))
 
     def note(self, subject: str, what: str, detail: str = "") -> None:
         """Write into the ledger what came from outside of the PLC."""

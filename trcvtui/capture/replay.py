@@ -1,0 +1,320 @@
+"""A bench on a record: kernel, serial port and bound of work that ask a seam, and a seam that answers.
+
+`Replay` compares each question with the recorded one. A difference is an error of scan, owner and call.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator
+from typing import Final, NoReturn, TypeVar, cast
+
+from trcvtui.capture.journal import Asked, Entry, Note, Seam
+from trcvtui.errors import mistake
+from trcvtui.net.connection.resources import Party, Work
+from trcvtui.net.events import What
+from trcvtui.net.kernel import (
+    Accepted,
+    Handle,
+    Kernel,
+    KernelLoss,
+    LocalAddress,
+    PathInfo,
+    SocketOptions,
+)
+from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
+from trcvtui.net.results import Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.serial_line import Opening, SerialPort
+
+T = TypeVar("T")
+
+NOTHING: Final = type(None)
+STEP: Final = "step"  # the call that begins a scan; its answer is the time in ns
+# What may answer each call. Pairs (an answer and the bytes that came with it) are told by `tuple`.
+ANSWERS: Final[dict[str, tuple[type, ...]]] = {
+    STEP: (int,),
+    "shows": (NOTHING,),
+    "link": (tuple,),
+    "is_free": (bool,),
+    "grant": (int,),
+    "wait": (NOTHING,),
+    "local_addresses": (tuple,),
+    "set_link": (str,),
+    "poll": (NOTHING,),
+    "ready_handles": (NOTHING, dict),
+    "readable": (bool,),
+    "renew": (bool,),
+    "socket": (int, Fault),
+    "datagram_socket": (int, Fault),
+    "set_options": (tuple,),
+    "set_user_timeout": (NOTHING,),
+    "local_end": (NOTHING, Endpoint),
+    "accept": (Accepted, WouldBlock, Fault),
+    "resolve": (str, WouldBlock, Fault),
+    "connect_result": (NOTHING, WouldBlock, Fault),
+    "recv": (tuple,),
+    "recv_from": (tuple,),
+    "send": (int, WouldBlock, Fault),
+    "send_to": (int, WouldBlock, Fault),
+    "loss": (NOTHING, KernelLoss),
+    "discard": (int,),
+    "unread": (int,),
+    "path": (NOTHING, PathInfo),
+    **dict.fromkeys(
+        ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),
+        (NOTHING, Fault),
+    ),
+    **dict.fromkeys(("abort", "close"), (NOTHING, Fault)),
+    "port open": (NOTHING, Fault, Opening),
+    "port read": (bytes, Fault),
+    "port write": (int, Fault),
+    "port close": (NOTHING,),
+    "port arrive": (bool,),
+}
+# What stands inside the tuples.
+INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
+    "recv": ((int, WouldBlock, Fault), (bytes,)),
+    "recv_from": ((Datagram, WouldBlock, Fault), (bytes,)),
+    "link": ((str,), (str,)),
+}
+LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str}
+
+
+class Replay:
+    """Answers from entries; `tell` writes what a call had told into the ledger."""
+
+    answers = True
+
+    def __init__(self, entries: Iterator[Entry], where: str) -> None:
+        self._entries = entries
+        self._where = where
+        self._scan = 0
+        self.tell: Callable[[Note], None] = lambda note: None
+
+    def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
+        """Return what was answered; raise UserError where something else was asked then."""
+        asked = f"{call} {_shown(args)} of {owner}"
+        self._scan += call == STEP
+        entry = next(self._entries, None)
+        while entry is not None and not isinstance(entry, Asked):
+            self.tell(entry)
+            entry = next(self._entries, None)
+        if entry is None:
+            self._differs("the end of the journal", asked)
+        if entry[:3] != (owner, call, args):
+            self._differs(f"{entry.call} {_shown(entry.args)} of {entry.owner}", asked)
+        if not _fits(entry, args):
+            self._differs(f"an answer of {type(entry.answer).__name__}", f"an answer to {asked}")
+        return cast(T, entry.answer)
+
+    def told(self, note: Note) -> None:
+        """Do nothing: only the PLC and the bench tell anything here, and nobody keeps it."""
+
+    def end(self) -> None:
+        """Raise UserError where the journal goes on after the run has ended."""
+        entry = next(self._entries, None)
+        if isinstance(entry, Asked):
+            self._differs(f"{entry.call} {_shown(entry.args)} of {entry.owner}", "nothing more")
+
+    def _differs(self, recorded: str, now: str) -> NoReturn:
+        raise mistake(f"{self._where}: scan {self._scan}", f"{now}", f"{recorded}, which was recorded")
+
+
+def _shown(args: tuple[object, ...]) -> str:
+    return "(" + ", ".join(str(each) for each in args)[:200] + ")"
+
+
+def _fits(entry: Asked, args: tuple[object, ...]) -> bool:
+    """Return whether an answer is one that the call can give."""
+    call, answer = entry.call, entry.answer
+    if type(answer) not in ANSWERS.get(call, ()):
+        return False
+    if not isinstance(answer, tuple):
+        return True
+    if call in LISTS:
+        return all(type(each) is LISTS[call] for each in answer)
+    inside = INSIDE[call]
+    if len(answer) != len(inside) or any(type(a) not in k for a, k in zip(answer, inside, strict=True)):
+        return False
+    if call == "link":
+        return True
+    got, data = answer
+    size = got if isinstance(got, int) else got.size if isinstance(got, Datagram) else 0
+    return size == len(data) and size <= cast(int, args[1])
+
+
+def _of_nobody(make: Callable[[], T], answers: bool) -> T:
+    """Return what is asked by a recorder; a replay asks nothing and has nothing."""
+    return cast(T, None) if answers else make()
+
+
+PLAIN: Final = (  # calls whose arguments and answers are kept as they are
+    *("set_reuse", "bind", "listen", "local_end", "poll_add", "poll_del", "resolve", "connect"),
+    *("connect_result", "loss", "discard", "unread", "path", "probe", "readable", "renew"),
+    "set_user_timeout",
+)
+
+
+class _SeamKernel:
+    """A kernel that asks its seam: recorded around `inner`, or answered without it."""
+
+    def __init__(self, seam: Seam, label: str, inner: Kernel | None) -> None:
+        self._seam, self._label = seam, label
+        self._inner = cast(Kernel, inner)
+        self._owners: dict[Handle, str] = {}
+        for name in PLAIN:
+            setattr(self, name, self._plain(name))
+
+    def _plain(self, name: str) -> Callable[..., object]:
+        ask, inner, owners, label = (
+            self._seam.ask,
+            getattr(self._inner, name, None),
+            self._owners,
+            self._label,
+        )
+
+        def call(handle: Handle, *args: object) -> object:
+            do = cast(Callable[[], object], lambda: inner(handle, *args) if inner is not None else None)
+            return ask(owners.get(handle, label), name, (handle, *args), do)
+
+        return call
+
+    def _owner(self, handle: Handle) -> str:
+        return self._owners.get(handle, self._label)
+
+    def local_addresses(self) -> tuple[LocalAddress, ...]:
+        return self._seam.ask(self._label, "local_addresses", (), lambda: self._inner.local_addresses())
+
+    def set_link(self, owner: str, up: bool) -> str:
+        return self._seam.ask(owner, "set_link", (up,), lambda: self._inner.set_link(owner, up))
+
+    def poll(self) -> None:
+        self._seam.ask(self._label, "poll", (), lambda: self._inner.poll())
+
+    def ready_handles(self) -> dict[Handle, str] | None:
+        def do() -> dict[Handle, str] | None:
+            seen = getattr(self._inner, "ready_handles", nothing_known)()
+            return None if seen is None else dict(seen)
+
+        return self._seam.ask(self._label, "ready_handles", (), do)
+
+    def socket(self, owner: str) -> Handle | Fault:
+        return self._mine(owner, self._seam.ask(owner, "socket", (), lambda: self._inner.socket(owner)))
+
+    def datagram_socket(self, owner: str) -> Handle | Fault:
+        do = lambda: self._inner.datagram_socket(owner)  # noqa: E731
+        return self._mine(owner, self._seam.ask(owner, "datagram_socket", (), do))
+
+    def _mine(self, owner: str, made: Handle | Fault) -> Handle | Fault:
+        if not isinstance(made, Fault):
+            self._owners[made] = owner
+        return made
+
+    def set_options(self, handle: Handle, options: SocketOptions) -> tuple[str, ...]:
+        asked = options.nodelay, options.keep_alive_s, options.user_timeout_ms, options.small_buffers
+        args = (handle, *asked, options.session is not None)
+        return self._seam.ask(
+            self._owner(handle), "set_options", args, lambda: self._inner.set_options(handle, options)
+        )
+
+    def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
+        owner = self._owner(handle)
+        got = self._seam.ask(owner, "accept", (handle,), lambda: self._inner.accept(handle))
+        if isinstance(got, Accepted):
+            self._owners[got.handle] = owner
+        return got
+
+    def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
+        def do() -> tuple[int | WouldBlock | Fault, bytes]:
+            got = self._inner.recv(handle, into)
+            return got, bytes(into[:got]) if isinstance(got, int) else b""
+
+        got, data = self._seam.ask(self._owner(handle), "recv", (handle, len(into)), do)
+        into[: len(data)] = data
+        return got
+
+    def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
+        def do() -> tuple[Datagram | WouldBlock | Fault, bytes]:
+            got = self._inner.recv_from(handle, into)
+            return got, bytes(into[: got.size]) if isinstance(got, Datagram) else b""
+
+        got, data = self._seam.ask(self._owner(handle), "recv_from", (handle, len(into)), do)
+        into[: len(data)] = data
+        return got
+
+    def direct_read(self, handle: Handle) -> None:
+        """Return None: each byte is to be seen."""
+
+    def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
+        args = handle, len(data), zlib.crc32(data)
+        return self._seam.ask(self._owner(handle), "send", args, lambda: self._inner.send(handle, data))
+
+    def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
+        args = handle, len(data), zlib.crc32(data), end
+        return self._seam.ask(
+            self._owner(handle), "send_to", args, lambda: self._inner.send_to(handle, data, end)
+        )
+
+    def shutdown(self, handle: Handle, both: bool = True) -> Fault | None:
+        return self._seam.ask(
+            self._owner(handle), "shutdown", (handle, both), lambda: self._inner.shutdown(handle, both)
+        )
+
+    def abort(self, handle: Handle) -> Fault | None:
+        owner = self._owners.pop(handle, self._label)
+        return self._seam.ask(owner, "abort", (handle,), lambda: self._inner.abort(handle))
+
+    def close(self, handle: Handle) -> Fault | None:
+        owner = self._owners.pop(handle, self._label)
+        return self._seam.ask(owner, "close", (handle,), lambda: self._inner.close(handle))
+
+
+def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:
+    """Return a kernel of the seam; `make` gives the one to be recorded, and is not called by a replay."""
+    return cast(ReadyKernel, _SeamKernel(seam, label, _of_nobody(make, seam.answers)))
+
+
+class SeamPort:
+    """A serial port that asks its seam."""
+
+    def __init__(self, seam: Seam, owner: str, make: Callable[[], SerialPort]) -> None:
+        self._seam, self._owner = seam, owner
+        self._inner = _of_nobody(make, seam.answers)
+
+    def open(self) -> Fault | Opening | None:
+        """Open it."""
+        return self._seam.ask(self._owner, "port open", (), lambda: self._inner.open())
+
+    def read(self, most: int) -> bytes | Fault:
+        """Return the bytes that have come."""
+        return self._seam.ask(self._owner, "port read", (most,), lambda: self._inner.read(most))
+
+    def write(self, payload: bytes) -> int | Fault:
+        """Hand bytes over."""
+        args = len(payload), zlib.crc32(payload)
+        return self._seam.ask(self._owner, "port write", args, lambda: self._inner.write(payload))
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._seam.ask(self._owner, "port close", (), lambda: self._inner.close())
+
+    def arrive(self, payload: bytes) -> bool:
+        """Let bytes come over a simulated line."""
+        args = len(payload), zlib.crc32(payload)
+        return self._seam.ask(self._owner, "port arrive", args, lambda: self._inner.arrive(payload))
+
+
+class SeamWork(Work):
+    """The bound of a scan's work, of which handshakes and records below the seam take their part, too."""
+
+    def __init__(self, seam: Seam, clock: Callable[[], int]) -> None:
+        super().__init__(clock)
+        self._seam = seam
+
+    def grant(self, party: Party) -> int:
+        """Return what a party has in this scan."""
+        return self._seam.ask(party.owner, "grant", (party.what,), lambda: Work.grant(self, party))
+
+    def wait(self, party: Party, partner: str, what: What) -> None:
+        """Keep a share of the next scan for a party."""
+        self._seam.ask(party.owner, "wait", (partner, what), lambda: Work.wait(self, party, partner, what))

@@ -101,7 +101,7 @@ class Recorder:
 
 _NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE = range(9)
 _SINGLES: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
-# Each record with the types of its fields, in the order in which they stand. No new field without a new version.
+# Each record with the types of its fields in their order. No new field without a new version.
 _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
     (Endpoint, ((str,), (int,))),
     (Fault, ((str,), (str,), (bool,), (str,), (str,))),
@@ -197,7 +197,9 @@ class _Cursor:
         if not 0 <= tag - _FIRST_RECORD < len(_RECORDS):
             raise self.wrong(f"tag {tag}", "a tag that this version knows")
         kind, fields = _RECORDS[tag - _FIRST_RECORD]
-        made: object = kind(*[self._field(kind, *field, depth) for field in zip(_names(kind), fields, strict=True)])
+        made: object = kind(
+            *[self._field(kind, *field, depth) for field in zip(_names(kind), fields, strict=True)]
+        )
         return made
 
     def _text(self, raw: bytes) -> str:

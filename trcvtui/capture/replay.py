@@ -88,7 +88,7 @@ class Replay:
     def __init__(self, entries: Iterator[Entry], where: str) -> None:
         self._entries = entries
         self._where = where
-        self._scan = 0
+        self._scan = self._now = 0
         self.tell: Callable[[Note], None] = lambda note: None
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
@@ -103,8 +103,10 @@ class Replay:
             self._differs("the end of the journal", asked)
         if entry[:3] != (owner, call, args):
             self._differs(f"{entry.call} {_shown(entry.args)} of {entry.owner}", asked)
-        if not _fits(entry, args):
+        if not _fits(entry, args) or (call == STEP and cast(int, entry.answer) < self._now):
             self._differs(f"an answer of {type(entry.answer).__name__}", f"an answer to {asked}")
+        if call == STEP:
+            self._now = cast(int, entry.answer)
         return cast(T, entry.answer)
 
     def told(self, note: Note) -> None:

@@ -138,8 +138,8 @@ class Bench:
         self._seam = seam  # records what is asked, or answers it from a record
         self.plan = FaultPlan()
         self.now = 0
-        is_replay = seam is not None and seam.answers
-        self._sim = _simulated(project) if kernel == "sim" or is_replay else None
+        self._is_replay = seam is not None and seam.answers
+        self._sim = _simulated(project) if kernel == "sim" or self._is_replay else None
         self._kernel: SimKernel | OsKernel = self._sim or _network_of_this_machine()
         self._faulty = FaultyKernel(self._kernel, self.plan)
         now_ns = clock.now_ns if self._sim is None else lambda: self.now  # what handshakes are measured by
@@ -289,7 +289,7 @@ class Bench:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
         self.now = due if self._seam is None else self._seam.ask("bench", "step", (), lambda: due)
-        if self._sim is not None:
+        if self._sim is not None and not self._is_replay:
             self._sim.advance(self.now)
         self.step_peers()
         self._program.go_on()

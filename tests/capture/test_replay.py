@@ -15,7 +15,7 @@ from tests.net.contract import FACTS, Fact
 from tests.net.net_bench import Bench as Workbench
 from tests.net.sim.net_sim import SimNetwork
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS, PatientPace
-from trcvtui.capture.journal import Asked, Entry, Note, Recorder, Seam, blocks, entries_of
+from trcvtui.capture.journal import Answered, Entry, Note, SeamRecorder, Seam, blocks, entries_of
 from trcvtui.capture.replay import Replay, seam_kernel
 from trcvtui.errors import UserError
 from trcvtui.net.kernel import Kernel
@@ -51,7 +51,7 @@ def run(path: Path, kernel: str, seam: Seam, pace: Pace) -> tuple[str, list[str]
 def recorded(path: Path, kernel: str = "sim") -> tuple[tuple[str, list[str]], list[Entry]]:
     entries: list[Entry] = []
     pace = PatientPace() if kernel == "live" else VirtualPace()
-    return run(path, kernel, Recorder(entries.append), pace), entries
+    return run(path, kernel, SeamRecorder(entries.append), pace), entries
 
 
 def holds(path: Path, kernel: str) -> None:
@@ -116,7 +116,7 @@ class Watched(SimNetwork):
 @pytest.mark.parametrize("fact", FACTS, ids=lambda fact: fact.__name__)
 def test_a_recording_kernel_and_one_that_answers_keep_the_contract(fact: Fact) -> None:
     entries: list[Entry] = []
-    network = Watched(SimKernel(), Recorder(entries.append))
+    network = Watched(SimKernel(), SeamRecorder(entries.append))
     bench = Workbench(network)
     bench.kernel = network.seen
     fact(bench)
@@ -140,15 +140,15 @@ def answered(entries: Sequence[Entry]) -> str:
 
 
 def place(entries: Sequence[Entry], call: str) -> int:
-    return next(at for at, one in enumerate(entries) if isinstance(one, Asked) and one.call == call)
+    return next(at for at, one in enumerate(entries) if isinstance(one, Answered) and one.call == call)
 
 
 def test_another_call_is_told_with_scan_owner_and_call() -> None:
     _, entries = recorded(STORY)
     at = place(entries, "send")
     one = entries[at]
-    assert isinstance(one, Asked)
-    scan = sum(isinstance(each, Asked) and each.call == "step" for each in entries[:at])
+    assert isinstance(one, Answered)
+    scan = sum(isinstance(each, Answered) and each.call == "step" for each in entries[:at])
     said = answered([*entries[:at], one._replace(call="recv"), *entries[at + 1 :]])
     assert said.startswith(f"R: scan {scan}: found send (") and f"of {one.owner}, expected recv (" in said
 
@@ -157,7 +157,7 @@ def test_other_bytes_are_told_although_they_are_as_many() -> None:
     _, entries = recorded(STORY)
     at = place(entries, "send")
     one = entries[at]
-    assert isinstance(one, Asked)
+    assert isinstance(one, Answered)
     assert "found send (" in answered(
         [
             *entries[:at],
@@ -171,7 +171,7 @@ def test_other_outputs_are_told_with_the_instance() -> None:
     _, entries = recorded(STORY)
     at = place(entries, "shows")
     one = entries[at]
-    assert isinstance(one, Asked)
+    assert isinstance(one, Answered)
     changed = one._replace(args=(0x80C5, *one.args[1:]))
     assert f"of {one.owner}" in answered([*entries[:at], changed, *entries[at + 1 :]])
 
@@ -183,21 +183,21 @@ def test_an_answer_that_the_call_cannot_give_is_told(call: str, answer: object) 
     _, entries = recorded(STORY)
     at = place(entries, call)
     one = entries[at]
-    assert isinstance(one, Asked)
+    assert isinstance(one, Answered)
     assert "an answer" in answered([*entries[:at], one._replace(answer=answer), *entries[at + 1 :]])
 
 
 def test_a_journal_that_ends_too_early_and_one_that_goes_on_are_told() -> None:
     _, entries = recorded(STORY)
     assert "the end of the journal" in answered(entries[: len(entries) // 2])
-    assert "nothing more" in answered([*entries, Asked("C1", "poll", (), None)])
+    assert "nothing more" in answered([*entries, Answered("C1", "poll", (), None)])
 
 
 # -- bytes ------------------------------------------------------------------------------------------------
 
 
 def test_a_newer_version_and_a_missing_block_are_told() -> None:
-    block = bytearray(next(blocks([Asked("C1", "poll", (), None)])))
+    block = bytearray(next(blocks([Answered("C1", "poll", (), None)])))
     second = bytes(block)
     assert "block 0, expected block 1" in wrong([second, second])
     block[16] = 9
@@ -231,7 +231,7 @@ def read(found: Iterator[Entry]) -> bool:
     """Return whether a journal was read to its end; a UserError in one line is the other way to end."""
     try:
         for entry in found:
-            assert isinstance(entry, Asked | Note)
+            assert isinstance(entry, Answered | Note)
     except UserError as told:
         assert "\n" not in str(told) and len(str(told)) < 400
         return False

@@ -1,4 +1,4 @@
-"""The journal of a run: what was asked at the seam and what it answered, kept by `Recorder`; its bytes.
+"""The journal of a run: what was asked at the seam and what it answered, kept by `SeamRecorder`; its bytes.
 
 Rule 1: a run asks the same again, in the same order, as long as it gets the same answers (replay.py).
 Rule 2: calls inside a call (of a layer to the network) are not kept; what they told the ledger is.
@@ -28,7 +28,7 @@ MOST_ENTRIES: Final = 1 << 20  # of one block
 DEEPEST: Final = 8  # tuples in tuples
 
 
-class Asked(NamedTuple):
+class Answered(NamedTuple):
     """One call and its answer; `args` are what a replay has to ask again."""
 
     owner: str
@@ -47,7 +47,7 @@ class WorkWaits(NamedTuple):
 
 
 Note = BenchNote | WorkWaits
-Entry = Asked | Note
+Entry = Answered | Note
 
 
 class Seam(Protocol):
@@ -69,7 +69,7 @@ class Seam(Protocol):
         ...
 
 
-class Recorder:
+class SeamRecorder:
     """Does what is asked and hands each entry to `keep`."""
 
     answers = False
@@ -88,7 +88,7 @@ class Recorder:
             answer = do()
         finally:
             self._is_inside = False
-        self._keep(Asked(owner, call, args, answer))
+        self._keep(Answered(owner, call, args, answer))
         return answer
 
     def told(self, note: Note) -> None:
@@ -197,9 +197,7 @@ class _Cursor:
         if not 0 <= tag - _FIRST_RECORD < len(_RECORDS):
             raise self.wrong(f"tag {tag}", "a tag that this version knows")
         kind, fields = _RECORDS[tag - _FIRST_RECORD]
-        made: object = kind(
-            *[self._field(kind, *field, depth) for field in zip(_names(kind), fields, strict=True)]
-        )
+        made: object = kind(*[self._field(*field, depth) for field in zip(_names(kind), fields, strict=True)])
         return made
 
     def _text(self, raw: bytes) -> str:
@@ -214,10 +212,10 @@ class _Cursor:
             raise self.wrong("another value", "a handle and its owner")
         return handle, owner
 
-    def _field(self, kind: type, name: str, kinds: tuple[type, ...], depth: int) -> object:
+    def _field(self, name: str, kinds: tuple[type, ...], depth: int) -> object:
         value = self.value(depth + 1)
         if type(value) not in kinds:
-            raise self.wrong(type(value).__name__, f"what {name} of {kind.__name__} is")
+            raise self.wrong("a value of another type", f"what field {name} is")
         return value
 
     def entry(self) -> Entry:
@@ -229,7 +227,7 @@ class _Cursor:
             case WorkWaits(_, what) if what in _WORDS:
                 return value
             case (str(owner), str(call), tuple(args), answer):
-                return Asked(owner, call, args, answer)
+                return Answered(owner, call, args, answer)
         raise self.wrong("another value", "a call or a note")
 
 

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from typing import Final, NoReturn, TypeVar, cast
 
-from trcvtui.capture.journal import Asked, Entry, Note, Seam
+from trcvtui.capture.journal import Answered, Entry, Note, Seam
 from trcvtui.errors import mistake
 from trcvtui.net.connection.resources import Party, Work
 from trcvtui.net.events import What
@@ -96,7 +96,7 @@ class Replay:
         asked = f"{call} {_shown(args)} of {owner}"
         self._scan += call == STEP
         entry = next(self._entries, None)
-        while entry is not None and not isinstance(entry, Asked):
+        while entry is not None and not isinstance(entry, Answered):
             self.tell(entry)
             entry = next(self._entries, None)
         if entry is None:
@@ -104,7 +104,7 @@ class Replay:
         if entry[:3] != (owner, call, args):
             self._differs(f"{entry.call} {_shown(entry.args)} of {entry.owner}", asked)
         if not _fits(entry, args) or (call == STEP and cast(int, entry.answer) < self._now):
-            self._differs(f"an answer of {type(entry.answer).__name__}", f"an answer to {asked}")
+            self._differs("an answer that this call cannot give", asked)
         if call == STEP:
             self._now = cast(int, entry.answer)
         return cast(T, entry.answer)
@@ -115,7 +115,7 @@ class Replay:
     def end(self) -> None:
         """Raise UserError where the journal goes on after the run has ended."""
         entry = next(self._entries, None)
-        if isinstance(entry, Asked):
+        if isinstance(entry, Answered):
             self._differs(f"{entry.call} {_shown(entry.args)} of {entry.owner}", "nothing more")
 
     def _differs(self, recorded: str, now: str) -> NoReturn:
@@ -126,7 +126,7 @@ def _shown(args: tuple[object, ...]) -> str:
     return "(" + ", ".join(str(each) for each in args)[:200] + ")"
 
 
-def _fits(entry: Asked, args: tuple[object, ...]) -> bool:
+def _fits(entry: Answered, args: tuple[object, ...]) -> bool:
     """Return whether an answer is one that the call can give."""
     call, answer = entry.call, entry.answer
     if type(answer) not in ANSWERS.get(call, ()):

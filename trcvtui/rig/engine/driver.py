@@ -6,7 +6,12 @@ Rule: importing this costs next to nothing, because nothing else happens before 
 from __future__ import annotations
 
 import multiprocessing
+import os
+import pickle
+import struct
+import sys
 from collections.abc import Sequence
+from multiprocessing.connection import Connection as Channel
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -17,6 +22,8 @@ if TYPE_CHECKING:
     from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
 
 LAST_WORDS_S: Final = 2.0
+LENGTH: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
+READ_BYTES: Final = 1 << 18
 
 
 class EngineStopped(Exception):
@@ -47,6 +54,46 @@ class Driver(Protocol):
         ...
 
 
+class Arriving:
+    """What has come over a channel. A message is taken when the whole of it is there; nobody waits for more.
+
+    The engine writes a picture in the gaps of several scans: a screen that waited would stand still.
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._bytes = bytearray()
+        self._has_ended = False
+
+    def next(self) -> bytes | None:
+        """Return the next whole message, None while there is none; raise EOFError after the last one."""
+        if sys.platform == "win32":
+            return self._channel.recv_bytes() if self._channel.poll() else None
+        self._look()
+        if len(self._bytes) >= LENGTH.size:
+            end = LENGTH.size + LENGTH.unpack_from(self._bytes)[0]
+            if len(self._bytes) >= end:
+                message = bytes(memoryview(self._bytes)[LENGTH.size : end])
+                del self._bytes[:end]
+                return message
+        if self._has_ended:
+            raise EOFError
+        return None
+
+    def _look(self) -> None:
+        descriptor = self._channel.fileno()
+        os.set_blocking(descriptor, False)
+        try:
+            while not self._has_ended:
+                read = os.read(descriptor, READ_BYTES)
+                self._bytes += read
+                self._has_ended = not read
+        except BlockingIOError:
+            return
+        finally:
+            os.set_blocking(descriptor, True)
+
+
 class EngineDriver:
     """The bench in a process of its own; start it before the screen library is imported."""
 
@@ -71,6 +118,7 @@ class EngineDriver:
         self._process = context.Process(target=engine_main, args=(theirs, *self._asked), daemon=True)
         self._process.start()
         theirs.close()
+        self._arriving = Arriving(self._channel)
         self._outstanding = False
         self._project: Project | None = None
 
@@ -87,7 +135,8 @@ class EngineDriver:
     def project(self) -> Project:
         """Wait for the project that the engine has read; raise UserError for the mistakes in its file."""
         if self._project is None:
-            message = self._message()
+            while (message := self._message()) is None:
+                self._channel.poll(None)
             if isinstance(message, UserError):
                 raise message
             self._project = _not_last_words(message)
@@ -112,13 +161,12 @@ class EngineDriver:
     def picture(self) -> BenchUpdate | None:
         """Return the newest picture that has arrived."""
         newest = None
-        while self._channel.poll():
-            newest = self._receive() or newest
+        while (message := self._message()) is not None:
+            newest = self._take(_not_last_words(message)) or newest
         return newest
 
-    def _receive(self) -> BenchUpdate | None:
-        """Return the next picture; None where it is the project that comes before them."""
-        message = _not_last_words(self._message())
+    def _take(self, message: Any) -> BenchUpdate | None:
+        """Return a picture; None for the project, which comes before them."""
         if self._project is None:
             self._project = message
             return None
@@ -127,10 +175,12 @@ class EngineDriver:
         return picture
 
     def _message(self) -> Any:
+        """Return the next message, None while no whole one has come."""
         try:
-            return self._channel.recv()
+            message = self._arriving.next()
         except (EOFError, OSError):
             raise EngineStopped("the engine has ended without a word") from None
+        return None if message is None else pickle.loads(message)
 
     def _send(self, message: object) -> None:
         try:
@@ -140,7 +190,7 @@ class EngineDriver:
 
     def _raise_last_words(self) -> None:
         while not self._channel.closed and self._channel.poll(LAST_WORDS_S):
-            self._receive()
+            self.picture()
         raise EngineStopped("the engine has ended without a word")
 
     def close(self) -> None:

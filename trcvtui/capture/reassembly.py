@@ -12,6 +12,7 @@ from bisect import bisect, insort
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
+from itertools import islice
 from typing import Final
 
 from trcvtui.capture.packets import TCP, UDP, Unread, carried_by, macs_of
@@ -22,6 +23,7 @@ MOST_CONVERSATIONS: Final = 32_768
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
 MOST_KEPT: Final = 8 << 20  # delivered bytes that a second copy is compared with
+MOST_COMPARED: Final = 256  # segments back from the newest
 SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
 PATIENCE_NS: Final = 20_000_000  # a packet may stand in the capture after the ACK of its bytes
 SILENCE_NS: Final = 10_000_000_000
@@ -412,7 +414,8 @@ class Conversations:
             self._deliver(ns, direction, data)
             return
         first = max(bisect(direction.waiting, (at, b"")) - 1, 0)
-        for begin, other in direction.waiting[first:] if data else ():
+        last = bisect(direction.waiting, (at + len(data), b""))
+        for begin, other in direction.waiting[first:last] if data else ():
             if not data or begin >= at + len(data):
                 break
             end = begin + len(other)
@@ -493,7 +496,7 @@ class Conversations:
     def _compare(self, ns: int, direction: WireDirection, at: int, data: bytes) -> None:
         """Compare a second copy with what was delivered, as far as that is kept."""
         first = bytearray(data)
-        for begin, kept in reversed(direction.kept or ()):
+        for begin, kept in islice(reversed(direction.kept or ()), MOST_COMPARED):
             if begin + len(kept) <= at:
                 break
             low, high = max(begin, at), min(begin + len(kept), at + len(data))

@@ -22,6 +22,7 @@ from trcvtui.records import NamedTuple
 MOST_CONVERSATIONS: Final = 32_768
 MOST_WAITING: Final = 1 << 20  # of one direction
 MOST_WAITING_OF_ALL: Final = 32 << 20
+MOST_SEGMENTS_WAITING: Final = 512  # of one direction: each one that comes is compared with those it overlaps
 MOST_KEPT: Final = 8 << 20  # delivered bytes that a second copy is compared with
 MOST_COMPARED: Final = 256  # segments back from the newest
 SEGMENT_COST: Final = 200  # what keeping a segment takes beside its bytes
@@ -431,7 +432,9 @@ class Conversations:
             self._wait(direction, at, data)
         self._drain(ns, direction)
         while direction.waiting and (
-            direction.waiting_cost > MOST_WAITING or self._waiting_cost > MOST_WAITING_OF_ALL
+            direction.waiting_cost > MOST_WAITING
+            or self._waiting_cost > MOST_WAITING_OF_ALL
+            or len(direction.waiting) >= MOST_SEGMENTS_WAITING
         ):
             self._leave_out(ns, direction, direction.waiting[0][0])
 

@@ -203,10 +203,10 @@ class BenchApp(App[None]):
         elif self.main.is_mounted:
             if self.view_model.bench != before:
                 self.main.begin_anew()
-            if self.screen is self.main:
-                self.main.show()
-            else:
+            if len(self.screen_stack) > 1 and self.screen is not self.main:
                 self.main.show_soon()
+            else:
+                self.main.show()
 
     def _end_on_signals(self) -> None:
         """Let SIGTERM and SIGHUP end the screen as `q` does: the terminal gets back what it had."""

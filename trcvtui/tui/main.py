@@ -296,6 +296,7 @@ class MainScreen(FullScreen[None]):
     def show_soon(self) -> None:
         """Show below a dialog: each time Textual paints both anew as a whole, so twice a second."""
         self.prompt.answered(self._view_model.answers)
+        self.peer.show_trial()
         if self._owed is None:
             self._owed = self.set_timer(BELOW_DIALOG_S, self._show_owed)
 

@@ -278,6 +278,10 @@ class PeerPanel(Vertical):
             self._buttons.show()
             self._notes.show()
             self._show_preview()
+        self.show_trial()
+
+    def show_trial(self) -> None:
+        """Show the table of a trial that is open."""
         if self._trial is not None:
             self._trial.answered(self._view_model.answers.values())
             self._trial.show()

@@ -1,6 +1,6 @@
 """trcvtui: a soft PLC on a test bench, in a terminal.
 
-The tour of the house, bottom to top; a folder imports only from folders below it (docs/architecture.md).
+The folders, bottom to top; each imports only from those below it (docs/architecture.md).
 
 * records.py, errors.py  what `@dataclass` makes here; what the user can mend
 * files.py, paths.py  the one reader and writer of files; where files lie
@@ -11,15 +11,16 @@ The tour of the house, bottom to top; a folder imports only from folders below i
 * udt/        what bytes mean: types, constants, names
     sources/ layout/ compare/ cure/ exports/
 * blocks/     what the PLC programmer calls, in neutral conditions with their cause
-    tcp/ udp/ serial/ framing/ single/
+    tcp/ udp/ serial/ single/
 * dialects/   which vendor's rules: STATUS words, switches, layout: baosky/ siemens/ twincat/
 * project/    a project file to a Project and back
 * plc/        one scan: inputs, program, outputs, communication (runtime.py); ledger, snapshot
+* capture/    evidence: capture files and their conversations; what a run asked, and a run on these answers
 * rig/        what stands around the PLC
     commands/ peers/ bench/ history/ diagnosis/ framing_advice/ scenario/ engine/
-* tui/        what is shown (the only floor that knows Textual)
-    view_model/ panes/ forms/ widgets/ copying/ lab_model/ lab/ race/ scenarios/ framings/
-* cli.py      the only door
+* tui/        what is shown (the only folder that knows Textual)
+    view_model/ panes/ forms/ widgets/ lab/ race/ scenarios/
+* cli.py      the entry point; __main__.py before it answers `status` without it
 """
 
 __version__ = "0.1.0"

@@ -264,6 +264,17 @@ def test_a_recording_that_began_in_a_frame_is_read_from_the_first_pause_on() -> 
     assert (best.title, best.left) == ("fixed size 2000", 0)
 
 
+@pytest.mark.parametrize("suffix", [b"\r\n\x00", b"\r\n\x03", b"\n\x00"])
+def test_known_ends_one_after_the_other_are_one_suffix(suffix: bytes) -> None:
+    source = random.Random(7)
+    allowed = [byte for byte in range(256) if byte not in suffix]
+    frames = [bytes(source.choices(allowed, k=source.randint(4, 20))) + suffix for _ in range(20)]
+    recording = cut_up(b"".join(frames), [])
+    best = advise(recording).proposals[0]
+    assert best.framing is not None
+    assert [frame.content for frame in cut(recording, best.framing).good] == frames
+
+
 DELIMITERS = st.binary(min_size=1, max_size=4).filter(lambda mark: len(set(mark)) == len(mark))
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain, islice, repeat
 from typing import Final
 
@@ -13,7 +14,7 @@ from trcvtui.udt.layout.codec import Data
 from trcvtui.udt.layout.coding import Value
 from trcvtui.udt.layout.layout import Layout, Leaf
 from trcvtui.udt.layout.layout_tree import PlacedLeaf
-from trcvtui.udt.layout.value_text import NO_DATA, special_text, value_text
+from trcvtui.udt.layout.value_text import NO_DATA, special_text, text_of
 from trcvtui.udt.layout.values import encode, pages, stream, values_of
 from trcvtui.udt.types import Enumeration, Pointer, StringType, type_text
 
@@ -78,8 +79,9 @@ def _shown(layout: Layout) -> Iterator[Row]:
 def decode_json(layout: Layout, data: Data) -> Iterator[str]:
     """Yield the lines of the object of `udt decode`: values by path, null where the bytes ended."""
     rows = zip(stream(layout, lambda leaf: json_text(leaf.path)[1:]), values_of(layout, data), strict=True)
+    path_text = lru_cache(maxsize=1)(json_text)  # the members of an element have the same path before theirs
     values = (
-        f'    "{json_text(path)[1:-1]}{rest}: {json_text(json_value(value))}'
+        f'    "{path_text(path)[1:-1]}{rest}: {json_text(json_value(value))}'
         for (_, path, rest), value in rows
     )
     yield from json_head({"type": layout.name, "size": layout.size, "complete": len(data) >= layout.size})
@@ -100,17 +102,15 @@ def member_rows(
 ) -> Iterator[Row]:
     """Yield offset, type, path and value of the first `most` members; `name` is the path of a lone value."""
 
-    def made(leaf: Leaf) -> tuple[str, str, Leaf]:
-        return "" if leaf.bit is None else f".{leaf.bit}", leaf_type_text(layout, leaf), leaf
+    def made(leaf: Leaf) -> tuple[str, str, str, int, Callable[[Value, bytes], str]]:
+        bit = "" if leaf.bit is None else f".{leaf.bit}"
+        odd_size = leaf.size if leaf.coding.odd else 0
+        return bit, leaf_type_text(layout, leaf), leaf.path, odd_size, text_of(leaf)
 
     rows = zip(stream(layout, made), values_of(layout, data), strict=True)
-    for (offset, path, (bit, type_, leaf)), value in islice(rows, most):
-        if value is None:
-            text = missing
-        else:
-            raw = bytes(data[offset : offset + leaf.size]) if leaf.coding.odd else b""
-            text = value_text(leaf, value, raw)
-        yield f"{offset}{bit}", type_, f"{path}{leaf.path}" or name, text
+    for (offset, path, (bit, type_, rest, odd_size, text)), value in islice(rows, most):
+        shown = missing if value is None else text(value, bytes(data[offset : offset + odd_size]))
+        yield f"{offset}{bit}", type_, f"{path}{rest}" or name, shown
 
 
 def encode_values(layout: Layout, values: Mapping[str, object]) -> bytes:
@@ -181,6 +181,8 @@ def json_text(value: object) -> str:
     """Return a value as JSON in ASCII: bytes from a wire stay data. DEL is the one control character left."""
     if type(value) is int:
         return str(value)
+    if type(value) is bool:
+        return "true" if value else "false"
     import json  # a table of members, which shells ask for in loops, does without it
 
     return json.dumps(value, allow_nan=False).replace("\x7f", "\\u007f")

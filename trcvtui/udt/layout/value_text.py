@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from typing import Final
 
 from trcvtui.errors import one_line
@@ -66,39 +67,50 @@ NO_DATA: Final = "no data"
 
 def value_text(leaf: Leaf, value: Value | None, raw: bytes = b"") -> str:
     """Return the text of a leaf's value; with the leaf's own bytes as `raw` oddities are told too."""
-    if value is None:
-        return NO_DATA
-    odd = leaf.coding.odd
-    return _plain_text(leaf, value) + (odd(raw) if odd and len(raw) == leaf.size else "")
+    return NO_DATA if value is None else text_of(leaf)(value, raw)
 
 
-def _plain_text(leaf: Leaf, value: Value) -> str:
+def text_of(leaf: Leaf) -> Callable[[Value, bytes], str]:
+    """Return what makes the texts of such leaves: of a value and its bytes, which may be b""."""
+    plain, odd, size = _plain_text_of(leaf), leaf.coding.odd, leaf.size
+    if odd is None:
+        return lambda value, raw: plain(value)
+    return lambda value, raw: plain(value) + (odd(raw) if len(raw) == size else "")
+
+
+def _plain_text_of(leaf: Leaf) -> Callable[[Value], str]:
     match leaf.type:
         case StringType():
-            return _quoted(value)
+            return _quoted
         case Enumeration() as type_:
-            return f"{value} ({_name(type_, value)})"
+            return lambda value: f"{value} ({_name(type_, value)})"
         case Subrange(base=base, low=low, high=high):
-            inside = isinstance(value, int) and low <= value <= high
-            return _elementary_text(base, leaf.size, value) + ("" if inside else f" (not {low}..{high})")
+            text = _elementary_text_of(base, leaf.size)
+
+            def within(value: Value) -> str:
+                inside = isinstance(value, int) and low <= value <= high
+                return text(value) + ("" if inside else f" (not {low}..{high})")
+
+            return within
         case Pointer():
-            return str(value)
+            return str
         case Elementary() as row:
-            return _elementary_text(row, leaf.size, value)
+            return _elementary_text_of(row, leaf.size)
 
 
-def _elementary_text(row: Elementary, size: int, value: Value) -> str:
+def _elementary_text_of(row: Elementary, size: int) -> Callable[[Value], str]:
     match row.kind:
         case ValueKind.BOOL:
-            return str(value).upper()
+            return lambda value: str(value).upper()
         case ValueKind.BITS:
-            return f"{value} (16#{value:0{2 * size}X})"
+            digits = f"0{2 * size}X"
+            return lambda value: f"{value} (16#{value:{digits}})"
         case ValueKind.REAL:
-            return real_text(float(value), size)
+            return lambda value: real_text(float(value), size)
         case ValueKind.CHARACTER:
-            return _quoted(value)
+            return _quoted
         case _:
-            return str(value)
+            return str
 
 
 def real_text(value: float, size: int) -> str:

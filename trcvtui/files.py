@@ -4,6 +4,7 @@ Rule 1: a FIFO, a device or a folder under the name of a file is refused at once
 Rule 2: what fails leaves the old file as it was, and nothing beside it.
 Rule 3: a file that this process has read is not written over, but by who says that it is his own.
 Rule 4: `close_files` ends all of it for this process: a screen that is read-only has no file to open.
+Rule 5: inside `reading_only` names are looked up in what was read before; no name reaches the disk.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import IO, Final
 
@@ -20,6 +21,7 @@ from trcvtui.errors import UserError, mistake
 FileName = str | os.PathLike[str]
 READABLE: Final = "a file that can be read"
 WRITABLE: Final = "a file that can be written"
+MOST_DIGESTED: Final = 1 << 20  # bytes of a certificate or a key
 _KINDS: Final = (
     (stat.S_ISFIFO, "a FIFO"),
     (stat.S_ISCHR, "a device"),
@@ -29,6 +31,77 @@ _KINDS: Final = (
 )
 _closed: list[str] = []  # why no file is opened any more
 _read: set[str] = set()  # the real paths of what has been read
+_noting: list[FilesRead] = []  # who takes note of what is read; the last one does
+_instead: list[FilesRead] = []  # what is read in place of the disk: the last one
+
+
+class FilesRead:
+    """Files as they were read once, by the names that were asked for; in `digests` the SHA-256 alone.
+
+    `folder` is the one that relative names began in.
+    """
+
+    def __init__(
+        self,
+        folder: str = "",
+        contents: Iterable[tuple[str, bytes]] = (),
+        digests: Iterable[tuple[str, str]] = (),
+    ) -> None:
+        self.folder, self.contents, self.digests = folder or os.getcwd(), dict(contents), dict(digests)
+        self.told: Callable[[str, bytes | str], None] | None = None  # gets what comes later, or is other now
+
+    def take(self, path: FileName, content: bytes | str) -> None:
+        """Keep a content, or a digest."""
+        name = os.fspath(path)
+        known: bytes | str | None = self.contents.get(name, self.digests.get(name))
+        if isinstance(content, bytes):
+            self.contents[name] = content
+        else:
+            self.digests[name] = content
+        if self.told is not None and known != content:
+            self.told(name, content)
+
+    def content(self, path: FileName) -> bytes:
+        """Return a content; raise OSError."""
+        try:
+            return self.contents[os.fspath(path)]
+        except KeyError:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT)) from None
+
+
+@contextmanager
+def noting_reads(files: FilesRead) -> Iterator[None]:
+    """Take note in `files` of each file that this process reads."""
+    _noting.append(files)
+    try:
+        yield
+    finally:
+        _noting.remove(files)
+
+
+@contextmanager
+def reading_only(files: FilesRead) -> Iterator[None]:
+    """Read these in place of the disk."""
+    _instead.append(files)
+    try:
+        yield
+    finally:
+        _instead.pop()
+
+
+def is_disk_left_alone() -> bool:
+    """Return whether what is read now was read once before, so that no library may open a file either."""
+    return bool(_instead)
+
+
+def is_folder(path: FileName) -> bool:
+    """Return whether there is such a folder."""
+    return not _instead and os.path.isdir(path)
+
+
+def whole_name(path: FileName) -> str:
+    """Return a name that does not depend on the folder that this process is in."""
+    return os.path.join(_instead[-1].folder if _instead else os.getcwd(), path)
 
 
 def close_files(why: str) -> None:
@@ -46,8 +119,13 @@ def read_bytes(path: FileName, most: int) -> bytes:
 
     One byte more than `most` tells the caller that the file is larger.
     """
+    if _instead:
+        return _instead[-1].content(path)[: most + 1]
     with open_to_read(path) as file:
-        return file.read(most + 1)
+        content = file.read(most + 1)
+    if _noting:
+        _noting[-1].take(path, content)
+    return content
 
 
 @contextmanager
@@ -64,9 +142,22 @@ def open_to_read(path: FileName) -> Iterator[IO[bytes]]:
 
 def check_readable(path: FileName) -> None:
     """Raise OSError for what `read_bytes` would refuse: before a library opens the file by its name."""
+    if _instead:
+        if os.fspath(path) not in _instead[-1].digests:
+            _instead[-1].content(path)
+        return
     _refuse_when_closed()
     _refuse_what_is_no_file(os.stat(path).st_mode)
     _read.add(os.path.realpath(path))
+    if _noting:
+        _noting[-1].take(path, _digest(path))
+
+
+def _digest(path: FileName) -> str:
+    from hashlib import sha256
+
+    with open_to_read(path) as file:
+        return sha256(file.read(MOST_DIGESTED)).hexdigest()
 
 
 def refuse_input(path: FileName, where: str, inputs: Iterable[FileName] = ()) -> None:

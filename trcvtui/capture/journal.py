@@ -2,7 +2,9 @@
 
 Rule 1: a run asks the same again, in the same order, as long as it gets the same answers (replay.py).
 Rule 2: calls inside a call (of a layer to the network) are not kept; what they told the ledger is.
-Rule 3: bytes become values by fixed layouts alone (docs/recording.md); no length is trusted.
+Rule 3: what is asked in a gap between two scans (a screen wants to know it) has a call that begins with
+GAP. A replay that asks it gets the answer; one that does not goes on.
+Rule 4: bytes become values by fixed layouts alone (docs/recording.md); no length is trusted.
 """
 
 from __future__ import annotations
@@ -26,6 +28,12 @@ _HEAD: Final = struct.Struct("<16sHI")  # magic, version, number of the block
 MOST_BLOCK: Final = 1 << 20  # bytes of a block that is begun; one entry more may stand in it
 MOST_ENTRIES: Final = 1 << 20  # of one block
 DEEPEST: Final = 8  # tuples in tuples
+BENCH: Final = "bench"  # who asks the calls of the bench itself
+STEP: Final = "step"  # the call that begins a scan; its answer is the time in ns
+DO, REST, CLOSE = "do", "rest", "close"  # a command in words; the peers go on in a hold; the end of the run
+GAP: Final = "gap "
+READ: Final = GAP + "read"  # a file that was read on the way: its name; its bytes, or a SHA-256 in words
+SIM_WALL_NS: Final = 946_684_800_000_000_000  # when a simulated run begins: 2000-01-01T00:00:00Z
 
 
 class Answered(NamedTuple):
@@ -46,8 +54,35 @@ class WorkWaits(NamedTuple):
     why: str
 
 
+class RunBegins(NamedTuple):
+    """The first entry of a journal: what is needed to run again, without a disk.
+
+    `path` and `options` (`PATH=VALUE` of `--set`) are those of the command line; `wall_ns` is UTC at time 0
+    of the run, from 1970. `files` are contents by the names that were asked for, with relative names begun in
+    `folder`; of certificates and keys `digests` has the SHA-256.
+    """
+
+    program: str
+    kernel: str
+    seed: int
+    wall_ns: int
+    is_scenario: bool
+    path: str
+    options: tuple[str, ...]
+    folder: str
+    files: tuple[tuple[str, bytes], ...]
+    digests: tuple[tuple[str, str], ...]
+
+
+class EntriesLost(NamedTuple):
+    """A gap in the journal: so many entries were not written, and why."""
+
+    number: int
+    why: str
+
+
 Note = BenchNote | WorkWaits
-Entry = Answered | Note
+Entry = Answered | Note | RunBegins | EntriesLost
 
 
 class Seam(Protocol):
@@ -59,6 +94,7 @@ class Seam(Protocol):
         ...
 
     tell: Callable[[Note], None]  # writes a note into the ledger
+    is_busy: bool  # False in the gaps between what the bench is told to do
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         """Return the answer."""
@@ -73,6 +109,7 @@ class SeamRecorder:
     """Does what is asked and hands each entry to `keep`."""
 
     answers = False
+    is_busy = True
 
     def __init__(self, keep: Callable[[Entry], None]) -> None:
         self._keep = keep
@@ -88,7 +125,7 @@ class SeamRecorder:
             answer = do()
         finally:
             self._is_inside = False
-        self._keep(Answered(owner, call, args, answer))
+        self._keep(Answered(owner, call if self.is_busy else GAP + call, args, answer))
         return answer
 
     def told(self, note: Note) -> None:
@@ -112,6 +149,11 @@ _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
     (LocalAddress, ((str,), (str,), (bool,), (bool,), (str,))),
     (BenchNote, ((str,), (str,), (str,), (str,), (bool,))),
     (WorkWaits, ((str,), (str,), (str,), (str,))),
+    (
+        RunBegins,
+        ((str,), (str,), (int,), (int,), (bool,), (str,), (tuple,), (str,), (tuple,), (tuple,)),
+    ),
+    (EntriesLost, ((int,), (str,))),
 )
 _WORDS: Final = frozenset(map(str, What))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
@@ -226,9 +268,20 @@ class _Cursor:
                 return value
             case WorkWaits(_, what) if what in _WORDS:
                 return value
+            case EntriesLost():
+                return value
+            case RunBegins() if _is_whole(value):
+                return value
             case (str(owner), str(call), tuple(args), answer):
                 return Answered(owner, call, args, answer)
         raise self.wrong("another value", "a call or a note")
+
+
+def _is_whole(begins: RunBegins) -> bool:
+    pairs = (*((each, bytes) for each in begins.files), *((each, str) for each in begins.digests))
+    return all(type(option) is str for option in begins.options) and all(
+        type(pair) is tuple and [*map(type, pair)] == [str, kind] for pair, kind in pairs
+    )
 
 
 def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:

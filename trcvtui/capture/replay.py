@@ -9,8 +9,22 @@ import zlib
 from collections.abc import Callable, Iterator
 from typing import Final, NoReturn, TypeVar, cast
 
-from trcvtui.capture.journal import Answered, Entry, Note, Seam
-from trcvtui.errors import mistake
+from trcvtui.capture.journal import (
+    CLOSE,
+    DO,
+    GAP,
+    READ,
+    REST,
+    STEP,
+    Answered,
+    EntriesLost,
+    Entry,
+    Note,
+    RunBegins,
+    Seam,
+)
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import FilesRead
 from trcvtui.net.connection.resources import Party, Work
 from trcvtui.net.events import What
 from trcvtui.net.kernel import (
@@ -29,11 +43,10 @@ from trcvtui.net.serial_line import Opening, SerialPort
 T = TypeVar("T")
 
 NOTHING: Final = type(None)
-STEP: Final = "step"  # the call that begins a scan; its answer is the time in ns
 # What may answer each call. Pairs (an answer and the bytes that came with it) are told by `tuple`.
 ANSWERS: Final[dict[str, tuple[type, ...]]] = {
     STEP: (int,),
-    "shows": (NOTHING,),
+    **dict.fromkeys(("shows", DO, REST, CLOSE), (NOTHING,)),
     "link": (tuple,),
     "is_free": (bool,),
     "grant": (int,),
@@ -81,54 +94,111 @@ LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options":
 
 
 class Replay:
-    """Answers from entries; `tell` writes what a call had told into the ledger."""
+    """Answers from entries; `tell` writes what a call had told into the ledger.
+
+    `begins` is the first entry, where it is one of a run; `files` are what was read up to here.
+    """
 
     answers = True
+    is_busy = True
 
     def __init__(self, entries: Iterator[Entry], where: str) -> None:
         self._entries = entries
         self._where = where
-        self._scan = self._now = 0
+        self.scan = self._now = 0
         self.tell: Callable[[Note], None] = lambda note: None
+        self._known: dict[tuple[str, str, tuple[object, ...]], object] = {}  # what gaps have told
+        self._front = next(entries, None)
+        self.begins: RunBegins | None = None
+        self.files = FilesRead()
+        if isinstance(self._front, RunBegins):
+            self.begins = self._front
+            self.files = FilesRead(self.begins.folder, self.begins.files, self.begins.digests)
+            self._front = next(entries, None)
 
     def ask(self, owner: str, call: str, args: tuple[object, ...], do: Callable[[], T]) -> T:
         """Return what was answered; raise UserError where something else was asked then."""
-        asked = f"{call} {_shown(args)} of {owner}"
-        self._scan += call == STEP
-        entry = next(self._entries, None)
-        while entry is not None and not isinstance(entry, Answered):
-            self.tell(entry)
-            entry = next(self._entries, None)
-        if entry is None:
-            self._differs("the end of the journal", asked)
-        if entry[:3] != (owner, call, args):
-            self._differs(f"{entry.call} {_shown(entry.args)} of {entry.owner}", asked)
-        if not _fits(entry, args) or (call == STEP and cast(int, entry.answer) < self._now):
-            self._differs("an answer that this call cannot give", asked)
+        if not self.is_busy:
+            return cast(T, self._known_in_gap(owner, call, args))
+        self.scan += call == STEP
+        entry = self._front
+        while not isinstance(entry, Answered) or entry.call.startswith(GAP):
+            if entry is None or isinstance(entry, RunBegins | EntriesLost):
+                self._differs(entry, _words(owner, call, args))
+            self._pass(entry)
+            entry = self._front
+        recorded_owner, recorded_call, recorded_args, answer = entry
+        if recorded_call != call or recorded_owner != owner or recorded_args != args:
+            self._differs(entry, _words(owner, call, args))
+        if not _fits(call, args, answer) or (call == STEP and cast(int, answer) < self._now):
+            raise self._wrong(_words(owner, call, args), "an answer that this call can give")
         if call == STEP:
-            self._now = cast(int, entry.answer)
-        return cast(T, entry.answer)
+            self._now = cast(int, answer)
+        self._front = next(self._entries, None)
+        return cast(T, answer)
+
+    def _pass(self, entry: Answered | Note) -> None:
+        """Go past a note, which is told, or what was asked in a gap, which is remembered."""
+        self._front = next(self._entries, None)
+        if not isinstance(entry, Answered):
+            self.tell(entry)
+            return
+        owner, call, args, answer = entry
+        if call == READ and len(args) == 1 and isinstance(args[0], str) and isinstance(answer, bytes | str):
+            self.files.take(args[0], answer)
+        elif call == GAP + "path" and len(args) == 1 and type(args[0]) is int and _fits("path", args, answer):
+            self._known[owner, "path", args] = answer
+
+    def _known_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
+        """Return what was told in this gap or the newest before; None: nobody has asked that."""
+        while isinstance(self._front, Answered) and self._front.call.startswith(GAP):
+            found = self._front[:3] == (owner, GAP + call, args)
+            self._pass(self._front)
+            if found:
+                break
+        return self._known.get((owner, call, args))
 
     def told(self, note: Note) -> None:
         """Do nothing: only the PLC and the bench tell anything here, and nobody keeps it."""
 
+    def coming(self) -> Answered | None:
+        """Return what the bench was told next, or asked; None: the journal is at its end."""
+        while (entry := self._front) is not None and not isinstance(entry, RunBegins | EntriesLost):
+            if isinstance(entry, Answered) and not entry.call.startswith(GAP):
+                return entry
+            self._pass(entry)
+        return None
+
     def end(self) -> None:
         """Raise UserError where the journal goes on after the run has ended."""
-        entry = next(self._entries, None)
-        if isinstance(entry, Answered):
-            self._differs(f"{entry.call} {_shown(entry.args)} of {entry.owner}", "nothing more")
+        entry = self.coming() or self._front
+        if entry is not None:
+            self._differs(entry, "nothing more")
 
-    def _differs(self, recorded: str, now: str) -> NoReturn:
-        raise mistake(f"{self._where}: scan {self._scan}", f"{now}", f"{recorded}, which was recorded")
+    def _differs(self, recorded: Entry | None, now: str) -> NoReturn:
+        match recorded:
+            case Answered():
+                was = f"{_words(*recorded[:3])}, which was recorded"
+            case EntriesLost(number, why):
+                was = f"{number} entries that were not recorded: {why}"
+            case _:
+                was = "the end of the journal, which was recorded"
+        raise self._wrong(now, was)
+
+    def _wrong(self, now: str, was: str) -> UserError:
+        return mistake(f"{self._where}: scan {self.scan}", now, was)
+
+
+def _words(owner: str, call: str, args: tuple[object, ...]) -> str:
+    return f"{call} {_shown(args)} of {owner}"
 
 
 def _shown(args: tuple[object, ...]) -> str:
     return "(" + ", ".join(str(each) for each in args)[:200] + ")"
 
 
-def _fits(entry: Answered, args: tuple[object, ...]) -> bool:
+def _fits(call: str, args: tuple[object, ...], answer: object) -> bool:
     """Return whether an answer is one that the call can give."""
-    call, answer = entry.call, entry.answer
     if type(answer) not in ANSWERS.get(call, ()):
         return False
     if not isinstance(answer, tuple):
@@ -140,7 +210,7 @@ def _fits(entry: Answered, args: tuple[object, ...]) -> bool:
         return False
     if call == "link":
         return True
-    got, data = answer
+    got, data = cast(tuple[object, bytes], answer)
     size = got if isinstance(got, int) else got.size if isinstance(got, Datagram) else 0
     return size == len(data) and size <= cast(int, args[1])
 
@@ -152,7 +222,7 @@ def _of_nobody(make: Callable[[], T], answers: bool) -> T:
 
 PLAIN: Final = (  # calls whose arguments and answers are kept as they are
     *("set_reuse", "bind", "listen", "local_end", "poll_add", "poll_del", "resolve", "connect"),
-    *("connect_result", "loss", "discard", "unread", "path", "probe", "readable", "renew"),
+    *("loss", "discard", "unread", "path", "probe", "readable", "renew"),
     "set_user_timeout",
 )
 
@@ -164,6 +234,7 @@ class _SeamKernel:
         self._seam, self._label = seam, label
         self._inner = cast(Kernel, inner)
         self._owners: dict[Handle, str] = {}
+        self._streams: set[Handle] = set()  # connections that stand, or stood
         for name in PLAIN:
             setattr(self, name, self._plain(name))
 
@@ -198,7 +269,14 @@ class _SeamKernel:
             seen = getattr(self._inner, "ready_handles", nothing_known)()
             return None if seen is None else dict(seen)
 
-        return self._seam.ask(self._label, "ready_handles", (), do)
+        ready = self._seam.ask(self._label, "ready_handles", (), do)
+        for handle in ready or ():  # how much has come is known to the scan, also where nobody reads
+            if handle in self._streams:
+                self._count_unread(handle)
+        return ready
+
+    def _count_unread(self, handle: Handle) -> None:
+        self._seam.ask(self._owner(handle), "unread", (handle,), lambda: self._inner.unread(handle))
 
     def socket(self, owner: str) -> Handle | Fault:
         return self._mine(owner, self._seam.ask(owner, "socket", (), lambda: self._inner.socket(owner)))
@@ -224,6 +302,14 @@ class _SeamKernel:
         got = self._seam.ask(owner, "accept", (handle,), lambda: self._inner.accept(handle))
         if isinstance(got, Accepted):
             self._owners[got.handle] = owner
+            self._streams.add(got.handle)
+        return got
+
+    def connect_result(self, handle: Handle) -> WouldBlock | Fault | None:
+        owner = self._owner(handle)
+        got = self._seam.ask(owner, "connect_result", (handle,), lambda: self._inner.connect_result(handle))
+        if got is None:
+            self._streams.add(handle)
         return got
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
@@ -263,12 +349,16 @@ class _SeamKernel:
         )
 
     def abort(self, handle: Handle) -> Fault | None:
-        owner = self._owners.pop(handle, self._label)
+        owner = self._forget(handle)
         return self._seam.ask(owner, "abort", (handle,), lambda: self._inner.abort(handle))
 
     def close(self, handle: Handle) -> Fault | None:
-        owner = self._owners.pop(handle, self._label)
+        owner = self._forget(handle)
         return self._seam.ask(owner, "close", (handle,), lambda: self._inner.close(handle))
+
+    def _forget(self, handle: Handle) -> str:
+        self._streams.discard(handle)
+        return self._owners.pop(handle, self._label)
 
 
 def seam_kernel(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:

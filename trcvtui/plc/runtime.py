@@ -259,6 +259,12 @@ class Runtime:
         ends = str(connection.local or ""), str(connection.peer or "")
         return SentBytes(*ends, connection.bytes_sent, connection.unacknowledged())
 
+    def sample(self) -> None:
+        """Ask what the stack knows of each connection: for who records it."""
+        for connection in self._connections.values():
+            if connection.state is State.CONNECTED:
+                connection.unacknowledged()
+
     # -- one scan ------------------------------------------------------------------------------------------
 
     def scan(self, now: int) -> None:

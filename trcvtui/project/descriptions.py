@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from trcvtui.blocks.rules import Rules
 from trcvtui.errors import UserError
+from trcvtui.files import whole_name
 from trcvtui.net.connection.config import TADDR_PARAM, AddrParam, ConnectConfig, parse_address
 from trcvtui.net.connection.description import (
     ADDRESSES,
@@ -153,9 +154,7 @@ TLS_KEYS: Final = ("tls", "certificate", "authority", "client_certificate", "ser
 
 def certificate_of(number: int, file: str, key: str, table: Table, base: Path) -> CertificateDecl:
     """Return a certificate whose files have been looked at."""
-    found = CertificateDecl(
-        number, str((base / file).absolute()), str((base / key).absolute()) if key else ""
-    )
+    found = CertificateDecl(number, whole_name(base / file), whole_name(base / key) if key else "")
     flaw, at = _flaw_of(found)
     if flaw:
         table.wrong(at, flaw, "a PEM file")

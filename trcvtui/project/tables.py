@@ -12,7 +12,7 @@ from typing import Any, Final, Generic, TypeVar
 from unicodedata import category
 
 from trcvtui.errors import Problem, UserError, mistake, one_line
-from trcvtui.files import read_bytes, reason_of
+from trcvtui.files import is_folder, read_bytes, reason_of
 from trcvtui.net.connection.config import parse_address
 from trcvtui.net.results import Endpoint
 from trcvtui.records import dataclass
@@ -108,7 +108,7 @@ def read_text(path: Path) -> str:
         content = read_bytes(path, LARGEST_FILE)
     except (OSError, ValueError) as failed:
         reason = reason_of(failed)
-        if isinstance(failed, FileNotFoundError) and not path.parent.is_dir():
+        if isinstance(failed, FileNotFoundError) and not is_folder(path.parent):
             reason = f"no folder {path.parent}"
         raise mistake(str(path), reason, "a TOML file that can be read") from None
     if len(content) > LARGEST_FILE:

@@ -1,4 +1,4 @@
-"""The only clock of the house: monotonic nanoseconds, processor time, and sleeping until a deadline."""
+"""The only clock of the house: monotonic nanoseconds, UTC, processor time, and sleeping until a deadline."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ NS_PER_S = 1_000_000_000
 def now_ns() -> int:
     """Return monotonic nanoseconds."""
     return time.perf_counter_ns()
+
+
+def wall_ns() -> int:
+    """Return the nanoseconds of UTC since 1970."""
+    return time.time_ns()
 
 
 def used_ns() -> int:

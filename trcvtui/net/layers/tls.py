@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-from trcvtui.files import check_readable
+from trcvtui.files import check_readable, is_disk_left_alone
 from trcvtui.net.connection.resources import HANDSHAKE as HANDSHAKE_UNITS
 from trcvtui.net.layer import Credentials, Ended, LayerMessage, LayerSession, TlsError
 from trcvtui.records import dataclass
@@ -331,6 +331,8 @@ def flaw_of_certificate(certificate: str, key: str) -> str:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     try:
         check_readable(certificate)  # the library would wait for the other end of a FIFO
+        if is_disk_left_alone():
+            return ""  # it was a good one when it was read
         context.load_verify_locations(cafile=certificate)
     except OSError as problem:
         return _file_flaw(problem, certificate, "no certificate in PEM")

@@ -165,6 +165,8 @@ class Bench:
         for peer in self.peers.values():
             if not peer.decl.active:
                 self._must_listen(peer)
+        if seam is not None:
+            seam.is_busy = False
 
     def _new_peer(self, decl: PeerDecl) -> Peer:
         small = self.project.rules.policy.small_buffers
@@ -288,15 +290,22 @@ class Bench:
     def step(self, now: int | None = None) -> None:
         """Let one scan pass at `now` (default: the next multiple of the interval); peers act around it."""
         due = self.runtime.scans * self.runtime.interval_ns if now is None else now
-        self.now = due if self._seam is None else self._seam.ask("bench", "step", (), lambda: due)
+        if self._seam is None:
+            self._pass(due)
+            return
+        self._seam.is_busy = True
+        self._pass(self._seam.ask("bench", "step", (), lambda: due))
+        for edge in self.runtime.changed:
+            self._seam.ask(edge.instance, "shows", tuple(edge.outputs), lambda: None)
+        self._seam.is_busy = False
+
+    def _pass(self, now: int) -> None:
+        self.now = now
         if self._sim is not None and not self._is_replay:
             self._sim.advance(self.now)
         self.step_peers()
         self._program.go_on()
         self.runtime.scan(self.now)
-        if self._seam is not None:
-            for edge in self.runtime.changed:
-                self._seam.ask(edge.instance, "shows", tuple(edge.outputs), lambda: None)
         if self._checks:
             self._check_data()
         self.step_peers()
@@ -319,6 +328,21 @@ class Bench:
         for peer in self.peers.values():
             peer.step(self.now)
 
+    def rest(self) -> None:
+        """Let the peers go on while no scan passes."""
+        self._outside("rest", "", self.step_peers)
+
+    def _outside(self, call: str, line: str, do: Callable[[], T]) -> T:
+        """Do what is told between two scans, on record."""
+        if self._seam is None or self._seam.is_busy:
+            return do()
+        self._seam.is_busy = True
+        try:
+            self._seam.ask("bench", call, (line,) if line else (), lambda: None)
+            return do()
+        finally:
+            self._seam.is_busy = False
+
     def faults(self) -> tuple[str, ...]:
         """Return the planned faults in words."""
         return tuple([str(fault) for fault in self.plan.entries()])
@@ -339,8 +363,16 @@ class Bench:
 
     def do(self, command: words.BenchCommand) -> str:
         """Carry out a command that lets no scan pass; return what is wrong, or ""."""
-        act = record_row(type(command)).act
-        return act(self, command) if act else f"{type(command).__name__} lets scans pass"
+        row = record_row(type(command))
+        act = row.act
+        if act is None:
+            return f"{type(command).__name__} lets scans pass"
+        line = "" if self._seam is None or self._seam.is_busy else row.write(command)
+        return self._outside("do", line, lambda: act(self, command))
+
+    def told(self, line: str) -> None:
+        """Record a line of the screen that is not the bench's to carry out."""
+        self._outside("do", line, lambda: None)
 
     def submit(self, *orders: commands.Command) -> str:
         """Tell the PLC what to do in its next scan."""
@@ -471,6 +503,9 @@ class Bench:
 
     def close(self) -> None:
         """Free every socket of the PLC and of the peers."""
+        self._outside("close", "", self._close)
+
+    def _close(self) -> None:
         self.runtime.close()
         for peer in self.peers.values():
             peer.end()

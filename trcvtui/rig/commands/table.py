@@ -468,6 +468,11 @@ def parse_line(text: str, project: Project, where: str) -> BenchCommand | None:
     """
     if len(text) > LONGEST_LINE:
         raise UserError(Problem(where, f"{len(text)} characters", f"at most {LONGEST_LINE} in a line"))
+    return read_line(text, project, where)
+
+
+def read_line(text: str, project: Project, where: str) -> BenchCommand | None:
+    """Return the command of a line that may be as long as a command in words is."""
     tokens = Words(text, where)
     if not tokens:
         return None

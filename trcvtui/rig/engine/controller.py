@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.blocks.conditions import Condition
 from trcvtui.errors import UserError, mistake
@@ -40,6 +40,9 @@ from trcvtui.rig.snapshots import Answer, EngineTiming
 from trcvtui.rig.wording import count
 from trcvtui.udt.command import constants_of
 from trcvtui.udt.sources import read_files
+
+if TYPE_CHECKING:
+    from trcvtui.capture.journal import Seam
 
 # Rule: what runs keeps the types that its DATA has; a changed one comes into DATA by `resize`, as a download.
 
@@ -127,9 +130,9 @@ PROJECT: Final = "project"
 SCENARIO_LINES: Final = "load FILE.toml sim|live, step, run or stop"
 
 
-def fresh_bench(project: Project, kernel: str) -> Bench:
+def fresh_bench(project: Project, kernel: str, seam: Seam | None = None) -> Bench:
     """Return a bench before its first scan; the commands of `start` act in that one."""
-    bench = Bench(project, kernel)
+    bench = Bench(project, kernel, seam)
     for step in start_steps(project):
         bench.do(step.command)
     return bench
@@ -176,6 +179,7 @@ class Controller:
     def _carry_out(self, line: str) -> str:
         if line in SCAN_CONTROL:
             self.holding, self.wanted = line == "hold", 0
+            self.bench.told(line)
             return ""
         try:
             verb, _, rest = line.partition(" ")
@@ -409,7 +413,7 @@ class Controller:
     def rest(self) -> None:
         """Let the peers go on while no scan passes; on the simulated network time stands then."""
         if self.bench.kernel_name == "live":
-            self.bench.step_peers()
+            self.bench.rest()
 
     # -- pictures --------------------------------------------------------------------------------------
 

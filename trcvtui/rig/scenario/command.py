@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from trcvtui.errors import UserError
-from trcvtui.files import refuse_input, replacing
+from trcvtui.files import noting_reads, refuse_input, replacing
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench, enter_own_network
 from trcvtui.rig.scenario.report import FORMATS, Document
 from trcvtui.rig.scenario.runner import Pace, Runner, VirtualPace
 from trcvtui.rig.scenario.scenario import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from trcvtui.rig.recording.recorder import RecordTo, RunRecorder
 
 
 class LivePace:
@@ -34,6 +39,18 @@ class LivePace:
             self._deadline = now + interval
 
 
+class RecordedPace:
+    """Scans at another pace, each of them on record."""
+
+    def __init__(self, inner: Pace, recorder: RunRecorder) -> None:
+        self._inner, self._recorder = inner, recorder
+
+    def next_scan(self, bench: Bench) -> None:
+        """Let one scan pass, and hand over what it brought."""
+        self._inner.next_scan(bench)
+        self._recorder.gap(bench)
+
+
 HELD, FAILED, WRONG_FILE = 0, 1, 2
 
 
@@ -44,6 +61,7 @@ def run_files(
     out: Path | None,
     overrides: Sequence[str],
     netns: bool = False,
+    record: RecordTo | None = None,
 ) -> int:
     """Run scenario files; return 0 all held, 1 an expectation failed, 2 a file is wrong (the worst wins).
 
@@ -52,12 +70,14 @@ def run_files(
     if netns:
         enter_own_network(kernel)
     if out is None:
-        return _run_all(paths, kernel, form, sys.stdout.write, overrides, lambda: None)
+        return _run_all(paths, kernel, form, sys.stdout.write, overrides, lambda: None, record)
     where = f"--out {out}"
     refuse_input(out, where, paths)
     with replacing(out, where) as file:
         loaded = partial(refuse_input, out, where)
-        return _run_all(paths, kernel, form, lambda text: file.write(text.encode()), overrides, loaded)
+        return _run_all(
+            paths, kernel, form, lambda text: file.write(text.encode()), overrides, loaded, record
+        )
 
 
 def _run_all(
@@ -67,18 +87,22 @@ def _run_all(
     write: Callable[[str], object],
     overrides: Sequence[str],
     loaded: Callable[[], None],
+    record: RecordTo | None,
 ) -> int:
     document = FORMATS[form](write)
     worst = HELD
-    for path in paths:
+    files = record.files(paths) if record is not None else ()
+    for number, path in enumerate(paths):
+        recorder = record.recorder(files[number], kernel) if record is not None else None
         try:
-            scenario = load_scenario(path, overrides)
+            with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+                scenario = load_scenario(path, overrides)
         except UserError as error:
             worst = _wrong(document, path, error)
             continue
         loaded()  # raises through: no later file makes the target right
         try:
-            held = _run_one(path, scenario, kernel, document)
+            held = _run_one(path, scenario, kernel, document, overrides, recorder)
             worst = max(worst, HELD if held else FAILED)
         except UserError as error:
             worst = _wrong(document, path, error)
@@ -92,18 +116,29 @@ def _wrong(document: Document, path: Path, error: UserError) -> int:
     return WRONG_FILE
 
 
-def _run_one(path: Path, scenario: Scenario, kernel: str, document: Document) -> bool:
+def _run_one(
+    path: Path,
+    scenario: Scenario,
+    kernel: str,
+    document: Document,
+    overrides: Sequence[str],
+    recorder: RunRecorder | None,
+) -> bool:
     if kernel == "live":
         from trcvtui.net.os.network import is_own_network
 
         if is_own_network():
             enter_own_network(kernel, scenario.project.sim)
-    bench = Bench(scenario.project, kernel)
-    report = document.begin(path, scenario, bench.runtime.interval_ns)
-    pace: Pace = LivePace() if kernel == "live" else VirtualPace()
-    try:
-        verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
-    finally:
-        bench.close()
+    with recorder or nullcontext():  # first: a file that is refused lets nothing begin
+        bench = Bench(scenario.project, kernel, recorder.seam if recorder is not None else None)
+        report = document.begin(path, scenario, bench.runtime.interval_ns)
+        pace: Pace = LivePace() if kernel == "live" else VirtualPace()
+        if recorder is not None:
+            recorder.begin(bench, path, overrides, is_scenario=True)
+            pace = RecordedPace(pace, recorder)
+        try:
+            verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
+        finally:
+            bench.close()
     report.verdict(verdict)
     return verdict.passed

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, Final
 
 from trcvtui.errors import Problem, UserError, mistake
-from trcvtui.files import READABLE, read_bytes, reason_of
+from trcvtui.files import READABLE, is_folder, read_bytes, reason_of
 from trcvtui.records import NamedTuple
 from trcvtui.udt.ast import Declarations
 from trcvtui.udt.layout.rules import S7
@@ -209,7 +209,7 @@ def decode_text(data: bytes) -> str:
 def _declarations(path: Path) -> Declarations:
     extension = os.path.splitext(path)[1]
     if extension.lower() not in extensions():
-        found = "Is a directory" if os.path.isdir(path) else f"suffix '{extension}'"
+        found = "Is a directory" if is_folder(path) else f"suffix '{extension}'"
         raise mistake(str(path), found, "a file of type " + ", ".join(extensions()))
     text = decode_text(_content(path))
     if "\0" in text[:2]:

@@ -1,0 +1,173 @@
+"""A run on record runs again from its journal alone: the same calls, the same jsonl, no file of the disk."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterable
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import pytest
+
+from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
+from trcvtui.capture.journal import Answered, Entry, RunBegins, blocks, entries_of
+from trcvtui.errors import UserError
+from trcvtui.rig.engine.controller import Controller, fresh_bench
+from trcvtui.rig.recording.recorder import RecordTo, RunRecorder
+from trcvtui.rig.replay.command import check, print_jsonl
+from trcvtui.rig.replay.run_again import RunAgain
+from trcvtui.rig.scenario.command import run_files
+from trcvtui.rig.scenario.scenario import load_bench
+
+SCENARIOS = [
+    path
+    for path in sorted(CONFIGS.rglob("*.toml"))
+    if "[scenario]" in path.read_text(encoding="utf-8") and path.parent.name != "tls"
+]
+
+
+class Kept:
+    """A sink that keeps the entries."""
+
+    def __init__(self) -> None:
+        self.entries: list[Entry] = []
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        self.entries += entries
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class InMemory(RecordTo):
+    """`--record` without a file."""
+
+    def recorder(self, file: Path, kernel: str) -> RunRecorder:
+        return RunRecorder(lambda: KEPT)
+
+
+KEPT = Kept()
+
+
+def recorded(path: Path, kernel: str = "sim", *overrides: str) -> tuple[str, list[Entry]]:
+    """Return what a scenario has printed as jsonl, and its journal."""
+    KEPT.entries = []
+    out = io.StringIO()
+    with redirect_stdout(out):
+        run_files([path], kernel, "jsonl", None, overrides, record=InMemory(Path("R.pcapng")))
+    return out.getvalue(), KEPT.entries
+
+
+def again(entries: Iterable[Entry]) -> RunAgain:
+    return RunAgain(entries_of(blocks(entries), "R"), "R")
+
+
+def jsonl(entries: Iterable[Entry]) -> str:
+    out = io.StringIO()
+    print_jsonl(again(entries), out.write)
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_a_recorded_scenario_holds_and_prints_the_same(path: Path) -> None:
+    text, entries = recorded(path)
+    assert check(again(entries)) == ""
+    assert jsonl(entries) == text
+
+
+@pytest.mark.live
+@pytest.mark.slow
+@pytest.mark.parametrize("path", (BAOSKY + SIEMENS)[1::6], ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_a_recorded_scenario_on_real_sockets_holds_and_prints_the_same(path: Path) -> None:
+    text, entries = recorded(path, "live")
+    assert check(again(entries)) == ""
+    assert jsonl(entries) == text
+
+
+def test_a_run_begins_with_all_that_it_needs_and_no_file_is_read_again(tmp_path: Path) -> None:
+    shutil.copytree(CONFIGS, tmp_path / "configs")
+    path = tmp_path / "configs" / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
+    text, entries = recorded(path, "sim", "options.retry=T#100ms")
+    shutil.rmtree(tmp_path / "configs")
+    begins = entries[0]
+    assert isinstance(begins, RunBegins)
+    assert begins.options == ("options.retry=T#100ms",) and begins.is_scenario and begins.kernel == "sim"
+    assert begins.files[0] == (str(path), (CONFIGS / path.relative_to(tmp_path / "configs")).read_bytes())
+    assert jsonl(entries) == text
+
+
+def test_names_in_a_journal_never_reach_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = 'dialect = "baosky"\n[[udt]]\nfile = "../../etc/passwd.st"\n[[udt]]\nfile = "/etc/hosts.st"\n'
+    begins = RunBegins(
+        "0", "sim", 0, 0, False, "a/../../x.toml", (), "/", (("a/../../x.toml", text.encode()),), ()
+    )
+
+    def never(*_: object, **__: object) -> None:
+        raise AssertionError("a file of the disk was looked at")
+
+    for name in ("open", "stat", "lstat", "listdir", "readlink"):
+        monkeypatch.setattr(f"os.{name}", never)
+    with pytest.raises(UserError) as told:
+        again([begins])
+    monkeypatch.undo()
+    assert "passwd.st: found No such file" in str(told.value)
+
+
+def test_a_journal_that_ends_before_its_run_is_told() -> None:
+    _, entries = recorded(SCENARIOS[0])
+    assert "the end of the journal" in check(again(entries[: len(entries) // 2]))
+    assert "the end of the journal" in check(again(entries[:-20]))
+
+
+def test_another_output_is_told_with_scan_instance_and_call() -> None:
+    _, entries = recorded(CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml")
+    at = next(n for n, one in enumerate(entries) if isinstance(one, Answered) and one.call == "shows")
+    one = entries[at]
+    assert isinstance(one, Answered)
+    said = check(again([*entries[:at], one._replace(args=(0x80C5, *one.args[1:])), *entries[at + 1 :]]))
+    assert said.startswith("R: scan 1: found shows (") and f"of {one.owner}" in said
+
+
+LINES = """set TRCV_C_1 EN_R=1
+hold
+run 3
+peer P1 send hex 01 02 03
+add connect C9 LocalPort=2900
+add data more ARRAY[0..9] OF BYTE
+set connect C9 LocalPort=2901
+undo
+go
+write rx+2 hex AA
+plc stop
+plc run
+link C1 down
+link C1 up
+fault recv ECONNRESET
+remove connect C9"""
+
+
+def test_what_the_screen_has_told_acts_again_in_its_scan() -> None:
+    """Lines that a bench refuses are recorded and refused again."""
+    kept = Kept()
+    recorder = RunRecorder(lambda: kept)
+    path = CONFIGS / "active.toml"
+    from trcvtui.files import noting_reads
+
+    with noting_reads(recorder.reads):
+        project = load_bench(path)
+    with recorder:
+        bench = fresh_bench(project, "sim", recorder.seam)
+        recorder.begin(bench, path, (), is_scenario=False)
+        console = Controller(bench)
+        for number, line in enumerate(LINES.splitlines()):
+            console.take(number, line)
+            for _ in range(5):
+                console.scan()
+                recorder.gap(bench)
+        bench.close()
+    ledger = [str(line) for line in bench.runtime.ledger]
+    run = again(kept.entries)
+    assert check(run) == ""
+    assert [str(line) for line in run.bench.runtime.ledger] == ledger
+    assert run.bench.project.connects == bench.project.connects

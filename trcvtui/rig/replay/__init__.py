@@ -1,0 +1,1 @@
+"""A recorded run again: to compare it, to print it, to look at it."""

@@ -1,0 +1,78 @@
+"""A recorded run once more: project and bench out of its journal, command by command, scan by scan.
+
+Rule: nothing is read from the disk here; a name in a journal is looked up in the journal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from trcvtui.capture.journal import CLOSE, DO, REST, Entry
+from trcvtui.capture.replay import Replay
+from trcvtui.errors import UserError, mistake
+from trcvtui.files import reading_only
+from trcvtui.records import replace
+from trcvtui.rig.bench.bench import KERNELS, Bench
+from trcvtui.rig.commands.table import read_line
+from trcvtui.rig.scenario.scenario import Scenario, load_bench, load_scenario
+
+UNTOLD: Final = ("hold", "go")  # lines of a screen that change nothing on a bench
+
+
+class RunAgain:
+    """The bench of a recorded run; `scenario` where it was one. `is_whole`: the run was seen to its end."""
+
+    def __init__(self, entries: Iterator[Entry], where: str) -> None:
+        self.replay = Replay(entries, where)
+        self.is_whole = False
+        self._where = where
+        begins = self.replay.begins
+        if begins is None or begins.kernel not in KERNELS:
+            raise mistake(where, "a journal without its beginning", "one that begins with a run")
+        self.begins = begins
+        self.scenario: Scenario | None = None
+        with reading_only(self.replay.files):
+            path, options = Path(begins.path), begins.options
+            if begins.is_scenario:
+                self.scenario = load_scenario(path, options)
+            project = self.scenario.project if self.scenario else load_bench(path, options)
+        self.bench = Bench(project, begins.kernel, self.replay)
+
+    def scan(self) -> bool:
+        """Do what came before the next scan, and let that pass; return False where none followed.
+
+        Raise UserError at the first difference.
+        """
+        while (entry := self.replay.coming()) is not None:
+            if entry.call == DO and len(entry.args) == 1:
+                self._do(str(entry.args[0]))
+            elif entry.call == REST:
+                self.bench.rest()
+            elif entry.call == CLOSE:
+                self.bench.close()
+                self.replay.end()
+                self.is_whole = True
+                return False
+            else:
+                self.bench.step()
+                return True
+        return False
+
+    def _do(self, line: str) -> None:
+        if line in UNTOLD:
+            self.bench.told(line)
+            return
+        project = self.bench.project
+        if self.scenario is not None:  # a file named in a step stands beside the scenario
+            project = replace(project, base=Path(self.begins.path).parent)
+        with reading_only(self.replay.files):
+            command = read_line(line, project, f"{self._where}: scan {self.replay.scan}")
+        if command is not None:
+            self.bench.do(command)
+
+    def differs(self) -> UserError:
+        """Return what is said of a journal that ends before its run."""
+        found = f"the end of the journal after {self.bench.runtime.scans} scans"
+        return mistake(self._where, found, "the end of the run")

@@ -161,7 +161,7 @@ TARGETS: Final = (
     Target("M11", "beside one attack 8 good connections lose < 5 % of DONEs; no overrun", attacked.measure, (
         Aim("*: DONE beside / alone", ">= 0.95"),
         Aim("*: overruns", "<= 0", "",
-            "attacker, good senders and engine share two processors; a scan's work is bounded: p99 3 to 9 ms"),
+            "attacker, senders and engine share two cores; the work of a scan is bounded: p99 3 to 9 ms"),
     )),
     Target("R4", "a capture is read and put together as quickly as dpkt reads it", captures.measure, (
         Aim("*: reading and reassembly / dpkt's bare reader", ">= 1", "",

@@ -13,6 +13,7 @@ import pytest
 
 from tests.rig.scenarios import CONFIGS
 from tests.test_cli import run
+from tests.tui.conftest import own_folders as own_folders  # yanks go there
 from tests.tui.lab.test_lab_screen import lab, project
 from trcvtui.project.file import load_project
 from trcvtui.records import replace

@@ -38,6 +38,8 @@ PATTERN = 'a pattern in double quotes such as "id=[0-9]+;"'
 A_TYPE = "an IEC type or a UDT"
 
 MISTAKES = [
+    # a block that nobody knows: what it works on is not asked for
+    ("add instance A block=TRCX", "w: instance A: block: found 'TRCX', expected TRCV"),
     # the verb
     ("frob", f"w: found 'frob', expected one of {VERBS}"),
     ("sett X CONT=1", "w: found 'sett', expected set"),

@@ -500,7 +500,10 @@ def _on_config(table: Table, around: Around) -> bool | Refusal:
 
 def _on_link(key: str) -> Callable[[Table, Around], bool]:
     def is_on(table: Table, around: Around) -> bool:
-        return _on_config(table, around) is not True and link_key(table.text("block") or "") == key
+        block = table.text("block") or ""
+        if block not in around.blocks and not table.has(key):
+            return False  # nobody knows what an unknown block needs
+        return _on_config(table, around) is not True and link_key(block) == key
 
     return is_on
 
@@ -606,7 +609,9 @@ def _read_inputs(values: Values) -> None:
     values["inputs"] = tuple((name, value) for name, value in found if value is not None)
 
 
-def _instance(values: Values) -> dict[str, Any]:
+def _instance(values: Values) -> dict[str, Any] | None:
+    if values["block"] not in values.around.blocks:
+        return None
     pointers = block_row(values["block"]).pointers
     return {
         "inputs": values["inputs"],

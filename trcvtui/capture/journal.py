@@ -10,21 +10,23 @@ Rule 4: bytes become values by fixed layouts alone (docs/recording.md); no lengt
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Iterator
-from typing import Final, Protocol, TypeVar
+import sys
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Final, Protocol, TypeVar, cast
 
 from trcvtui.errors import UserError, mistake
 from trcvtui.net.events import What
-from trcvtui.net.kernel import Accepted, KernelLoss, LocalAddress, PathInfo
-from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault
-from trcvtui.net.serial_line import OPENING
+from trcvtui.net.kernel import Accepted, Handle, KernelLoss, LocalAddress, PathInfo
+from trcvtui.net.results import HELD_BACK, WOULD_BLOCK, Datagram, Endpoint, Fault, WouldBlock
+from trcvtui.net.serial_line import OPENING, Opening
 from trcvtui.plc.ledger import BenchNote
 from trcvtui.records import NamedTuple
 
 T = TypeVar("T")
 VERSION: Final = 1
 MAGIC: Final = b"trcvtui journal\n"
-_HEAD: Final = struct.Struct("<16sHI")  # magic, version, number of the block
+_HEAD: Final = struct.Struct("<16sHII")  # magic, version, number of the block, of entries unlike each other
 MOST_BLOCK: Final = 1 << 20  # bytes of a block that is begun; one entry more may stand in it
 MOST_ENTRIES: Final = 1 << 20  # of one block
 DEEPEST: Final = 8  # tuples in tuples
@@ -100,9 +102,94 @@ class Seam(Protocol):
         """Return the answer."""
         ...
 
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        """Return what asks this call of a kernel; its arguments are a handle and what is kept as it is."""
+        ...
+
     def told(self, note: Note) -> None:
         """Take what has just been written into the ledger."""
         ...
+
+
+# -- what may be answered ----------------------------------------------------------------------------------
+
+NOTHING: Final = type(None)
+# What may answer each call. Pairs (an answer and the bytes that came with it) are told by `tuple`.
+ANSWERS: Final[dict[str, tuple[type, ...]]] = {
+    STEP: (int,),
+    **dict.fromkeys(("shows", DO, REST, CLOSE), (NOTHING,)),
+    "link": (tuple,),
+    "is_free": (bool,),
+    "grant": (int,),
+    "wait": (NOTHING,),
+    "local_addresses": (tuple,),
+    "set_link": (str,),
+    "poll": (NOTHING,),
+    "ready_handles": (NOTHING, dict),
+    "readable": (bool,),
+    "renew": (bool,),
+    "socket": (int, Fault),
+    "datagram_socket": (int, Fault),
+    "set_options": (tuple,),
+    "set_user_timeout": (NOTHING,),
+    "local_end": (NOTHING, Endpoint),
+    "accept": (Accepted, WouldBlock, Fault),
+    "resolve": (str, WouldBlock, Fault),
+    "connect_result": (NOTHING, WouldBlock, Fault),
+    "recv": (tuple,),
+    "recv_from": (tuple,),
+    "send": (int, WouldBlock, Fault),
+    "send_to": (int, WouldBlock, Fault),
+    "loss": (NOTHING, KernelLoss),
+    "discard": (int,),
+    "unread": (int,),
+    "path": (NOTHING, PathInfo),
+    **dict.fromkeys(
+        ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),
+        (NOTHING, Fault),
+    ),
+    **dict.fromkeys(("abort", "close"), (NOTHING, Fault)),
+    "port open": (NOTHING, Fault, Opening),
+    "port read": (bytes, Fault),
+    "port write": (int, Fault),
+    "port close": (NOTHING,),
+    "port arrive": (bool,),
+}
+# What stands inside the tuples.
+INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
+    "recv": ((int, WouldBlock, Fault), (bytes,)),
+    "recv_from": ((Datagram, WouldBlock, Fault), (bytes,)),
+    "link": ((str,), (str,)),
+}
+LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str}
+
+
+def can_answer(entry: Answered) -> bool:
+    """Return whether an answer is one that the call can give."""
+    _, call, args, answer = entry
+    if call == READ:
+        return len(args) == 1 and type(args[0]) is str and type(answer) in (bytes, str)
+    call = call.removeprefix(GAP)
+    if type(answer) not in ANSWERS.get(call, ()):
+        return False
+    if not isinstance(answer, tuple):
+        return True
+    if call in LISTS:
+        return all(type(each) is LISTS[call] for each in answer)
+    inside = INSIDE[call]
+    if len(answer) != len(inside) or any(type(a) not in k for a, k in zip(answer, inside, strict=True)):
+        return False
+    if call == "link":
+        return True
+    got, data = cast(tuple[object, bytes], answer)
+    size = got if isinstance(got, int) else got.size if isinstance(got, Datagram) else 0
+    most = args[1] if len(args) > 1 else None
+    return size == len(data) and isinstance(most, int) and size <= most
+
+
+_NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
 
 
 class SeamRecorder:
@@ -125,8 +212,29 @@ class SeamRecorder:
             answer = do()
         finally:
             self._is_inside = False
-        self._keep(Answered(owner, call if self.is_busy else GAP + call, args, answer))
+        self._keep(_NEW(Answered, (owner, call if self.is_busy else GAP + call, args, answer)))
         return answer
+
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        """Return what does this call and keeps its answer."""
+        assert do is not None
+        keep, in_gap = self._keep, GAP + name
+
+        def recorded(handle: Handle, *args: object) -> T:
+            if self._is_inside:
+                return do(handle, *args)
+            self._is_inside = True
+            try:
+                answer = do(handle, *args)
+            finally:
+                self._is_inside = False
+            asked = owners.get(handle, label), name if self.is_busy else in_gap, (handle, *args), answer
+            keep(_NEW(Answered, asked))
+            return answer
+
+        return recorded
 
     def told(self, note: Note) -> None:
         """Keep what a call told before it answered; what the PLC or the bench tells, a replay tells again."""
@@ -197,10 +305,6 @@ class _Cursor:
     def __init__(self, where: str, block: bytes) -> None:
         self._where, self._block, self.at = where, block, 0
 
-    @property
-    def is_at_end(self) -> bool:
-        return self.at >= len(self._block)
-
     def wrong(self, found: object, expected: str) -> UserError:
         return mistake(f"{self._where}: journal, byte {self.at}", found, expected)
 
@@ -213,6 +317,19 @@ class _Cursor:
 
     def _number(self, size: int) -> int:
         return int.from_bytes(self.take(size), "little")
+
+    def order(self, most: int) -> array[int]:
+        """Return the rest: numbers below `most`."""
+        order = array("I")
+        rest = self.take(len(self._block) - self.at)
+        if len(rest) % order.itemsize:
+            raise self.wrong(f"{len(rest)} bytes", f"numbers of {order.itemsize} bytes")
+        order.frombytes(rest)
+        if sys.byteorder == "big":
+            order.byteswap()
+        if order and max(order) >= most:
+            raise self.wrong(f"entry {max(order)}", f"one of the {most} of this block")
+        return order
 
     def value(self, depth: int = 0) -> object:
         """Return the next value."""
@@ -273,7 +390,10 @@ class _Cursor:
             case RunBegins() if _is_whole(value):
                 return value
             case (str(owner), str(call), tuple(args), answer):
-                return Answered(owner, call, args, answer)
+                made = Answered(owner, call, args, answer)
+                if not can_answer(made):
+                    raise self.wrong(f"{call} of {owner}", "an answer that this call can give")
+                return made
         raise self.wrong("another value", "a call or a note")
 
 
@@ -284,23 +404,63 @@ def _is_whole(begins: RunBegins) -> bool:
     )
 
 
+class BlockWriter:
+    """Entries of one block: each that is unlike the others stands once, then which of them came when."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._known: dict[Entry, int] = {}
+        self._parts: list[bytes] = []
+        self._order = array("I")
+        self.size = 0
+
+    @property
+    def is_full(self) -> bool:
+        """Return whether another block has to be begun."""
+        return self.size >= MOST_BLOCK or len(self._order) >= MOST_ENTRIES
+
+    def __len__(self) -> int:
+        """Return how many entries there are."""
+        return len(self._order)
+
+    def take(self, entry: Entry) -> None:
+        """Append an entry."""
+        place = len(self._parts)
+        try:
+            at = self._known.setdefault(entry, place)
+        except TypeError:  # it has a mapping in it
+            at = place
+        if at == place:
+            self._parts.append(value_bytes(entry))
+            self.size += len(self._parts[-1])
+        self._order.append(at)
+
+    def block(self) -> bytes:
+        """Return the block."""
+        order = self._order[:]
+        if sys.byteorder == "big":
+            order.byteswap()
+        head = _HEAD.pack(MAGIC, VERSION, self._number, len(self._parts))
+        return b"".join((head, *self._parts, order.tobytes()))
+
+
 def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
     """Return the entries as blocks: each stands for itself and bears its number."""
-    number, parts, size = 0, list[bytes](), 0
+    number, block = 0, BlockWriter(0)
     for entry in entries:
-        parts.append(value_bytes(entry))
-        size += len(parts[-1])
-        if size >= MOST_BLOCK or len(parts) >= MOST_ENTRIES:
-            yield _HEAD.pack(MAGIC, VERSION, number) + b"".join(parts)
-            number, parts, size = number + 1, [], 0
-    yield _HEAD.pack(MAGIC, VERSION, number) + b"".join(parts)
+        block.take(entry)
+        if block.is_full:
+            yield block.block()
+            number += 1
+            block = BlockWriter(number)
+    yield block.block()
 
 
 def entries_of(found: Iterable[bytes], where: str) -> Iterator[Entry]:
     """Return the entries of blocks in their order; raise UserError that begins with `where`."""
     for expected, block in enumerate(found):
         cursor = _Cursor(where, block)
-        magic, version, number = _HEAD.unpack(cursor.take(_HEAD.size))
+        magic, version, number, unlike = _HEAD.unpack(cursor.take(_HEAD.size))
         if magic != MAGIC:
             raise mistake(f"{where}: journal", "another interface's packet", "a block of our journal")
         if version != VERSION:
@@ -309,5 +469,7 @@ def entries_of(found: Iterable[bytes], where: str) -> Iterator[Entry]:
             )
         if number != expected:
             raise mistake(f"{where}: journal", f"block {number}", f"block {expected}")
-        while not cursor.is_at_end:
-            yield cursor.entry()
+        if unlike > len(block):
+            raise cursor.wrong(f"{unlike} entries", f"at most the {len(block)} bytes of a block")
+        known = [cursor.entry() for _ in range(unlike)]
+        yield from map(known.__getitem__, cursor.order(unlike))

@@ -6,15 +6,12 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator
-from typing import Final, NoReturn, TypeVar, cast
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Final, NoReturn, TypeVar, cast
 
 from trcvtui.capture.journal import (
-    CLOSE,
-    DO,
     GAP,
     READ,
-    REST,
     STEP,
     Answered,
     EntriesLost,
@@ -31,9 +28,7 @@ from trcvtui.net.kernel import (
     Accepted,
     Handle,
     Kernel,
-    KernelLoss,
     LocalAddress,
-    PathInfo,
     SocketOptions,
 )
 from trcvtui.net.layers.layer_kernel import ReadyKernel, nothing_known
@@ -42,59 +37,9 @@ from trcvtui.net.serial_line import Opening, SerialPort
 
 T = TypeVar("T")
 
-NOTHING: Final = type(None)
-# What may answer each call. Pairs (an answer and the bytes that came with it) are told by `tuple`.
-ANSWERS: Final[dict[str, tuple[type, ...]]] = {
-    STEP: (int,),
-    **dict.fromkeys(("shows", DO, REST, CLOSE), (NOTHING,)),
-    "link": (tuple,),
-    "is_free": (bool,),
-    "grant": (int,),
-    "wait": (NOTHING,),
-    "local_addresses": (tuple,),
-    "set_link": (str,),
-    "poll": (NOTHING,),
-    "ready_handles": (NOTHING, dict),
-    "readable": (bool,),
-    "renew": (bool,),
-    "socket": (int, Fault),
-    "datagram_socket": (int, Fault),
-    "set_options": (tuple,),
-    "set_user_timeout": (NOTHING,),
-    "local_end": (NOTHING, Endpoint),
-    "accept": (Accepted, WouldBlock, Fault),
-    "resolve": (str, WouldBlock, Fault),
-    "connect_result": (NOTHING, WouldBlock, Fault),
-    "recv": (tuple,),
-    "recv_from": (tuple,),
-    "send": (int, WouldBlock, Fault),
-    "send_to": (int, WouldBlock, Fault),
-    "loss": (NOTHING, KernelLoss),
-    "discard": (int,),
-    "unread": (int,),
-    "path": (NOTHING, PathInfo),
-    **dict.fromkeys(
-        ("set_reuse", "bind", "listen", "poll_add", "poll_del", "connect", "shutdown", "probe"),
-        (NOTHING, Fault),
-    ),
-    **dict.fromkeys(("abort", "close"), (NOTHING, Fault)),
-    "port open": (NOTHING, Fault, Opening),
-    "port read": (bytes, Fault),
-    "port write": (int, Fault),
-    "port close": (NOTHING,),
-    "port arrive": (bool,),
-}
-# What stands inside the tuples.
-INSIDE: Final[dict[str, tuple[tuple[type, ...], ...]]] = {
-    "recv": ((int, WouldBlock, Fault), (bytes,)),
-    "recv_from": ((Datagram, WouldBlock, Fault), (bytes,)),
-    "link": ((str,), (str,)),
-}
-LISTS: Final[dict[str, type]] = {"local_addresses": LocalAddress, "set_options": str}
-
 
 class Replay:
-    """Answers from entries; `tell` writes what a call had told into the ledger.
+    """Answers from entries of a kind that was looked at; `tell` writes what a call had told into the ledger.
 
     `begins` is the first entry, where it is one of a run; `files` are what was read up to here.
     """
@@ -120,22 +65,37 @@ class Replay:
         """Return what was answered; raise UserError where something else was asked then."""
         if not self.is_busy:
             return cast(T, self._known_in_gap(owner, call, args))
-        self.scan += call == STEP
+        if call == STEP:
+            self.scan += 1
+        entry = self._front
+        if type(entry) is not Answered or entry[1] != call or entry[0] != owner or entry[2] != args:
+            entry = self._found(owner, call, args)
+        answer = entry[3]
+        if call == STEP:
+            if cast(int, answer) < self._now:
+                raise self._wrong(_words(owner, call, args), "a time that does not go back")
+            self._now = cast(int, answer)
+        self._front = next(self._entries, None)
+        return cast(T, answer)
+
+    def call(
+        self, name: str, do: Callable[..., T] | None, owners: Mapping[Handle, str], label: str
+    ) -> Callable[..., T]:
+        """Return what asks this call."""
+        nothing = cast(Callable[[], T], None)
+        return lambda handle, *args: self.ask(owners.get(handle, label), name, (handle, *args), nothing)
+
+    def _found(self, owner: str, call: str, args: tuple[object, ...]) -> Answered:
+        """Return the entry of a question, after notes and gaps; raise UserError for another question."""
         entry = self._front
         while not isinstance(entry, Answered) or entry.call.startswith(GAP):
             if entry is None or isinstance(entry, RunBegins | EntriesLost):
                 self._differs(entry, _words(owner, call, args))
             self._pass(entry)
             entry = self._front
-        recorded_owner, recorded_call, recorded_args, answer = entry
-        if recorded_call != call or recorded_owner != owner or recorded_args != args:
+        if entry[:3] != (owner, call, args):
             self._differs(entry, _words(owner, call, args))
-        if not _fits(call, args, answer) or (call == STEP and cast(int, answer) < self._now):
-            raise self._wrong(_words(owner, call, args), "an answer that this call can give")
-        if call == STEP:
-            self._now = cast(int, answer)
-        self._front = next(self._entries, None)
-        return cast(T, answer)
+        return entry
 
     def _pass(self, entry: Answered | Note) -> None:
         """Go past a note, which is told, or what was asked in a gap, which is remembered."""
@@ -144,9 +104,9 @@ class Replay:
             self.tell(entry)
             return
         owner, call, args, answer = entry
-        if call == READ and len(args) == 1 and isinstance(args[0], str) and isinstance(answer, bytes | str):
-            self.files.take(args[0], answer)
-        elif call == GAP + "path" and len(args) == 1 and type(args[0]) is int and _fits("path", args, answer):
+        if call == READ:
+            self.files.take(cast(str, args[0]), cast(bytes | str, answer))
+        elif call == GAP + "path" and [*map(type, args)] == [int]:
             self._known[owner, "path", args] = answer
 
     def _known_in_gap(self, owner: str, call: str, args: tuple[object, ...]) -> object:
@@ -197,24 +157,6 @@ def _shown(args: tuple[object, ...]) -> str:
     return "(" + ", ".join(str(each) for each in args)[:200] + ")"
 
 
-def _fits(call: str, args: tuple[object, ...], answer: object) -> bool:
-    """Return whether an answer is one that the call can give."""
-    if type(answer) not in ANSWERS.get(call, ()):
-        return False
-    if not isinstance(answer, tuple):
-        return True
-    if call in LISTS:
-        return all(type(each) is LISTS[call] for each in answer)
-    inside = INSIDE[call]
-    if len(answer) != len(inside) or any(type(a) not in k for a, k in zip(answer, inside, strict=True)):
-        return False
-    if call == "link":
-        return True
-    got, data = cast(tuple[object, bytes], answer)
-    size = got if isinstance(got, int) else got.size if isinstance(got, Datagram) else 0
-    return size == len(data) and size <= cast(int, args[1])
-
-
 def _of_nobody(make: Callable[[], T], answers: bool) -> T:
     """Return what is asked by a recorder; a replay asks nothing and has nothing."""
     return cast(T, None) if answers else make()
@@ -237,20 +179,13 @@ class _SeamKernel:
         self._streams: set[Handle] = set()  # connections that stand, or stood
         for name in PLAIN:
             setattr(self, name, self._plain(name))
+        self._buffer = memoryview(b"")  # of the call under way: what is kept has its size alone
+        self._accept = self._plain("accept")
+        self._recv = seam.call("recv", self._do_recv, self._owners, label)
+        self._send = seam.call("send", self._do_send, self._owners, label)
 
-    def _plain(self, name: str) -> Callable[..., object]:
-        ask, inner, owners, label = (
-            self._seam.ask,
-            getattr(self._inner, name, None),
-            self._owners,
-            self._label,
-        )
-
-        def call(handle: Handle, *args: object) -> object:
-            do = cast(Callable[[], object], lambda: inner(handle, *args) if inner is not None else None)
-            return ask(owners.get(handle, label), name, (handle, *args), do)
-
-        return call
+    def _plain(self, name: str) -> Callable[..., Any]:
+        return self._seam.call(name, getattr(self._inner, name, None), self._owners, self._label)
 
     def _owner(self, handle: Handle) -> str:
         return self._owners.get(handle, self._label)
@@ -298,10 +233,9 @@ class _SeamKernel:
         )
 
     def accept(self, handle: Handle) -> Accepted | WouldBlock | Fault:
-        owner = self._owner(handle)
-        got = self._seam.ask(owner, "accept", (handle,), lambda: self._inner.accept(handle))
+        got: Accepted | WouldBlock | Fault = self._accept(handle)
         if isinstance(got, Accepted):
-            self._owners[got.handle] = owner
+            self._owners[got.handle] = self._owner(handle)
             self._streams.add(got.handle)
         return got
 
@@ -313,13 +247,15 @@ class _SeamKernel:
         return got
 
     def recv(self, handle: Handle, into: memoryview) -> int | WouldBlock | Fault:
-        def do() -> tuple[int | WouldBlock | Fault, bytes]:
-            got = self._inner.recv(handle, into)
-            return got, bytes(into[:got]) if isinstance(got, int) else b""
-
-        got, data = self._seam.ask(self._owner(handle), "recv", (handle, len(into)), do)
-        into[: len(data)] = data
+        self._buffer = into
+        got, data = self._recv(handle, len(into))
+        if data and self._seam.answers:
+            into[: len(data)] = data
         return got
+
+    def _do_recv(self, handle: Handle, size: int) -> tuple[int | WouldBlock | Fault, bytes]:
+        got = self._inner.recv(handle, self._buffer)
+        return (got, bytes(self._buffer[:got])) if isinstance(got, int) else (got, b"")
 
     def recv_from(self, handle: Handle, into: memoryview) -> Datagram | WouldBlock | Fault:
         def do() -> tuple[Datagram | WouldBlock | Fault, bytes]:
@@ -334,8 +270,11 @@ class _SeamKernel:
         """Return None: each byte is to be seen."""
 
     def send(self, handle: Handle, data: memoryview) -> int | WouldBlock | Fault:
-        args = handle, len(data), zlib.crc32(data)
-        return self._seam.ask(self._owner(handle), "send", args, lambda: self._inner.send(handle, data))
+        self._buffer = data
+        return self._send(handle, len(data), zlib.crc32(data))
+
+    def _do_send(self, handle: Handle, size: int, check: int) -> int | WouldBlock | Fault:
+        return self._inner.send(handle, self._buffer)
 
     def send_to(self, handle: Handle, data: memoryview, end: Endpoint) -> int | WouldBlock | Fault:
         args = handle, len(data), zlib.crc32(data), end

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from trcvtui.project.project import Project
+    from trcvtui.rig.recording.recorder import RecordTo
 
 GOOD: Final = 0
 FAILED: Final = 1
@@ -200,7 +201,24 @@ def _scenario(args: SimpleNamespace) -> int:
 
     out = None if args.out is None else Path(args.out)
     files = [_path(file) for file in args.files]
-    return run_files(files, args.kernel, args.format, out, args.set, args.netns)
+    return run_files(files, args.kernel, args.format, out, args.set, args.netns, _record_to(args))
+
+
+def _record_to(args: SimpleNamespace) -> RecordTo | None:
+    """Return what `--record` asks for; None: nothing."""
+    if args.record is None:
+        return None
+    from pathlib import Path
+
+    from trcvtui.rig.recording.recorder import RecordTo
+
+    return RecordTo(Path(args.record), args.overwrite, not args.no_secrets)
+
+
+def _replay(args: SimpleNamespace) -> int:
+    from trcvtui.rig.replay.command import replay_file
+
+    return replay_file(_path(args.file), args.check, args.format)
 
 
 def _race(args: SimpleNamespace) -> int:
@@ -409,6 +427,20 @@ def _add_scenario(parser: ArgumentRows) -> None:
     parser.add_argument(
         "--set", metavar="PATH=VALUE", action="append", default=[], help="such as options.retry=T#100ms"
     )
+    _add_record(parser, "FILE|DIR")
+
+
+def _add_record(parser: ArgumentRows, places: str) -> None:
+    parser.add_argument("--record", metavar=places, help="keep the run: pcapng, also for Wireshark")
+    parser.add_argument("--overwrite", action="store_true", help="where a recording stands already")
+    parser.add_argument("--no-secrets", action="store_true", help="record no bytes of TLS connections")
+
+
+def _add_replay(parser: ArgumentRows) -> None:
+    parser.set_defaults(command=_replay)
+    parser.add_argument("file", metavar="FILE")
+    parser.add_argument("--check", action="store_true", help="run it again and compare; 1: it differs")
+    parser.add_argument("--format", choices=("jsonl",), help="print what the run has printed")
 
 
 def _add_race(parser: ArgumentRows) -> None:
@@ -467,6 +499,7 @@ COMMANDS: Final[dict[str, tuple[str, Callable[[ArgumentRows], None]]]] = {
     "run": ("open the screen on a project", _add_run),
     "serve": ("the screen in a browser on this machine", _add_serve),
     "scenario": ("run without a screen", _add_scenario),
+    "replay": ("a recording run again", _add_replay),
     "race": ("a scenario through several dialects, scan by scan", _add_race),
     "conversations": ("what two ends said to each other in a capture", _add_conversations),
     "status": ("explain a STATUS code", _add_status),

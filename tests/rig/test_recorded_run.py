@@ -30,6 +30,8 @@ SCENARIOS = [
 class Kept:
     """A sink that keeps the entries."""
 
+    trouble = ""
+
     def __init__(self) -> None:
         self.entries: list[Entry] = []
 

@@ -408,7 +408,7 @@ class BlockWriter:
     """Entries of one block: each that is unlike the others stands once, then which of them came when."""
 
     def __init__(self, number: int) -> None:
-        self._number = number
+        self.number = number
         self._known: dict[Entry, int] = {}
         self._parts: list[bytes] = []
         self._order = array("I")
@@ -440,7 +440,7 @@ class BlockWriter:
         order = self._order[:]
         if sys.byteorder == "big":
             order.byteswap()
-        head = _HEAD.pack(MAGIC, VERSION, self._number, len(self._parts))
+        head = _HEAD.pack(MAGIC, VERSION, self.number, len(self._parts))
         return b"".join((head, *self._parts, order.tobytes()))
 
 

@@ -17,7 +17,7 @@ from trcvtui.blocks.block import Binding
 from trcvtui.blocks.data_area import NO_TEXT, DataArea, Elements, TextLens
 from trcvtui.blocks.environment import Environment
 from trcvtui.blocks.pins import PinValue
-from trcvtui.blocks.serial.com_buffer import Recording, SerialBinding
+from trcvtui.blocks.serial.com_buffer import LineRecording, SerialBinding
 from trcvtui.blocks.table import block_row
 from trcvtui.blocks.udp.datagram_jobs import UdpBinding
 from trcvtui.net.connection.config import AddrParam, ConnectConfig, RemoteAddress, UdpConfig
@@ -247,7 +247,7 @@ class Runtime:
         """Return the framer of a block that receives from a ComBuffer."""
         return self._instances[instance].framer() if instance in self._instances else None
 
-    def recording(self, combuffer: str) -> Recording:
+    def recording(self, combuffer: str) -> LineRecording:
         """Return what has come over the line of a ComBuffer, with its times."""
         return self._lines.recording(combuffer, self._env.now, self.interval_ns)
 

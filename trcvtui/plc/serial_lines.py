@@ -13,7 +13,7 @@ from typing import Final
 from trcvtui.blocks.data_area import DataArea
 from trcvtui.blocks.environment import Environment, SerialNote
 from trcvtui.blocks.rules import Rules
-from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer, Recording, SerialBinding
+from trcvtui.blocks.serial.com_buffer import ROOM, ComBuffer, LineRecording, SerialBinding
 from trcvtui.blocks.table import block_row
 from trcvtui.net.connection.connection import Connection
 from trcvtui.net.serial_line import OVER_TCP, SerialPorts
@@ -139,10 +139,10 @@ class SerialLines:
         follows = rules.part_follows_en_r
         return StreamFeed(connection, instance.data, buffer, holds=not decl.size, follows_en_r=follows)
 
-    def recording(self, name: str, until: int, tick: int) -> Recording:
+    def recording(self, name: str, until: int, tick: int) -> LineRecording:
         """Return what has come over the line of a ComBuffer; of an unknown one nothing."""
         if name not in self._decls:  # it is declared by the next scan
-            return Recording("", ())
+            return LineRecording("", ())
         decl = self._decls[name]
         is_stream = decl.is_fed or (decl.serial is not None and decl.serial.port.startswith(OVER_TCP))
         source = CABLE if decl.source in self._decls else STREAM if is_stream else decl.source

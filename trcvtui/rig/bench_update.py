@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import starmap
 from typing import TYPE_CHECKING
 
-from trcvtui.blocks.serial.com_buffer import Recording
+from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.plc.ledger import Line, Stamped, line_of
 from trcvtui.plc.snapshot import BareSnapshot, Snapshot
 from trcvtui.records import NamedTuple, dataclass, replace
@@ -71,7 +71,7 @@ class BenchUpdate:
     armed: str = ""
     fired: Fired | None = None
     recordings: tuple[
-        tuple[str, Recording], ...
+        tuple[str, LineRecording], ...
     ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each
 
 

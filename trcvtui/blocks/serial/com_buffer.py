@@ -27,7 +27,7 @@ class Chunk(NamedTuple):
 
 
 @dataclass(frozen=True)  # no slots: its size is asked for often, and worked out once
-class Recording:
+class LineRecording:
     """The chunks of one line, oldest first, as they stand at `until_ns`.
 
     `source` is `sim`, `serial`, `tcp` or `cable`; `tick_ns` is how fine the times are: the interval of the
@@ -45,7 +45,7 @@ class Recording:
         """Return how many bytes are kept."""
         return sum([len(chunk.payload) for chunk in self.chunks])
 
-    def first(self, most: int) -> Recording:
+    def first(self, most: int) -> LineRecording:
         """Return the first chunks of it, `most` bytes of them; a chunk may be cut."""
         kept: list[Chunk] = []
         room = most
@@ -53,7 +53,7 @@ class Recording:
             kept.append(chunk._replace(payload=chunk.payload[:room]))
             room -= len(chunk.payload)
             if room <= 0:
-                return Recording(self.source, tuple(kept), chunk.t_ns, self.tick_ns, self.dropped)
+                return LineRecording(self.source, tuple(kept), chunk.t_ns, self.tick_ns, self.dropped)
         return self
 
 
@@ -85,9 +85,9 @@ class Recorder:
         """What comes next is of another connection."""
         self._is_new = True
 
-    def kept(self, source: str, until: int, tick: int) -> Recording:
+    def kept(self, source: str, until: int, tick: int) -> LineRecording:
         """Return what is kept."""
-        return Recording(source, tuple(self._chunks), until, tick, self._dropped)
+        return LineRecording(source, tuple(self._chunks), until, tick, self._dropped)
 
     def _shorten(self) -> None:
         """Drop the oldest chunk whole, so that what stays begins where a chunk did; the only one is cut."""

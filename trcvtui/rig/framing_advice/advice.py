@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Final
 
 from trcvtui.blocks.framing import Framing
-from trcvtui.blocks.serial.com_buffer import Recording
+from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.records import dataclass, replace
 from trcvtui.rig.framing_advice.marks import (
     LONGEST_FRAME,
@@ -94,7 +94,7 @@ class Tried:
     bits: float
 
 
-def advise(recording: Recording) -> FramingAdvice:
+def advise(recording: LineRecording) -> FramingAdvice:
     """Return how the bytes of a recording may be cut into frames."""
     total = recording.size
     if total < LEAST_BYTES:
@@ -118,13 +118,13 @@ def advise(recording: Recording) -> FramingAdvice:
     return FramingAdvice(tuple(proposals), _said(recording, total))
 
 
-def _said(recording: Recording, total: int) -> str:
+def _said(recording: LineRecording, total: int) -> str:
     names = {"tcp": "a TCP stream", "serial": "a serial line", "sim": "a simulated line", "cable": "a cable"}
     where = names.get(recording.source, recording.source)
     return f"{count(total, 'byte')} in {count(len(recording.chunks), 'chunk')} of {where}"
 
 
-def _from_a_pause(recording: Recording) -> Recording:
+def _from_a_pause(recording: LineRecording) -> LineRecording:
     """Return it from where a frame surely begins: what came before is not kept any more."""
     if not recording.chunks or recording.chunks[0].begins:
         return recording
@@ -142,7 +142,7 @@ def _from_a_pause(recording: Recording) -> Recording:
 # -- what is tried -------------------------------------------------------------------------------------------
 
 
-def _tried(recording: Recording) -> list[Tried]:
+def _tried(recording: LineRecording) -> list[Tried]:
     """Return what explains enough of a recording, the best first."""
     stream = b"".join([chunk.payload for chunk in recording.chunks])
     bursts = bursts_of(recording)
@@ -167,7 +167,9 @@ def _tried(recording: Recording) -> list[Tried]:
     return _ranked(list(found.values()))
 
 
-def _guesses(recording: Recording, stream: bytes, bursts: Bursts, marks: Sequence[bytes]) -> Iterator[Guess]:
+def _guesses(
+    recording: LineRecording, stream: bytes, bursts: Bursts, marks: Sequence[bytes]
+) -> Iterator[Guess]:
     size = LONGEST_FRAME
     for mark in (*[known for known in KNOWN_ENDS if stream.count(known) >= LEAST_FRAMES - 1], *marks):
         for place in splits_of(mark, stream, bursts.pauses)[:3] if len(mark) > 1 else (1,):
@@ -211,7 +213,11 @@ def _with_prefix(tried: Sequence[Tried]) -> Iterator[Guess]:
 
 
 def _after_noise(
-    recording: Recording, plain: Recording, tried: Sequence[Tried], marks: Sequence[bytes], scale: Scale
+    recording: LineRecording,
+    plain: LineRecording,
+    tried: Sequence[Tried],
+    marks: Sequence[bytes],
+    scale: Scale,
 ) -> list[Tried]:
     """Return what cuts by a suffix again, with the prefix that leaves the noise out: it outweighs that."""
     found: list[Tried] = []
@@ -252,7 +258,7 @@ def _known(start: bytes) -> bytes:
     return next((known for known in KNOWN_STARTS if start.startswith(known)), b"")
 
 
-def _cut(recording: Recording, plain: Recording, guess: Guess, most: int = 0) -> Cut:
+def _cut(recording: LineRecording, plain: LineRecording, guess: Guess, most: int = 0) -> Cut:
     """Cut a recording; `plain` is the same without its times, for what does not depend on them."""
     if guess.field is not None:
         return cut_by_length(plain, guess.field, LONGEST_FRAME, most)
@@ -260,7 +266,7 @@ def _cut(recording: Recording, plain: Recording, guess: Guess, most: int = 0) ->
 
 
 def _try(
-    recording: Recording, plain: Recording, guess: Guess, scale: Scale, *, is_noise: bool = False
+    recording: LineRecording, plain: LineRecording, guess: Guess, scale: Scale, *, is_noise: bool = False
 ) -> Tried | None:
     """Try a guess. `is_noise`: what is before a prefix is noise by other evidence, and no exception."""
     made = _cut(recording, plain, guess, MOST_TRIED)
@@ -336,7 +342,9 @@ def _preference(tried: Tried) -> tuple[int, int, int, int]:
     return order, width, -len(framing.suffix), -len(framing.prefix)
 
 
-def _proposal(rank: int, tried: Tried, made: Cut, recording: Recording, best: tuple[Guess, Cut]) -> Proposal:
+def _proposal(
+    rank: int, tried: Tried, made: Cut, recording: LineRecording, best: tuple[Guess, Cut]
+) -> Proposal:
     guess, good = tried.guess, made.good
     longest = max(len(frame.content) for frame in good)
     framing = guess.framing

@@ -10,7 +10,7 @@ from itertools import count as counted
 from typing import Final
 
 from trcvtui.blocks.framing import Framing
-from trcvtui.blocks.serial.com_buffer import Recording
+from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.blocks.table import block_row
 from trcvtui.errors import mistake
 from trcvtui.project.project import InstanceDecl, Project
@@ -132,13 +132,13 @@ def read_framing(rest: str, project: Project, where: str) -> tuple[str, str, int
     return name, buffer, int(number)
 
 
-def told(recording: Recording) -> str:
+def told(recording: LineRecording) -> str:
     """Return the advice as lines of text."""
     return advise(recording).text()
 
 
 def chosen_lines(
-    recording: Recording, project: Project, name: str, number: int, where: str
+    recording: LineRecording, project: Project, name: str, number: int, where: str
 ) -> tuple[str, ...]:
     """Return the lines that apply a proposal; raise UserError where there is none of that number."""
     advice = advise(recording)

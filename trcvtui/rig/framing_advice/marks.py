@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import isqrt, log2
 from typing import Final
 
-from trcvtui.blocks.serial.com_buffer import Recording
+from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.records import dataclass
 from trcvtui.rig.framing_advice.trial import KNOWN_STARTS, TEXT, LengthField, Placed
 
@@ -48,7 +48,7 @@ class Bursts:
     is_clear: bool
 
 
-def bursts_of(recording: Recording) -> Bursts:
+def bursts_of(recording: LineRecording) -> Bursts:
     """Part a recording at the pauses that are much longer than the others."""
     chunks = recording.chunks
     times = sorted({b.t_ns - a.t_ns for a, b in pairwise(chunks) if not b.begins})

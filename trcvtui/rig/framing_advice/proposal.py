@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Final
 
 from trcvtui.blocks.framing import Framing
-from trcvtui.blocks.serial.com_buffer import Recording
+from trcvtui.blocks.serial.com_buffer import LineRecording
 from trcvtui.records import dataclass
 from trcvtui.rig.framing_advice.marks import always_between
 from trcvtui.rig.framing_advice.trial import KNOWN_ENDS, KNOWN_STARTS, TEXT, Cut, LengthField, Placed
@@ -143,7 +143,7 @@ def _counts(field: LengthField) -> str:
 
 
 def evidence_of(
-    kind: CutKind, framing: Framing, field: LengthField | None, made: Cut, recording: Recording
+    kind: CutKind, framing: Framing, field: LengthField | None, made: Cut, recording: LineRecording
 ) -> tuple[str, ...]:
     """Return what speaks for it, the most telling first."""
     good, stream = made.good, b"".join([chunk.payload for chunk in recording.chunks])[: made.total]
@@ -187,7 +187,7 @@ def _else(mark: bytes, elsewhere: int) -> str:
     return f"; {plain} occurs {'once' if elsewhere == 1 else f'{elsewhere} times'} elsewhere"
 
 
-def _borders(made: Cut, recording: Recording) -> tuple[int, int] | None:
+def _borders(made: Cut, recording: LineRecording) -> tuple[int, int] | None:
     """Return how many chunks begin where a frame does; None where that says nothing."""
     starts, at = [], 0
     for chunk in recording.chunks:
@@ -220,7 +220,7 @@ def _rest(made: Cut) -> list[str]:
     return [f"left over: {'; '.join(rest)}"] if rest else []
 
 
-def doubt_of(kind: CutKind, framing: Framing, made: Cut, recording: Recording) -> tuple[str, ...]:
+def doubt_of(kind: CutKind, framing: Framing, made: Cut, recording: LineRecording) -> tuple[str, ...]:
     """Return what speaks against it."""
     doubt = []
     if framing.timeout_ns and recording.source == "tcp":

@@ -9,7 +9,7 @@ from math import lgamma, log, log2
 from typing import Final
 
 from trcvtui.blocks.framing import Ending, Frame, Framer, Framing
-from trcvtui.blocks.serial.com_buffer import Chunk, Recording
+from trcvtui.blocks.serial.com_buffer import Chunk, LineRecording
 from trcvtui.records import NamedTuple, dataclass, replace
 
 PIECE: Final = 512  # bytes of one call: frames do not depend on it, and the framer copies less
@@ -77,12 +77,12 @@ class Cut:
         return tuple([(frame.start, frame.end) for frame in self.good])
 
 
-def cut(recording: Recording, framing: Framing, most: int = 0) -> Cut:
+def cut(recording: LineRecording, framing: Framing, most: int = 0) -> Cut:
     """Return the frames of a recording, at most so many (0: all); without a suffix a gap is a good end."""
     return _Run(recording, framing, most).run()
 
 
-def cut_by_length(recording: Recording, field: LengthField, longest: int, most: int = 0) -> Cut:
+def cut_by_length(recording: LineRecording, field: LengthField, longest: int, most: int = 0) -> Cut:
     """Return the frames of a length field: a job for the head, then one for the rest."""
     return _Run(recording, Framing(field.head), most, (field, longest)).run()
 
@@ -91,7 +91,7 @@ class _Run:
     """One run over a recording."""
 
     def __init__(
-        self, recording: Recording, framing: Framing, most: int, by: tuple[LengthField, int] | None = None
+        self, recording: LineRecording, framing: Framing, most: int, by: tuple[LengthField, int] | None = None
     ) -> None:
         self._recording, self._framing, self._by = recording, framing, by
         self._most = most or recording.size + 1
@@ -152,7 +152,7 @@ class _Run:
         self._frames.append(Placed(self._at - len(content), content, ending))
 
 
-def joined(recording: Recording) -> Recording:
+def joined(recording: LineRecording) -> LineRecording:
     """Return it with the bytes of each connection in one chunk."""
     return replace(recording, chunks=tuple(_joined(recording.chunks)))
 

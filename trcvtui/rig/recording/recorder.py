@@ -5,13 +5,14 @@ Rule: a scan only appends to a list; in the gap after it the list is handed over
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final, Protocol
 
 from trcvtui import __version__
 from trcvtui.capture.journal import READ, SIM_WALL_NS, Answered, Entry, RunBegins, SeamRecorder
-from trcvtui.errors import mistake
+from trcvtui.errors import mistake, one_line
 from trcvtui.files import FilesRead
 from trcvtui.records import dataclass
 from trcvtui.rig import clock
@@ -23,7 +24,12 @@ SUFFIX: Final = ".pcapng"
 
 
 class Sink(Protocol):
-    """Who writes entries."""
+    """Who writes entries; `trouble`: why nothing more is written, or ""."""
+
+    @property
+    def trouble(self) -> str:
+        """Return it."""
+        ...
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order."""
@@ -40,6 +46,7 @@ class RunRecorder:
     def __init__(self, sink: Callable[[], Sink]) -> None:
         self._new_sink = sink
         self._sink: Sink | None = None
+        self.trouble = ""
         self._entries: list[Entry] = []
         self._sample_at = 0
         self._least = 1
@@ -82,13 +89,26 @@ class RunRecorder:
         if len(self._entries) >= least and self._sink is not None:
             some = self._entries[:]
             self._entries.clear()
-            self._sink.take(some)
+            self._write(lambda sink: sink.take(some))
+
+    def _write(self, act: Callable[[Sink], None]) -> None:
+        """Let the sink do it; without a file to write to, the run goes on."""
+        sink = self._sink
+        if sink is None:
+            return
+        try:
+            act(sink)
+            self.trouble = sink.trouble
+        except OSError as failed:
+            self.trouble = f"{failed.strerror}; nothing more is recorded"
+        if self.trouble:
+            self._sink = None
+            sys.stderr.write(f"recording: {one_line(self.trouble)}\n")
 
     def __exit__(self, *_: object) -> None:
         """End the recording."""
         self.hand_over()
-        if self._sink is not None:
-            self._sink.close()
+        self._write(lambda sink: sink.close())
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,4 +135,14 @@ class RecordTo:
 
     def recorder(self, file: Path, kernel: str) -> RunRecorder:
         """Return what records a run into a file."""
-        raise NotImplementedError
+
+        def sink() -> Sink:
+            if kernel == "live":
+                from trcvtui.rig.recording.writer import WriterProcess
+
+                return WriterProcess(file, self.overwrite, self.has_secrets)
+            from trcvtui.capture.recording import RecordingWriter
+
+            return RecordingWriter(file, self.overwrite)
+
+        return RunRecorder(sink)

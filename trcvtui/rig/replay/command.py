@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
+from typing import Final
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, mistake
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.scenario.report import JsonLines
 from trcvtui.rig.scenario.runner import Runner, VirtualPace, deliveries
+
+SAME: Final = 0
+DIFFERS: Final = 1
 
 
 def check(run: RunAgain) -> str:
@@ -41,3 +47,22 @@ def print_jsonl(run: RunAgain, write: Callable[[str], object]) -> bool:
     run.replay.end()
     report.verdict(verdict)
     return verdict.passed
+
+
+def replay_file(path: Path, is_check: bool, form: str | None) -> int:
+    """Run a recording again; return 0 the same, 1 it differs, or an expectation of it failed."""
+    from trcvtui.capture.recording import Recording
+
+    if not is_check and form is None:
+        raise mistake("trcvtui replay", "neither --check nor --format", "one of them")
+    recording = Recording(path)
+    run = RunAgain(recording.entries(), str(path))
+    if is_check:
+        wrong = check(run) or recording.stopped
+        sys.stdout.write(f"{wrong or f'{path}: {run.bench.runtime.scans} scans, the same again'}\n")
+        return DIFFERS if wrong else SAME
+    try:
+        return SAME if print_jsonl(run, sys.stdout.write) else DIFFERS
+    except UserError as told:
+        sys.stderr.write(f"{recording.stopped or told}\n")
+        return DIFFERS

@@ -1,0 +1,162 @@
+"""`--record` and `replay` from the command line: files, refusals, exit codes, writers that are killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.rig.scenarios import BAOSKY, CONFIGS
+from tests.test_cli import ENVIRONMENT
+from trcvtui.capture.journal import Answered, EntriesLost, Entry, RunBegins
+from trcvtui.capture.recording import Recording, RecordingWriter
+from trcvtui.cli import main
+from trcvtui.errors import UserError
+from trcvtui.rig.recording import writer
+from trcvtui.rig.recording.writer import WriterProcess
+
+STORY = CONFIGS / "scenarios" / "baosky" / "80c5-fin-mid-send.toml"
+
+
+def entries(path: Path) -> list[Entry]:
+    return list(Recording(path).entries())
+
+
+@pytest.mark.parametrize("kernel", ["sim", pytest.param("live", marks=[pytest.mark.live, pytest.mark.slow])])
+def test_a_recorded_scenario_checks_and_prints_the_same(
+    tmp_path: Path, kernel: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "R.pcapng"
+    asked = ["scenario", str(STORY), "--kernel", kernel, "--format", "jsonl", "--record", str(file)]
+    assert main(asked) == 0
+    printed = capsys.readouterr().out
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert main(["replay", str(file), "--check"]) == 0
+    assert capsys.readouterr().out == f"{file}: 20 scans, the same again\n"
+    assert main(["replay", str(file), "--format", "jsonl"]) == 0
+    assert capsys.readouterr().out == printed
+
+
+def test_two_runs_of_one_seed_give_the_same_bytes(tmp_path: Path) -> None:
+    files = [tmp_path / "A.pcapng", tmp_path / "B.pcapng"]
+    for file in files:
+        main(["scenario", str(STORY), "--record", str(file)])
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_several_scenarios_have_a_file_each(tmp_path: Path) -> None:
+    asked = BAOSKY[:3]
+    assert main(["scenario", *map(str, asked), "--record", str(tmp_path / "new")]) == 0
+    assert sorted(each.name for each in (tmp_path / "new").iterdir()) == [f"{p.stem}.pcapng" for p in asked]
+
+
+def test_a_file_that_is_there_is_refused_and_only_a_recording_is_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, other = tmp_path / "R.pcapng", tmp_path / "other.txt"
+    other.write_text("mine")
+    assert main(["scenario", str(STORY), "--record", str(file)]) == 0
+    before = file.read_bytes()
+    assert main(["scenario", str(STORY), "--record", str(file)]) == 2
+    assert "there already" in capsys.readouterr().err and file.read_bytes() == before
+    assert main(["scenario", str(STORY), "--record", str(file), "--overwrite"]) == 0
+    assert main(["scenario", str(STORY), "--record", str(other), "--overwrite"]) == 2
+    assert other.read_text() == "mine"
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", str(STORY), "--check"]) == 2
+    assert main(["replay", str(tmp_path / "none"), "--check"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 2
+
+
+def test_a_recording_cut_anywhere_says_where_its_journal_ends(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, part = tmp_path / "R.pcapng", tmp_path / "part.pcapng"
+    main(["scenario", str(STORY), "--record", str(file)])
+    whole = file.read_bytes()
+    for size in range(0, len(whole), 501):
+        part.write_bytes(whole[:size])
+        assert main(["replay", str(part), "--check"]) in (1, 2)
+        told = capsys.readouterr()
+        assert len((told.out + told.err).splitlines()) <= 2 or size == 0
+
+
+# -- the process that writes -------------------------------------------------------------------------------
+
+BEGINS = RunBegins("0", "sim", 0, 0, True, "x.toml", (), "/", (), ())
+
+
+def some(count: int) -> list[Entry]:
+    return [Answered("C1", "recv", (7, 9), (9, number.to_bytes(9, "big"))) for number in range(count)]
+
+
+def test_what_a_writer_process_gets_stands_in_the_file(tmp_path: Path) -> None:
+    sink = WriterProcess(tmp_path / "R.pcapng", False, True)
+    sink.take([BEGINS])
+    for _ in range(20):
+        sink.take(some(1000))
+    sink.close()
+    assert sink.trouble == ""
+    assert entries(tmp_path / "R.pcapng") == [BEGINS, *some(1000) * 20]
+
+
+def test_a_writer_process_refuses_what_the_writer_refuses(tmp_path: Path) -> None:
+    RecordingWriter(tmp_path / "R.pcapng").close()
+    with pytest.raises(UserError) as told:
+        WriterProcess(tmp_path / "R.pcapng", False, True)
+    assert "there already" in str(told.value)
+
+
+def test_a_writer_that_is_killed_is_told_once_and_the_run_goes_on(tmp_path: Path) -> None:
+    sink = WriterProcess(tmp_path / "R.pcapng", False, True)
+    sink.take([BEGINS])
+    os.kill(sink.pid, signal.SIGKILL)
+    while not sink.trouble:
+        sink.take(some(100_000))
+    sink.take(some(1))
+    sink.close()
+    assert sink.trouble.endswith("the writer has ended; nothing more is recorded")
+    assert Recording(tmp_path / "R.pcapng").stopped == ""
+
+
+def test_a_writer_that_does_not_follow_leaves_a_marked_gap(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "MOST_WAITING", 1 << 20)
+    sink = WriterProcess(tmp_path / "R.pcapng", False, True)
+    sink.take([BEGINS])
+    os.kill(sink.pid, signal.SIGSTOP)
+    for _ in range(40):
+        sink.take(some(10_000))
+        sink.post()
+    os.kill(sink.pid, signal.SIGCONT)
+    while sink.is_behind:
+        sink.go_on()
+    sink.take(some(3))
+    sink.close()
+    found = entries(tmp_path / "R.pcapng")
+    [gap] = [one for one in found if isinstance(one, EntriesLost)]
+    assert gap.number + len(found) == 1 + 40 * 10_000 + 3 + 1
+    assert found[-3:] == some(3)
+
+
+@pytest.mark.live
+@pytest.mark.slow
+def test_a_run_that_is_killed_leaves_a_file_that_opens(tmp_path: Path) -> None:
+    scenario, file = tmp_path / "long.toml", tmp_path / "R.pcapng"
+    text = STORY.read_text(encoding="utf-8").replace("peer P1 stall", "run 100000")
+    scenario.write_text(text, encoding="utf-8")
+    words = ["scenario", str(scenario), "--kernel", "live", "--record", str(file)]
+    with subprocess.Popen([sys.executable, "-m", "trcvtui", *words], env=ENVIRONMENT) as run:
+        while not file.exists() or file.stat().st_size < 30_000:
+            assert run.poll() is None
+        run.kill()
+    found = entries(file)
+    assert isinstance(found[0], RunBegins)
+    assert main(["replay", str(file), "--check"]) == 1

@@ -1,0 +1,206 @@
+"""Who writes a recording in a process of his own: fed by a pipe in the gaps, he never makes a scan wait.
+
+Rule 1: what the pipe does not take now waits, at most MOST_WAITING bytes of it; what comes then is left out,
+and the journal says how much (`EntriesLost`).
+Rule 2: without the writer the bench goes on; `trouble` says in one line why nothing is recorded any more.
+Rule 3: the end of the pipe ends the writer, whoever was killed: what he has is written, the file is whole.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import sys
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from trcvtui.capture.journal import BlockWriter, EntriesLost, Entry, entries_of
+from trcvtui.errors import UserError, mistake, one_line
+from trcvtui.rig import clock
+
+if TYPE_CHECKING:
+    from subprocess import Popen
+
+LENGTH: Final = struct.Struct("<I")  # before each message; its bytes
+MOST_WAITING: Final = 64 << 20  # bytes
+PIPE_BYTES: Final = 1 << 20  # asked for, where a pipe can be made larger
+READ_BYTES: Final = 1 << 20
+POST_NS: Final = 200_000_000  # between two blocks that cross
+START: Final = "import sys; from trcvtui.rig.recording.writer import writer_main; writer_main(*sys.argv[1:])"
+
+
+class WriterProcess:
+    """The sink of a run that must not wait; raise UserError where the file is refused."""
+
+    def __init__(self, path: Path, overwrite: bool, has_secrets: bool) -> None:
+        self.trouble = ""
+        self._path = path
+        self._block = BlockWriter(0)
+        self._waiting: deque[memoryview] = deque()
+        self._waiting_bytes = self._lost = 0
+        self._posted_at = clock.now_ns()
+        self._process = _started(path, overwrite, has_secrets)
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._stdin, self._answers = self._process.stdin, self._process.stdout
+        refused = self._answers.readline()
+        if refused != b"\n":
+            self._end()
+            raise _told(refused, path)
+        self._pipe = self._stdin.fileno()
+        _enlarge(self._pipe)
+        if sys.platform != "win32":
+            os.set_blocking(self._pipe, False)
+
+    @property
+    def pid(self) -> int:
+        """Return the number of the process."""
+        return self._process.pid
+
+    @property
+    def is_behind(self) -> bool:
+        """Return whether something waits for the pipe."""
+        return bool(self._waiting)
+
+    def take(self, entries: Iterable[Entry]) -> None:
+        """Take entries in their order; write as much as the pipe takes at once."""
+        if self.trouble:
+            return
+        if self._waiting_bytes > MOST_WAITING:
+            self._lost += len(list(entries))
+        else:
+            if self._lost:
+                self._block.take(EntriesLost(self._lost, "the writer could not follow"))
+                self._lost = 0
+            for entry in entries:
+                self._block.take(entry)
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Write what waits, as much as the pipe takes."""
+        now = clock.now_ns()
+        if now > self._posted_at + POST_NS or self._block.is_full:
+            self._posted_at = now
+            self.post()
+        try:
+            while self._waiting:
+                first = self._waiting[0]
+                written = os.write(self._pipe, first)
+                self._waiting_bytes -= written
+                if written < len(first):
+                    self._waiting[0] = first[written:]
+                else:
+                    self._waiting.popleft()
+        except BlockingIOError:
+            return
+        except OSError:
+            self._lose_writer()
+
+    def post(self) -> None:
+        """Let the entries up to here cross as one block; an empty one lets the writer write to the disk."""
+        message = self._block.block()
+        self._waiting.append(memoryview(LENGTH.pack(len(message)) + message))
+        self._waiting_bytes += LENGTH.size + len(message)
+        self._block = BlockWriter(0)
+
+    def _lose_writer(self) -> None:
+        """Find out why the writer is gone."""
+        self._waiting.clear()
+        self._waiting_bytes = 0
+        said = self._answers.readline()  # he has closed both pipes
+        why = str(_told(said, self._path)) if said.strip() else f"{self._path}: the writer has ended"
+        self.trouble = f"{why}; nothing more is recorded"
+
+    def close(self) -> None:
+        """Write what is left, and end the file."""
+        if not self.trouble:
+            os.set_blocking(self._pipe, True)
+            self._posted_at = 0
+            self.go_on()
+        said = self._end()
+        if not self.trouble and said != b"\n":
+            self.trouble = str(_told(said, self._path))
+
+    def _end(self) -> bytes:
+        """Let the process end; return his last line."""
+        with suppress(OSError):
+            self._stdin.close()
+        with self._answers as answers:
+            said = answers.readline()
+        self._process.wait()
+        return said
+
+
+def _started(path: Path, overwrite: bool, has_secrets: bool) -> Popen[bytes]:
+    import subprocess  # a run that nobody records waits for none of it
+
+    words = [sys.executable, "-P", "-c", START, str(path), str(overwrite), str(has_secrets)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    pipe, null = subprocess.PIPE, subprocess.DEVNULL
+    return subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=null, env=environment)
+
+
+def _enlarge(pipe: int) -> None:
+    try:
+        import fcntl
+
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+    except (ImportError, AttributeError, OSError):
+        return  # not every system has it; a user may have only so much
+
+
+def _told(line: bytes, path: Path) -> UserError:
+    where, found, expected = (*line.decode(errors="replace").rstrip("\n").split("\t"), "", "")[:3]
+    if not found:
+        return mistake(str(path), "no writer", "a process that writes the recording")
+    return mistake(where, found, expected)
+
+
+# -- the other process -------------------------------------------------------------------------------------
+
+
+def writer_main(path: str, overwrite: str, has_secrets: str) -> None:
+    """Write what comes over stdin until its end; say on stdout what is wrong, an empty line for nothing."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C ends the run, and its pipe ends us
+    from trcvtui.capture.recording import RecordingWriter
+
+    try:
+        writer = RecordingWriter(path, overwrite=overwrite == "True")
+        _say("")
+        try:
+            for message in _messages():
+                writer.take(entries_of([message], path))
+                writer.flush()
+        finally:
+            writer.close()
+        _say("")
+    except UserError as wrong:
+        problem = wrong.problems[0]
+        _say("\t".join(map(one_line, (problem.where, problem.found, problem.expected))))
+    except OSError as failed:
+        _say(f"{one_line(path)}\t{failed.strerror}\troom for the recording")
+
+
+def _say(line: str) -> None:
+    try:
+        os.write(1, f"{line}\n".encode())
+    except OSError:
+        return  # nobody is left to hear it
+
+
+def _messages() -> Iterator[bytes]:
+    waiting = bytearray()
+    while read := os.read(0, READ_BYTES):
+        waiting += read
+        at = 0
+        while len(waiting) >= at + LENGTH.size:
+            end = at + LENGTH.size + LENGTH.unpack_from(waiting, at)[0]
+            if len(waiting) < end:
+                break
+            yield bytes(waiting[at + LENGTH.size : end])
+            at = end
+        del waiting[:at]

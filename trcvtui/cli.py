@@ -115,7 +115,9 @@ def _demo(args: SimpleNamespace) -> int:
 
 
 def _run(args: SimpleNamespace) -> int:
-    return _open_screen(_path(args.project), args.kernel, args.netns, args.theme, args.read_only)
+    return _open_screen(
+        _path(args.project), args.kernel, args.netns, args.theme, args.read_only, _record_to(args)
+    )
 
 
 def _serve(args: SimpleNamespace) -> int:
@@ -129,7 +131,12 @@ def _serve(args: SimpleNamespace) -> int:
 
 
 def _open_screen(
-    path: Path, kernel: str, netns: bool = False, theme: str | None = None, read_only: bool = False
+    path: Path,
+    kernel: str,
+    netns: bool = False,
+    theme: str | None = None,
+    read_only: bool = False,
+    record: RecordTo | None = None,
 ) -> int:
     import gc
     import os
@@ -146,9 +153,8 @@ def _open_screen(
     from trcvtui.rig.engine.driver import EngineStopped, start_engine
 
     gc.disable()  # until the first frame stands: what is imported on the way to it stays
-    driver = start_engine(
-        path, kernel, netns, read_only
-    )  # at once: it reads the project while the screen is imported
+    # At once: it reads the project while the screen is imported.
+    driver = start_engine(path, kernel, netns, read_only, record)
     try:
         # Textual paints at the next tick of this clock, 60 by default: a key would wait 8 ms for it.
         os.environ.setdefault("TEXTUAL_FPS", "200")
@@ -394,6 +400,7 @@ def _add_run(parser: ArgumentRows) -> None:
     parser.add_argument("--kernel", choices=KERNELS, default="live", help="default: live")
     parser.add_argument("--netns", action="store_true", help="live, in a network of its own (Linux)")
     parser.add_argument("--read-only", action="store_true", help="show only, give no commands")
+    _add_record(parser, "FILE")
     _add_theme(parser, SUPPRESS)
 
 

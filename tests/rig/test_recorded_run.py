@@ -11,14 +11,18 @@ from pathlib import Path
 import pytest
 
 from tests.rig.scenarios import BAOSKY, CONFIGS, SIEMENS
-from trcvtui.capture.journal import Answered, Entry, RunBegins, blocks, entries_of
+from trcvtui.capture.journal import READ, Answered, Entry, RunBegins, blocks, entries_of
 from trcvtui.errors import UserError
+from trcvtui.files import noting_reads
+from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.bench_update import UpdateRequest
 from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.recording.recorder import RecordTo, RunRecorder
 from trcvtui.rig.replay.command import check, print_jsonl
 from trcvtui.rig.replay.run_again import RunAgain
 from trcvtui.rig.scenario.command import run_files
 from trcvtui.rig.scenario.scenario import load_bench
+from trcvtui.rig.snapshots import EngineTiming
 
 SCENARIOS = [
     path
@@ -45,7 +49,7 @@ class Kept:
 class InMemory(RecordTo):
     """`--record` without a file."""
 
-    def recorder(self, file: Path, kernel: str) -> RunRecorder:
+    def recorder(self, file: Path, waits: bool) -> RunRecorder:
         return RunRecorder(lambda: KEPT)
 
 
@@ -149,27 +153,49 @@ fault recv ECONNRESET
 remove connect C9"""
 
 
-def test_what_the_screen_has_told_acts_again_in_its_scan() -> None:
-    """Lines that a bench refuses are recorded and refused again."""
+def on_the_screen(path: Path, lines: str) -> tuple[Bench, list[Entry]]:
+    """Return a bench after these lines with five scans each, and its journal."""
     kept = Kept()
-    recorder = RunRecorder(lambda: kept)
-    path = CONFIGS / "active.toml"
-    from trcvtui.files import noting_reads
-
+    recorder = RunRecorder(lambda: kept, waits=False)
     with noting_reads(recorder.reads):
         project = load_bench(path)
-    with recorder:
-        bench = fresh_bench(project, "sim", recorder.seam)
-        recorder.begin(bench, path, (), is_scenario=False)
-        console = Controller(bench)
-        for number, line in enumerate(LINES.splitlines()):
-            console.take(number, line)
-            for _ in range(5):
-                console.scan()
-                recorder.gap(bench)
-        bench.close()
-    ledger = [str(line) for line in bench.runtime.ledger]
-    run = again(kept.entries)
+        with recorder:
+            bench = fresh_bench(project, "sim", recorder.seam)
+            recorder.begin(bench, path, (), is_scenario=False)
+            console = Controller(bench)
+            for number, line in enumerate(lines.splitlines()):
+                console.take(number, line)
+                for _ in range(5):
+                    console.scan()
+                    console.picture(UpdateRequest(), EngineTiming(mode=""), 10)
+                    recorder.gap(bench)
+            bench.close()
+    return bench, kept.entries
+
+
+def test_what_the_screen_has_told_acts_again_in_its_scan() -> None:
+    """Lines that a bench refuses are recorded and refused again; pictures ask in the gaps."""
+    bench, entries = on_the_screen(CONFIGS / "active.toml", LINES)
+    run = again(entries)
     assert check(run) == ""
-    assert [str(line) for line in run.bench.runtime.ledger] == ledger
+    assert [str(line) for line in run.bench.runtime.ledger] == [str(line) for line in bench.runtime.ledger]
     assert run.bench.project.connects == bench.project.connects
+
+
+def test_files_that_are_read_on_the_way_are_recorded(tmp_path: Path) -> None:
+    types, payload, project = tmp_path / "T.st", tmp_path / "p.bin", tmp_path / "P.toml"
+    types.write_text("TYPE T : STRUCT a : BYTE; END_STRUCT END_TYPE")
+    payload.write_bytes(b"hello")
+    project.write_text(
+        'dialect = "baosky"\n[[udt]]\nfile = "T.st"\n[[data]]\nname = "rx"\ntype = "ARRAY[1..20] OF BYTE"\n'
+    )
+    _, entries = on_the_screen(project, "write rx file p.bin")
+    types.write_text("TYPE T : STRUCT a : BYTE; b : WORD; END_STRUCT END_TYPE")
+    read = {one.args[0]: one.answer for one in entries if isinstance(one, Answered) and one.call == READ}
+    assert read == {str(payload): b"hello"}
+    bench, entries = on_the_screen(project, "udt reload\nadd data more T\nwrite rx file p.bin")
+    shutil.rmtree(tmp_path)
+    run = again(entries)
+    assert check(run) == ""
+    assert run.bench.runtime.data("rx")[:5] == b"hello"
+    assert run.bench.project.data[-1].size == bench.project.data[-1].size

@@ -70,6 +70,7 @@ class BenchUpdate:
     facts: tuple[tuple[str, Facts], ...] = ()
     armed: str = ""
     fired: Fired | None = None
+    recorded: str = ""  # the file that the run is recorded in with its size, or why nothing is recorded
     recordings: tuple[
         tuple[str, LineRecording], ...
     ] = ()  # of the ComBuffers that were asked for, up to 64 KiB each

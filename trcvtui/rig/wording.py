@@ -79,7 +79,11 @@ def times(number: int) -> str:
 
 def rate(size: int, ns: int) -> str:
     """Return how fast bytes come: `40 B/s`, `1.2 KB/s`."""
-    per_second = size * SECOND / max(1, ns)
-    if per_second < 1000:
-        return f"{per_second:.0f} B/s"
-    return f"{per_second / 1000:.1f} KB/s" if per_second < 1_000_000 else f"{per_second / 1_000_000:.1f} MB/s"
+    return f"{size_text(size * SECOND / max(1, ns))}/s"
+
+
+def size_text(size: float) -> str:
+    """Return `40 B`, `1.2 KB`."""
+    if size < 1000:
+        return f"{size:.0f} B"
+    return f"{size / 1000:.1f} KB" if size < 1_000_000 else f"{size / 1_000_000:.1f} MB"

@@ -146,6 +146,7 @@ class Controller:
         self.player: Player | None = None
         self.holding = False
         self.wanted = 0
+        self.recorded = ""  # what the screen shall know of a recording
         self._trials = SplitTests()
         self._begin(bench)
         self._saved: set[str] = set()  # real paths of the files that were written from here
@@ -266,6 +267,7 @@ class Controller:
         if self.player is not None:
             return "the UDTs of a scenario are those of its own project"
         fresh, given, self._told = read_again(rest, self.bench.project, "prompt")
+        self.bench.told(f"{UDT} {rest}")
         self.bench.project = fresh
         self._edits.take_types(fresh, given)
         return ""
@@ -366,7 +368,7 @@ class Controller:
         self._edits.begin()
 
     def _enter(self, bench: Bench) -> None:
-        self.bench, self.player = bench, None
+        self.bench, self.player, self.recorded = bench, None, ""
         self._begin(bench)
         self.holding, self.wanted = False, 0
         self._trials = SplitTests()
@@ -461,6 +463,7 @@ class Controller:
             unsaved_word=self._edits.unsaved_word,
             recordings=tuple((name, runtime.recording(name)) for name in request.recordings_of if known),
             facts=kept.facts if kept else self._trigger_watch.facts(request.partial_of if known else ()),
+            recorded=self.recorded,
             armed=self._trigger_watch.armed if known else "",
             fired=kept.fired if kept else None,
         )

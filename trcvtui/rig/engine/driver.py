@@ -20,6 +20,7 @@ from trcvtui.errors import UserError
 if TYPE_CHECKING:
     from trcvtui.project.project import Project
     from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
+    from trcvtui.rig.recording.recorder import RecordTo
 
 LAST_WORDS_S: Final = 2.0
 LENGTH: Final = struct.Struct("!i")  # before each message, as multiprocessing writes it
@@ -104,8 +105,10 @@ class EngineDriver:
         overrides: Sequence[str] = (),
         netns: bool = False,
         read_only: bool = False,
+        record: RecordTo | None = None,
     ) -> None:
         self._asked = path, kernel, tuple(overrides), netns, read_only
+        self._record = record
         self._number = 0
         self._start()
 
@@ -115,7 +118,8 @@ class EngineDriver:
 
         context = multiprocessing.get_context("spawn")
         self._channel, theirs = context.Pipe()
-        self._process = context.Process(target=engine_main, args=(theirs, *self._asked), daemon=True)
+        asked = theirs, *self._asked, self._record
+        self._process = context.Process(target=engine_main, args=asked, daemon=True)
         self._process.start()
         theirs.close()
         self._arriving = Arriving(self._channel)
@@ -125,6 +129,7 @@ class EngineDriver:
     def restart(self) -> None:
         """Start the engine anew; the project that it reads comes with the first picture."""
         self.close()
+        self._record = None  # the file has the run that has ended
         self._start()
 
     @property
@@ -211,10 +216,12 @@ def _not_last_words(message: Any) -> Any:
     return message
 
 
-def start_engine(path: Path, kernel: str, netns: bool = False, read_only: bool = False) -> EngineDriver:
+def start_engine(
+    path: Path, kernel: str, netns: bool = False, read_only: bool = False, record: RecordTo | None = None
+) -> EngineDriver:
     """Start the engine on a project file; `project()` tells what it has read, or what is wrong with it.
 
     With `netns` it runs in a network of its own, which the caller has found to be allowed. With `read_only`
     it opens no file but those of the project.
     """
-    return EngineDriver(path, kernel, netns=netns, read_only=read_only)
+    return EngineDriver(path, kernel, netns=netns, read_only=read_only, record=record)

@@ -11,12 +11,13 @@ import gc
 import os
 import signal
 from collections.abc import Sequence
+from contextlib import nullcontext
 from multiprocessing.connection import Connection as Channel
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from trcvtui.errors import UserError
-from trcvtui.files import close_files
+from trcvtui.files import close_files, noting_reads
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench, enter_own_network
 from trcvtui.rig.bench_update import BenchUpdate, UpdateRequest
@@ -24,6 +25,9 @@ from trcvtui.rig.engine.controller import Controller, fresh_bench
 from trcvtui.rig.engine.timing import Punctuality, be_punctual, quiet_collector
 from trcvtui.rig.engine.update_pipe import UpdatePipe
 from trcvtui.rig.snapshots import EngineTiming
+
+if TYPE_CHECKING:
+    from trcvtui.rig.recording.recorder import RecordTo, RunRecorder
 
 
 def engine_main(
@@ -33,12 +37,13 @@ def engine_main(
     overrides: Sequence[str],
     netns: bool = False,
     read_only: bool = False,
+    record: RecordTo | None = None,
 ) -> None:
     """Run the engine until the screen closes the channel; a crash is told before the process ends."""
     gc.disable()  # the engine collects at the beginning of each bench only
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C belongs to the screen
     try:
-        _run(channel, path, kernel, overrides, netns, read_only)
+        _run(channel, path, kernel, overrides, netns, read_only, record)
     except UserError as wrong:
         _tell(channel, wrong)
     except Exception:
@@ -46,20 +51,31 @@ def engine_main(
 
 
 def _run(
-    channel: Channel, path: Path, kernel: str, overrides: Sequence[str], netns: bool, read_only: bool
+    channel: Channel,
+    path: Path,
+    kernel: str,
+    overrides: Sequence[str],
+    netns: bool,
+    read_only: bool,
+    record: RecordTo | None,
 ) -> None:
     from trcvtui.rig.scenario.scenario import load_bench
 
-    project = load_bench(path, overrides)
-    channel.send(project)  # at once: the screen reads no file, it has its own library to import meanwhile
-    from trcvtui.rig.engine.controller import fresh_bench
+    recorder = None if record is None else record.recorder(record.target, waits=False)
+    with noting_reads(recorder.reads) if recorder is not None else nullcontext():
+        project = load_bench(path, overrides)
+        with recorder or nullcontext():  # before anything else: its file may be refused
+            channel.send(project)  # at once: the screen has its own library to import meanwhile
+            from trcvtui.rig.engine.controller import fresh_bench
 
-    if netns:
-        enter_own_network(kernel, project.sim)
-    bench = fresh_bench(project, kernel)
-    if read_only:
-        close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
-    Engine(channel, bench).run()
+            if netns:
+                enter_own_network(kernel, project.sim)
+            bench = fresh_bench(project, kernel, recorder.seam if recorder is not None else None)
+            if recorder is not None:
+                recorder.begin(bench, path, overrides, is_scenario=False)
+            if read_only:
+                close_files("this bench is read-only")  # `expect .. file X` would tell what X holds
+            Engine(channel, bench, recorder).run()
 
 
 def _traceback() -> str:
@@ -89,9 +105,10 @@ TIMING_FILE: Final = "TRCVTUI_TIMING_FILE"  # names a file that gets every scan'
 class Engine:
     """The console with its bench, and the channel to the screen."""
 
-    def __init__(self, channel: Channel, bench: Bench) -> None:
+    def __init__(self, channel: Channel, bench: Bench, recorder: RunRecorder | None = None) -> None:
         self._channel = channel
         self._controller = Controller(bench)
+        self._recorder = recorder
         self._pipe = UpdatePipe(channel)
         self._request: UpdateRequest | None = None
         self._asked_at = self._collected_at = self._worked_at = 0  # when, for pictures
@@ -147,6 +164,9 @@ class Engine:
         The engine wakes by the clock alone, and not shortly before a scan: a process that has just run is no
         longer entitled to the processor at once, the scan would begin 0.5 to 2.5 ms late (seen with perf).
         """
+        if self._recorder is not None:
+            self._recorder.gap(self._bench)
+            self._controller.recorded = self._recorder.text()
         self._read_ledger()
         self._take_messages()
         self._deliver(self._due - SPARE_NS)
@@ -175,6 +195,9 @@ class Engine:
                 self._controller.take(number, line)
                 self._is_answered = False
                 if self._controller.bench is not self._bench:
+                    if self._recorder is not None:
+                        self._recorder.close()  # the run on record is over
+                        self._recorder = None
                     self._begin(self._controller.bench)
             case UpdateRequest() as request:
                 self._request, self._asked_at = request, clock.now_ns()

@@ -5,18 +5,20 @@ Rule: a scan only appends to a list; in the gap after it the list is handed over
 
 from __future__ import annotations
 
-import sys
+import os
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol
 
 from trcvtui import __version__
 from trcvtui.capture.journal import READ, SIM_WALL_NS, Answered, Entry, RunBegins, SeamRecorder
-from trcvtui.errors import mistake, one_line
+from trcvtui.errors import mistake
 from trcvtui.files import FilesRead
 from trcvtui.records import dataclass
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench
+from trcvtui.rig.wording import size_text
 
 SAMPLE_NS: Final = 1_000_000_000  # between two looks at what each connection's stack says
 AT_ONCE: Final = 10_000  # entries that wait at most where no time passes
@@ -43,15 +45,17 @@ class Sink(Protocol):
 class RunRecorder:
     """What is recorded of one run. Note the `reads` of the project; inside it make the bench on `seam`."""
 
-    def __init__(self, sink: Callable[[], Sink]) -> None:
+    def __init__(self, sink: Callable[[], Sink], file: Path = Path(), waits: bool = True) -> None:
+        self.trouble = ""  # why nothing more is recorded
+        self.size = 0  # bytes of the file, as known a second ago
+        self.file = file
+        self.reads = FilesRead()
         self._new_sink = sink
         self._sink: Sink | None = None
-        self.trouble = ""
+        self._least = AT_ONCE if waits else 1
         self._entries: list[Entry] = []
         self._sample_at = 0
-        self._least = 1
         self.seam = SeamRecorder(self._entries.append)
-        self.reads = FilesRead()
 
     def __enter__(self) -> RunRecorder:
         """Open the file, when the project has been read; raise UserError where it is refused."""
@@ -74,7 +78,6 @@ class RunRecorder:
             tuple(read.digests.items()),
         )
         self._entries.insert(0, begins)
-        self._least = 1 if is_live else AT_ONCE
         read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
 
     def gap(self, bench: Bench) -> None:
@@ -82,33 +85,40 @@ class RunRecorder:
         if bench.now >= self._sample_at:
             self._sample_at = bench.now + SAMPLE_NS
             bench.runtime.sample()
-        self.hand_over(self._least)
+            with suppress(OSError):
+                self.size = os.stat(self.file).st_size
+        if len(self._entries) >= self._least:
+            self._hand_over()
 
-    def hand_over(self, least: int = 1) -> None:
-        """Let the entries be written, where there are so many."""
-        if len(self._entries) >= least and self._sink is not None:
-            some = self._entries[:]
-            self._entries.clear()
-            self._write(lambda sink: sink.take(some))
+    def _hand_over(self) -> None:
+        some = self._entries[:]
+        self._entries.clear()
+        self._write(lambda sink: sink.take(some))
 
     def _write(self, act: Callable[[Sink], None]) -> None:
         """Let the sink do it; without a file to write to, the run goes on."""
-        sink = self._sink
-        if sink is None:
+        if self._sink is None:
             return
         try:
-            act(sink)
-            self.trouble = sink.trouble
+            act(self._sink)
+            self.trouble = self._sink.trouble
         except OSError as failed:
-            self.trouble = f"{failed.strerror}; nothing more is recorded"
+            self.trouble = f"{self.file}: {failed.strerror}; nothing more is recorded"
         if self.trouble:
             self._sink = None
-            sys.stderr.write(f"recording: {one_line(self.trouble)}\n")
+
+    def close(self) -> None:
+        """End the recording."""
+        self._hand_over()
+        self._write(lambda sink: sink.close())
+        self._sink = None
 
     def __exit__(self, *_: object) -> None:
-        """End the recording."""
-        self.hand_over()
-        self._write(lambda sink: sink.close())
+        self.close()
+
+    def text(self) -> str:
+        """Return the name of the file and its size, or why nothing is written any more."""
+        return self.trouble or f"{self.file.name} {size_text(self.size)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +143,11 @@ class RecordTo:
         self.target.mkdir(exist_ok=True)
         return files
 
-    def recorder(self, file: Path, kernel: str) -> RunRecorder:
-        """Return what records a run into a file."""
+    def recorder(self, file: Path, waits: bool) -> RunRecorder:
+        """Return what records a run into a file; a run that does not wait has a process that writes."""
 
         def sink() -> Sink:
-            if kernel == "live":
+            if not waits:
                 from trcvtui.rig.recording.writer import WriterProcess
 
                 return WriterProcess(file, self.overwrite, self.has_secrets)
@@ -145,4 +155,4 @@ class RecordTo:
 
             return RecordingWriter(file, self.overwrite)
 
-        return RunRecorder(sink)
+        return RunRecorder(sink, file, waits)

@@ -64,11 +64,20 @@ class RunAgain:
         if line in UNTOLD:
             self.bench.told(line)
             return
-        project = self.bench.project
+        project, where = self.bench.project, f"{self._where}: scan {self.replay.scan}"
         if self.scenario is not None:  # a file named in a step stands beside the scenario
             project = replace(project, base=Path(self.begins.path).parent)
+        verb, _, rest = line.partition(" ")
         with reading_only(self.replay.files):
-            command = read_line(line, project, f"{self._where}: scan {self.replay.scan}")
+            if verb == "udt":
+                from trcvtui.rig.engine.controller import (
+                    read_again,  # the only line of a screen that does this
+                )
+
+                self.bench.project = read_again(rest, project, where)[0]
+                self.bench.told(line)
+                return
+            command = read_line(line, project, where)
         if command is not None:
             self.bench.do(command)
 

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trcvtui.errors import UserError
+from trcvtui.errors import UserError, one_line
 from trcvtui.files import noting_reads, refuse_input, replacing
 from trcvtui.rig import clock
 from trcvtui.rig.bench.bench import Bench, enter_own_network
@@ -93,7 +93,7 @@ def _run_all(
     worst = HELD
     files = record.files(paths) if record is not None else ()
     for number, path in enumerate(paths):
-        recorder = record.recorder(files[number], kernel) if record is not None else None
+        recorder = record.recorder(files[number], waits=kernel == "sim") if record is not None else None
         try:
             with noting_reads(recorder.reads) if recorder is not None else nullcontext():
                 scenario = load_scenario(path, overrides)
@@ -140,5 +140,7 @@ def _run_one(
             verdict = Runner(bench, scenario.name, pace, report.scan).play((*scenario.start, *scenario.steps))
         finally:
             bench.close()
+    if recorder is not None and recorder.trouble:
+        sys.stderr.write(f"{one_line(recorder.trouble)}\n")
     report.verdict(verdict)
     return verdict.passed

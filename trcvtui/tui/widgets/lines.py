@@ -351,6 +351,8 @@ class HeaderLine(OneLine):
         pieces.append(HeaderWord(format_time(snapshot.interval_ns), "", 30))
         live = "live at " if self._view_model.is_frozen else ""
         pieces.append(HeaderWord(f"{live}scan {now.snapshot.scan}", "", 2))
+        if now.recorded:
+            pieces.append(HeaderWord(f"recording: {clip(plain(now.recorded), MOST_TRIGGER)}", "warn", 3))
         if now.armed:
             pieces.append(HeaderWord(f"trigger armed: {clip(plain(now.armed), MOST_TRIGGER)}", "warn", 3))
         pieces.append(HeaderWord(f"p99 late {short_time(timing.late_p99_ns)}", "dim", 40))

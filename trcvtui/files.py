@@ -172,6 +172,26 @@ def reason_of(failed: OSError | ValueError) -> str:
     return getattr(failed, "strerror", None) or str(failed)
 
 
+def create(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
+    """Return a new file, 0600, that is written to piece by piece and has no buffer of ours.
+
+    Raise UserError for a name that is taken (unless the file `replaces` it) or was read, and where the system
+    refuses.
+    """
+    try:
+        _refuse_when_closed()
+        refuse_input(path, where)
+        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        if replaces and os.path.lexists(path):
+            _refuse_target(path, os.path.realpath(path), where, is_new=False)
+            os.unlink(path)
+        return open(os.open(path, flags, 0o600), "r+b", buffering=0)
+    except FileExistsError:
+        raise mistake(where, f"{path}, which is there already", "the name of a new file") from None
+    except (OSError, ValueError) as failed:
+        raise _cannot_write(path, where, failed) from None
+
+
 @contextmanager
 def replacing(path: FileName, where: str, is_own: bool = False, is_new: bool = False) -> Iterator[IO[bytes]]:
     """Give a file to write; after the block it stands under `path`, on the disk, in one step.

@@ -12,7 +12,7 @@ from __future__ import annotations
 import struct
 import sys
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Final, Protocol, TypeVar, cast
 
 from trcvtui.errors import UserError, mistake
@@ -83,8 +83,23 @@ class EntriesLost(NamedTuple):
     why: str
 
 
+class WireCall(NamedTuple):
+    """What the packets of a recording are made of: a call of the PLC's at the wire; no part of the journal.
+
+    `at`: ns of the run; `args`: those after the handle; `data`: the bytes that came, or were taken.
+    """
+
+    at: int
+    owner: str
+    call: str
+    handle: int
+    args: tuple[object, ...]
+    answer: object
+    data: bytes
+
+
 Note = BenchNote | WorkWaits
-Entry = Answered | Note | RunBegins | EntriesLost
+Entry = Answered | Note | RunBegins | EntriesLost | WireCall
 
 
 class Seam(Protocol):
@@ -110,6 +125,12 @@ class Seam(Protocol):
 
     def told(self, note: Note) -> None:
         """Take what has just been written into the ledger."""
+        ...
+
+    def wire(
+        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
+    ) -> None:
+        """Take a call of the PLC's at the wire."""
         ...
 
 
@@ -193,13 +214,15 @@ _NEW: Final = tuple.__new__  # of a NamedTuple, without its own `__new__`
 
 
 class SeamRecorder:
-    """Does what is asked and hands each entry to `keep`."""
+    """Does what is asked and hands each entry to `keep`; a live run has a `clock`, in ns."""
 
     answers = False
     is_busy = True
 
     def __init__(self, keep: Callable[[Entry], None]) -> None:
         self._keep = keep
+        self.clock: Callable[[], int] = int
+        self._step = self._stepped = 0
         self.tell: Callable[[Note], None] = lambda note: None
         self._is_inside = False
 
@@ -212,6 +235,8 @@ class SeamRecorder:
             answer = do()
         finally:
             self._is_inside = False
+        if call == STEP and isinstance(answer, int):
+            self._step, self._stepped = answer, self.clock()
         self._keep(_NEW(Answered, (owner, call if self.is_busy else GAP + call, args, answer)))
         return answer
 
@@ -236,6 +261,13 @@ class SeamRecorder:
 
         return recorded
 
+    def wire(
+        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
+    ) -> None:
+        """Keep a call of the PLC's at the wire, with the time of now."""
+        at = self._step + self.clock() - self._stepped
+        self._keep(WireCall(at, owner, call, handle, args, answer, data))
+
     def told(self, note: Note) -> None:
         """Keep what a call told before it answered; what the PLC or the bench tells, a replay tells again."""
         if self._is_inside:
@@ -244,7 +276,7 @@ class SeamRecorder:
 
 # -- bytes -----------------------------------------------------------------------------------------------
 
-_NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE = range(9)
+_NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE, _PLACED = range(10)
 _SINGLES: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
 # Each record with the types of its fields in their order. No new field without a new version.
 _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
@@ -290,6 +322,8 @@ def value_bytes(value: object) -> bytes:
         case dict():
             parts = [value_bytes(each) for pair in value.items() for each in pair]
             return struct.pack("<BH", _MAPPING, len(value)) + b"".join(parts)
+    if isinstance(value, Placed):
+        return struct.pack("<BIII", _PLACED, *value)
     if value in _SINGLES:
         return bytes([_SINGLE, _SINGLES.index(value)])
     tag = _TAGS.get(type(value))
@@ -299,11 +333,22 @@ def value_bytes(value: object) -> bytes:
     return struct.pack("<BH", _TUPLE, len(value)) + b"".join(map(value_bytes, value))
 
 
-class _Cursor:
-    """Reads values out of the bytes of one block; raise UserError for what is none."""
+class Placed(NamedTuple):
+    """Bytes that stand in packets before their block: in `packets` of them, from number `first` on."""
 
-    def __init__(self, where: str, block: bytes) -> None:
-        self._where, self._block, self.at = where, block, 0
+    first: int
+    packets: int
+    size: int
+
+
+class _Cursor:
+    """Reads values out of the bytes of one block; raise UserError for what is none.
+
+    `payloads`: what the packets before the block carry.
+    """
+
+    def __init__(self, where: str, block: bytes, payloads: Sequence[bytes]) -> None:
+        self._where, self._block, self._payloads, self.at = where, block, payloads, 0
 
     def wrong(self, found: object, expected: str) -> UserError:
         return mistake(f"{self._where}: journal, byte {self.at}", found, expected)
@@ -353,11 +398,19 @@ class _Cursor:
                 return dict([self._pair(depth) for _ in range(self._number(2))])
             case 8 if (at := self._number(1)) < len(_SINGLES):
                 return _SINGLES[at]
+            case 9:
+                return self._placed(self._number(4), self._number(4), self._number(4))
         if not 0 <= tag - _FIRST_RECORD < len(_RECORDS):
             raise self.wrong(f"tag {tag}", "a tag that this version knows")
         kind, fields = _RECORDS[tag - _FIRST_RECORD]
         made: object = kind(*[self._field(*field, depth) for field in zip(_names(kind), fields, strict=True)])
         return made
+
+    def _placed(self, first: int, count: int, size: int) -> bytes:
+        found = b"".join(self._payloads[first : first + count])
+        if len(found) != size:
+            raise self.wrong(f"{len(found)} bytes in packets", f"the {size} of the journal")
+        return found
 
     def _text(self, raw: bytes) -> str:
         try:
@@ -448,6 +501,8 @@ def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
     """Return the entries as blocks: each stands for itself and bears its number."""
     number, block = 0, BlockWriter(0)
     for entry in entries:
+        if isinstance(entry, WireCall):
+            continue
         block.take(entry)
         if block.is_full:
             yield block.block()
@@ -456,10 +511,15 @@ def blocks(entries: Iterable[Entry]) -> Iterator[bytes]:
     yield block.block()
 
 
-def entries_of(found: Iterable[bytes], where: str) -> Iterator[Entry]:
-    """Return the entries of blocks in their order; raise UserError that begins with `where`."""
-    for expected, block in enumerate(found):
-        cursor = _Cursor(where, block)
+def entries_of(
+    found: Iterable[bytes], where: str, payloads: Sequence[bytes] = (), first: int = 0
+) -> Iterator[Entry]:
+    """Return the entries of blocks from number `first` on; raise UserError that begins with `where`.
+
+    `found` brings `payloads` up to date before each block.
+    """
+    for expected, block in enumerate(found, first):
+        cursor = _Cursor(where, block, payloads)
         magic, version, number, unlike = _HEAD.unpack(cursor.take(_HEAD.size))
         if magic != MAGIC:
             raise mistake(f"{where}: journal", "another interface's packet", "a block of our journal")

@@ -1,135 +1,340 @@
-"""A recording: a run's journal in one pcapng file, which is valid after each flush (docs/recording.md).
+"""The recording file: the entries of a run as one pcapng that Wireshark opens, and back.
 
-Rule 1: a file that is there is refused, unless it is a recording of ours and shall be overwritten.
-Rule 2: a block of the journal stands in packets of MOST_PIECE bytes at most: Wireshark takes no larger ones.
+Rule 1: what is written goes to the system in whole blocks, packets first, then the journal that tells of
+them; so a file that nobody ended is good up to its last journal block.
+Rule 2: bytes that a packet carries are not written twice: the journal points to it (docs/recording.md).
+Rule 3: a file is data: no length in it is trusted, and a block's packets are all that is kept of it.
 """
 
 from __future__ import annotations
 
 import os
+import struct
 from collections.abc import Iterable, Iterator
-from typing import Final
+from typing import IO, Final
 
 from trcvtui import __version__
-from trcvtui.capture.journal import STEP, Answered, BlockWriter, Entry, RunBegins, entries_of
-from trcvtui.capture.pcap import RAW_IP, USER0, interface_block, open_capture, packet_block, section_block
-from trcvtui.errors import UserError, mistake
-from trcvtui.files import FileName, reason_of
+from trcvtui.capture import pcap
+from trcvtui.capture.journal import (
+    STEP,
+    Answered,
+    Entry,
+    Placed,
+    RunBegins,
+    WireCall,
+    block_bytes,
+    entries_of,
+    value_bytes,
+)
+from trcvtui.capture.packets import TCP
+from trcvtui.capture.wire import WirePacket, WirePackets
+from trcvtui.errors import Problem, mistake
+from trcvtui.files import FileName, create, open_to_read, reason_of
+from trcvtui.records import NamedTuple
 
-JOURNAL: Final = "trcvtui journal"  # the name of the interface
-MOST_PIECE: Final = 128 << 10
-MOST_BLOCK: Final = 128 << 20  # bytes of a block of the journal that is read
-LAST, MORE = b"\0", b"\1"  # the first byte of a packet: whether the block goes on in the next one
+WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
+JOURNAL_NAME: Final = b"journal"
+FLUSH_NS: Final = 1_000_000_000  # of the run's time, at most, between two blocks of the journal
+MOST_JOURNAL: Final = 1 << 20  # bytes of a block of the journal
+MOST_OF_A_SCAN: Final = 8 << 20  # the same, in the midst of a scan
+MOST_PAYLOAD: Final = 4 << 20  # of the packets of one block
+MOST_KEPT: Final = 64 << 20  # that a reader takes for one block
+ENTERPRISE: Final = 32_473  # of the index block: the number that documents use
+INDEX: Final = b"trcvtui index\n\0\0"
+_ROW: Final = struct.Struct("<QQIq")  # byte of the block's first packet, of the journal; scans before; ns
+_LENGTH: Final = struct.Struct("<I")
+_HEAD: Final = struct.Struct("<II")
+_PACKET: Final = struct.Struct("<IIII")
+_HEADERS: Final = {True: 40, False: 28}  # bytes before the payload of a TCP segment, of a datagram
+_SERIAL_HEADER: Final = 12
+
+
+class IndexRow(NamedTuple):
+    """Where a block of the journal stands; `scans`: how many have begun before it; `ns` of the run then."""
+
+    packets_at: int
+    journal_at: int
+    scans: int
+    ns: int
 
 
 class RecordingWriter:
-    """Writes the recording of one run; raise UserError where the file is refused."""
+    """Writes one file, 0600; raise UserError where it cannot be made, or written any more.
 
-    trouble = ""  # what goes wrong is raised
+    An existing file is refused; `overwrite` replaces a recording, and no other file.
+    """
 
     def __init__(self, path: FileName, overwrite: bool = False) -> None:
-        self.size = 0  # bytes of the file
-        self._path = path
-        self._ns = self._wall_ns = 0
-        if os.path.lexists(path):
-            _refuse(path, overwrite)
-        try:
-            if overwrite and os.path.lexists(path):
-                os.unlink(path)
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-            self._file = os.open(path, flags, 0o600)
-        except OSError as failed:
-            raise mistake(str(path), reason_of(failed), "a file that can be written") from None
-        self._block = BlockWriter(0)
-        head = section_block(f"trcvtui {__version__}"), interface_block(RAW_IP, "wire")
-        self._write(b"".join((*head, interface_block(USER0, JOURNAL))))
+        self._path = str(path)
+        if overwrite and os.path.lexists(path):
+            Recording(path)
+        self._file: IO[bytes] = create(path, "--record", overwrite)
+        self.size = 0  # bytes that the file has
+        self._lines: dict[str, int] = {}  # interface of each serial line
+        self._index: list[IndexRow] = []
+        self._wire = WirePackets(0)
+        self._wall_ns = self._now = self._flushed = 0
+        self._scans = self._block_scans = self._block_ns = 0
+        self._jobs: dict[str, int] = {}
+        self._packets: list[WirePacket] = []  # of the block under way
+        self._comments: dict[int, list[str]] = {}  # by number of the packet
+        self._scan_from = 0  # number of the first packet of this scan
+        self._called = Placed(0, 0, 0), b""  # the newest call's bytes, and where they stand
+        self._parts: list[bytes] = []  # of the journal's block
+        self._journal_size = self._payload_size = 0
+        self._write(
+            pcap.section_block(f"trcvtui {__version__}", ("a recording of trcvtui",))
+            + pcap.interface_block(pcap.RAW_IP, "wire")
+            + pcap.interface_block(pcap.USER0, JOURNAL_NAME.decode())
+        )
 
     def take(self, entries: Iterable[Entry]) -> None:
-        """Take entries in their order."""
+        """Take entries in their order; whole blocks are written."""
         for entry in entries:
-            self._block.take(entry)
+            if isinstance(entry, WireCall):
+                self._take_call(entry)
+                continue
+            kept: object = entry
             if isinstance(entry, Answered):
                 if entry.call == STEP and isinstance(entry.answer, int):
-                    self._ns = self._wall_ns + entry.answer
+                    self._begin_scan(entry.answer)
+                elif entry.call == "shows":
+                    self._comment(entry)
+                kept = self._pointing(entry)
             elif isinstance(entry, RunBegins):
-                self._ns = self._wall_ns = entry.wall_ns
-            if self._block.is_full:
+                self._wall_ns = entry.wall_ns
+                self._wire = WirePackets(entry.wall_ns)
+            part = value_bytes(kept)
+            self._parts.append(part)
+            self._journal_size += len(part)
+            if self._journal_size >= MOST_OF_A_SCAN:
                 self.flush()
 
-    def flush(self) -> None:
-        """Write what there is."""
-        if len(self._block):
-            block = self._block.block()
-            pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]
-            marks = [MORE] * (len(pieces) - 1) + [LAST]
-            packets = zip(marks, pieces, strict=True)
-            self._write(b"".join(packet_block(1, self._ns, mark + piece) for mark, piece in packets))
-            self._block = BlockWriter(self._block.number + 1)
+    def _take_call(self, call: WireCall) -> None:
+        first = len(self._packets)
+        self._packets.extend(self._wire.of(call))
+        count = len(self._packets) - first
+        self._payload_size += len(call.data)
+        if call.data and sum(packet.payload for packet in self._packets[first:]) == len(call.data):
+            self._called = Placed(first, count, len(call.data)), call.data
 
-    def _write(self, content: bytes) -> None:
-        left = memoryview(content)
-        while left:
-            left = left[os.write(self._file, left) :]
-        self.size += len(content)
+    def _pointing(self, entry: Answered) -> Answered:
+        """Return it with a pointer in place of bytes that the newest packets carry."""
+        answer, (placed, data) = entry.answer, self._called
+        if not data:
+            return entry
+        if isinstance(answer, tuple) and len(answer) == 2 and answer[1] == data:
+            return entry._replace(answer=(answer[0], placed))
+        return entry._replace(answer=placed) if answer == data else entry
+
+    def _begin_scan(self, now: int) -> None:
+        if (
+            now - self._flushed >= FLUSH_NS
+            or self._journal_size >= MOST_JOURNAL
+            or self._payload_size >= MOST_PAYLOAD
+        ):
+            self.flush()
+            self._flushed = now
+        self._now = now
+        self._scans += 1
+        self._scan_from = len(self._packets)
+
+    def _comment(self, shows: Answered) -> None:
+        """Write a job's end beside the packet that brought it, where this scan has one."""
+        connect, status, _, done, error, length = (*shows.args, *[None] * 6)[:6]
+        if not (done or error) or not isinstance(status, int):
+            return
+        job = self._jobs[shows.owner] = self._jobs.get(shows.owner, 0) + 1
+        size = "" if length is None or error else f" {length} B"
+        ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self._scans}"
+        text = f"{shows.owner}: 16#{status:04X} {ends}"
+        for number in range(len(self._packets) - 1, self._scan_from - 1, -1):
+            if self._packets[number].owner == connect:
+                self._comments.setdefault(number, []).append(text)
+                return
+
+    def flush(self) -> None:
+        """Write what has come; a block of the journal ends with it."""
+        if not self._parts:
+            return
+        written = []
+        for number, packet in enumerate(self._packets):
+            if packet.line and packet.line not in self._lines:
+                self._lines[packet.line] = FIRST_LINE + len(self._lines)
+                written.append(pcap.interface_block(pcap.RTAC_SERIAL, packet.line))
+            interface = self._lines[packet.line] if packet.line else WIRE
+            comments = tuple(self._comments.get(number, ()))
+            written.append(pcap.packet_block(interface, packet.ns, packet.data, comments))
+        packets = b"".join(written)
+        journal = block_bytes(len(self._index), self._parts)
+        row = IndexRow(self.size, self.size + len(packets), self._block_scans, self._block_ns)
+        self._write(packets + pcap.packet_block(JOURNAL, self._wall_ns + self._now, journal))
+        self._index.append(row)
+        self._block_scans, self._block_ns = self._scans, self._now
+        self._packets, self._comments, self._parts = [], {}, []
+        self._called = Placed(0, 0, 0), b""
+        self._scan_from = self._journal_size = self._payload_size = 0
+
+    def _write(self, data: bytes) -> None:
+        """Append all or nothing; raise UserError where the disk does not take it: the file ends there."""
+        try:
+            left = memoryview(data)
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as failed:
+            self._file.truncate(self.size)
+            self._file.close()
+            expected = f"room for it: the recording ends after {self.size} bytes"
+            raise mistake(self._path, reason_of(failed), expected) from None
+        self.size += len(data)
 
     def close(self) -> None:
-        """Write what is left, and end the file."""
-        try:
-            self.flush()
-        finally:
-            os.close(self._file)
-
-
-def _refuse(path: FileName, overwrite: bool) -> None:
-    if not overwrite:
-        raise mistake(str(path), "a file that is there already", "a new name, or --overwrite for a recording")
-    if not is_recording(path):
-        raise mistake(str(path), "a file that is no recording of trcvtui", "a recording to overwrite")
-
-
-def is_recording(path: FileName) -> bool:
-    """Return whether a file has a journal of ours."""
-    try:
-        with open_capture(path) as reader:
-            next(iter(reader), None)
-            return any(one.link_type == USER0 and one.name == JOURNAL for one in reader.interfaces)
-    except UserError:
-        return False
+        """Write what is left, and the index."""
+        if self._file.closed:
+            return
+        self.flush()
+        rows = b"".join(_ROW.pack(*row) for row in self._index)
+        self._write(pcap.custom_block(ENTERPRISE, INDEX + _LENGTH.pack(len(self._index)) + rows))
+        self._file.close()
 
 
 class Recording:
-    """A recording to read; raise UserError where it is none. `stopped`: why reading ended early, or ""."""
+    """A recording to read; raise UserError where the file cannot be opened or is none of ours.
+
+    `stopped`: why reading ended before the end of the file, "" where it did not.
+    """
 
     def __init__(self, path: FileName) -> None:
+        self.path = str(path)
         self.stopped = ""
-        self._path = path
-        with open_capture(path):
-            pass  # what is no capture says so itself
-        if not is_recording(path):
-            found = f"no recording of trcvtui: try trcvtui watch {os.fspath(path)}"
-            raise mistake(str(path), found, "a recording")
+        with self._opened() as file:
+            self._check_head(file)
+        self._index: list[IndexRow] | None = None
 
-    def entries(self) -> Iterator[Entry]:
-        """Yield the entries, as far as they can be read."""
+    def _opened(self) -> IO[bytes]:
         try:
-            yield from entries_of(self._blocks(), str(self._path))
-        except UserError as wrong:
-            self.stopped = str(wrong)
+            with open_to_read(self.path) as file:
+                return open(os.dup(file.fileno()), "rb")
+        except (OSError, ValueError) as failed:
+            raise mistake(self.path, reason_of(failed), "a recording that can be read") from None
 
-    def _blocks(self) -> Iterator[bytes]:
-        with open_capture(self._path) as reader:
-            parts, size = list[bytes](), 0
-            for packet in reader:
-                if reader.interfaces[packet.interface].name != JOURNAL or not packet.data:
+    def _check_head(self, file: IO[bytes]) -> None:
+        """Raise UserError where the interface of our journal is not there."""
+        found = []
+        for kind, body, _ in self._blocks(file, 0):
+            if kind == pcap.INTERFACE:
+                found.append(body)
+            elif kind != pcap.SECTION:
+                break
+            if len(found) > JOURNAL:
+                break
+        self.stopped = ""
+        is_ours = len(found) > JOURNAL and found[JOURNAL][:2] == struct.pack("<H", pcap.USER0)
+        if not is_ours or JOURNAL_NAME not in found[JOURNAL]:
+            what = f"no recording of trcvtui: try trcvtui watch {self.path}"
+            raise mistake(self.path, what, "a journal of trcvtui")
+
+    def _blocks(self, file: IO[bytes], at: int) -> Iterator[tuple[int, bytes, int]]:
+        """Yield type, body and place of each block from a byte on; say in `stopped` why there are no more."""
+        file.seek(at)
+        while head := file.read(8):
+            if len(head) < 8:
+                break
+            kind, size = _HEAD.unpack(head)
+            if size < 12 or size & 3 or size > pcap.MOST_BLOCK:
+                self._stop(at, f"a block of {size} bytes", f"{pcap.MOST_BLOCK} at most")
+                return
+            body = file.read(size - 8)
+            if len(body) < size - 8:
+                break
+            if body[-4:] != head[4:]:
+                self._stop(at, "a block with two lengths", str(size))
+                return
+            yield kind, body[:-4], at
+            at += size
+        if head:
+            self._stop(at, "the end of the file", "the rest of a block")
+
+    def _stop(self, at: int, found: str, expected: str) -> None:
+        self.stopped = str(Problem(f"{self.path}: byte {at}", found, expected))
+
+    def entries(self, first: int = 0) -> Iterator[Entry]:
+        """Yield the entries of the journal from block number `first` on; raise UserError for what is none."""
+        at = self.index()[first].packets_at if first else 0
+        payloads: list[bytes] = []
+        return entries_of(self._journal(at, payloads), self.path, payloads, first)
+
+    def _journal(self, at: int, payloads: list[bytes]) -> Iterator[bytes]:
+        """Yield the blocks of the journal; before each, `payloads` are those of its packets."""
+        kept = 0
+        with self._opened() as file:
+            for kind, body, place in self._blocks(file, at):
+                if kind != pcap.ENHANCED_PACKET or len(body) < 20:
                     continue
-                parts.append(packet.data[1:])
-                size += len(packet.data)
-                if size > MOST_BLOCK:
-                    raise mistake(
-                        str(self._path), "a larger block of the journal", f"at most {MOST_BLOCK} bytes"
-                    )
-                if packet.data[:1] == LAST:
-                    yield b"".join(parts)
-                    parts, size = [], 0
-            if reader.trouble is not None:
-                self.stopped = str(reader.trouble)
+                interface, _, _, size = _PACKET.unpack_from(body)
+                data = body[20 : 20 + size]
+                if interface != JOURNAL:
+                    payloads.append(_payload(interface, data))
+                    kept += len(payloads[-1])
+                    if kept > MOST_KEPT:
+                        expected = f"a block of the journal after {MOST_KEPT} bytes at most"
+                        raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
+                    continue
+                yield data
+                payloads.clear()
+                kept = 0
+
+    def index(self) -> list[IndexRow]:
+        """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
+        if self._index is None:
+            with self._opened() as file:
+                self._index = _written_index(file) or list(self._found(file))
+        return self._index
+
+    def _found(self, file: IO[bytes]) -> Iterator[IndexRow]:
+        """Yield the rows that a block at the end would have; scans and times are counted by reading."""
+        places, first = [], -1
+        for kind, body, at in self._blocks(file, 0):
+            if kind == pcap.ENHANCED_PACKET and len(body) >= 20:
+                first = at if first < 0 else first
+                if _PACKET.unpack_from(body)[0] == JOURNAL:
+                    places.append((first, at))
+                    first = -1
+        scans = ns = 0
+        payloads: list[bytes] = []
+        for number, (block, (packets_at, at)) in enumerate(
+            zip(self._journal(0, payloads), places, strict=False)
+        ):
+            yield IndexRow(packets_at, at, scans, ns)
+            for entry in entries_of([block], self.path, payloads, number):
+                if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
+                    scans, ns = scans + 1, entry.answer
+
+
+def _payload(interface: int, data: bytes) -> bytes:
+    if interface == WIRE:
+        return data[_HEADERS[data[9:10] == bytes([TCP])] :]
+    return data[_SERIAL_HEADER:]
+
+
+def _written_index(file: IO[bytes]) -> list[IndexRow]:
+    """Return the rows of the index at the end of a file; [] where there is none that fits."""
+    end = file.seek(0, os.SEEK_END)
+    if end < 12:
+        return []
+    file.seek(end - 4)
+    (size,) = _LENGTH.unpack(file.read(4))
+    if not 12 <= size <= min(end, pcap.MOST_BLOCK):
+        return []
+    file.seek(end - size)
+    block = file.read(size)
+    head = struct.pack("<III", pcap.CUSTOM, size, ENTERPRISE) + INDEX
+    if not block.startswith(head):
+        return []
+    (count,) = _LENGTH.unpack_from(block, len(head))
+    rows = block[len(head) + 4 : len(head) + 4 + count * _ROW.size]
+    if len(rows) != count * _ROW.size:
+        return []
+    found = [IndexRow(*row) for row in _ROW.iter_unpack(rows)]
+    places = [place for row in found for place in (row.packets_at, row.journal_at)]
+    return found if places == sorted(places) and (not places or places[-1] < end) else []

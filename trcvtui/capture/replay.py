@@ -19,6 +19,7 @@ from trcvtui.capture.journal import (
     Note,
     RunBegins,
     Seam,
+    WireCall,
 )
 from trcvtui.errors import UserError, mistake
 from trcvtui.files import FilesRead
@@ -97,9 +98,11 @@ class Replay:
             self._differs(entry, _words(owner, call, args))
         return entry
 
-    def _pass(self, entry: Answered | Note) -> None:
+    def _pass(self, entry: Answered | Note | WireCall) -> None:
         """Go past a note, which is told, or what was asked in a gap, which is remembered."""
         self._front = next(self._entries, None)
+        if isinstance(entry, WireCall):
+            return
         if not isinstance(entry, Answered):
             self.tell(entry)
             return
@@ -120,6 +123,11 @@ class Replay:
 
     def told(self, note: Note) -> None:
         """Do nothing: only the PLC and the bench tell anything here, and nobody keeps it."""
+
+    def wire(
+        self, owner: str, call: str, handle: int, args: tuple[object, ...], answer: object, data: bytes
+    ) -> None:
+        """Do nothing: no wire is there."""
 
     def coming(self) -> Answered | None:
         """Return what the bench was told next, or asked; None: the journal is at its end."""
@@ -318,12 +326,17 @@ class SeamPort:
 
     def read(self, most: int) -> bytes | Fault:
         """Return the bytes that have come."""
-        return self._seam.ask(self._owner, "port read", (most,), lambda: self._inner.read(most))
+        got = self._seam.ask(self._owner, "port read", (most,), lambda: self._inner.read(most))
+        self._seam.wire(self._owner, "port read", 0, (), None, got if isinstance(got, bytes) else b"")
+        return got
 
     def write(self, payload: bytes) -> int | Fault:
         """Hand bytes over."""
         args = len(payload), zlib.crc32(payload)
-        return self._seam.ask(self._owner, "port write", args, lambda: self._inner.write(payload))
+        taken = self._seam.ask(self._owner, "port write", args, lambda: self._inner.write(payload))
+        data = payload[:taken] if isinstance(taken, int) else b""
+        self._seam.wire(self._owner, "port write", 0, (), None, data)
+        return taken
 
     def close(self) -> None:
         """Give the port back."""

@@ -80,6 +80,11 @@ def link_of(peer: PeerDecl, project: Project) -> str:
     return next((name for name, port in ports if port == end.port != 0), "")
 
 
+def _what_each_works_on(project: Project) -> dict[str, str]:
+    """Return the CONNECT or ComBuffer of each instance."""
+    return {each.name: each.connect for each in project.instances}
+
+
 class Checking:
     """One `check on`; it ends with the next one, or with `check off`."""
 
@@ -134,6 +139,7 @@ class Bench:
 
     def __init__(self, project: Project, kernel: str, seam: Seam | None = None) -> None:
         self.project = project
+        self._works_on = _what_each_works_on(project)
         self.kernel_name = kernel
         self._seam = seam  # records what is asked, or answers it from a record
         self.plan = FaultPlan()
@@ -180,8 +186,16 @@ class Bench:
         return SeamWork(self._seam, now_ns)
 
     def _plc_kernel(self) -> ReadyKernel:
-        make = self._with_sessions if self._has_sessions else lambda: self._faulty
+        make = self._with_sessions if self._has_sessions else self._tapped
         return make() if self._seam is None else self._on_seam(self._seam, "PLC", make)
+
+    def _tapped(self) -> ReadyKernel:
+        """Return the PLC's kernel at the wire."""
+        if self._seam is None:
+            return self._faulty
+        from trcvtui.capture.wire import wire_tap
+
+        return wire_tap(self._seam, self._faulty)
 
     @staticmethod
     def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:
@@ -197,7 +211,7 @@ class Bench:
         for config in self.project.connects:
             if config.session is not None:
                 config.session.new(config.active)
-        return LayerKernel(self._faulty, lambda: self.now, self._of_a_session, work=self._work)
+        return LayerKernel(self._tapped(), lambda: self.now, self._of_a_session, work=self._work)
 
     def _peer_kernel(self, decl: PeerDecl) -> Kernel:
         if self._seam is None:
@@ -296,7 +310,8 @@ class Bench:
         self._seam.is_busy = True
         self._pass(self._seam.ask("bench", "step", (), lambda: due))
         for edge in self.runtime.changed:
-            self._seam.ask(edge.instance, "shows", tuple(edge.outputs), lambda: None)
+            works_on = self._works_on.get(edge.instance, "")
+            self._seam.ask(edge.instance, "shows", (works_on, *edge.outputs), lambda: None)
         self._seam.is_busy = False
 
     def _pass(self, now: int) -> None:
@@ -392,7 +407,7 @@ class Bench:
             wrong = self._take(edit, edited)
             if wrong:
                 return wrong
-        self.project = edited
+        self.project, self._works_on = edited, _what_each_works_on(edited)
         if isinstance(command, words.Add | words.Change | words.Remove | words.Undo):
             self._say_anew()
         self.peers = {decl.name: self.peers[decl.name] for decl in edited.peers}

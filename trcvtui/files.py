@@ -175,12 +175,10 @@ def reason_of(failed: OSError | ValueError) -> str:
 def create(path: FileName, where: str, replaces: bool = False) -> IO[bytes]:
     """Return a new file, 0600, that is written to piece by piece and has no buffer of ours.
 
-    Raise UserError for a name that is taken (unless the file `replaces` it) or was read, and where the system
-    refuses.
+    Raise UserError for a name that is taken, unless the file `replaces` it, and where the system refuses.
     """
     try:
         _refuse_when_closed()
-        refuse_input(path, where)
         flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         if replaces and os.path.lexists(path):
             _refuse_target(path, os.path.realpath(path), where, is_new=False)

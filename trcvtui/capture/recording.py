@@ -18,13 +18,12 @@ from trcvtui.capture import pcap
 from trcvtui.capture.journal import (
     STEP,
     Answered,
+    BlockWriter,
     Entry,
     Placed,
     RunBegins,
     WireCall,
-    block_bytes,
     entries_of,
-    value_bytes,
 )
 from trcvtui.capture.packets import TCP
 from trcvtui.capture.wire import WirePacket, WirePackets
@@ -35,11 +34,9 @@ from trcvtui.records import NamedTuple
 WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
 JOURNAL_NAME: Final = b"journal"
 FLUSH_NS: Final = 1_000_000_000  # of the run's time, at most, between two blocks of the journal
-MOST_JOURNAL: Final = 1 << 20  # bytes of a block of the journal
-MOST_OF_A_SCAN: Final = 8 << 20  # the same, in the midst of a scan
+MOST_OF_A_SCAN: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
 MOST_PAYLOAD: Final = 4 << 20  # of the packets of one block
 MOST_KEPT: Final = 64 << 20  # that a reader takes for one block
-ENTERPRISE: Final = 32_473  # of the index block: the number that documents use
 INDEX: Final = b"trcvtui index\n\0\0"
 _ROW: Final = struct.Struct("<QQIq")  # byte of the block's first packet, of the journal; scans before; ns
 _LENGTH: Final = struct.Struct("<I")
@@ -47,6 +44,7 @@ _HEAD: Final = struct.Struct("<II")
 _PACKET: Final = struct.Struct("<IIII")
 _HEADERS: Final = {True: 40, False: 28}  # bytes before the payload of a TCP segment, of a datagram
 _SERIAL_HEADER: Final = 12
+AT_DATA: Final = 28  # of a block with a packet
 
 
 class IndexRow(NamedTuple):
@@ -80,8 +78,8 @@ class RecordingWriter:
         self._comments: dict[int, list[str]] = {}  # by number of the packet
         self._scan_from = 0  # number of the first packet of this scan
         self._called = Placed(0, 0, 0), b""  # the newest call's bytes, and where they stand
-        self._parts: list[bytes] = []  # of the journal's block
-        self._journal_size = self._payload_size = 0
+        self._block = BlockWriter(0)
+        self._payload_size = 0
         self._write(
             pcap.section_block(f"trcvtui {__version__}", ("a recording of trcvtui",))
             + pcap.interface_block(pcap.RAW_IP, "wire")
@@ -94,20 +92,17 @@ class RecordingWriter:
             if isinstance(entry, WireCall):
                 self._take_call(entry)
                 continue
-            kept: object = entry
             if isinstance(entry, Answered):
                 if entry.call == STEP and isinstance(entry.answer, int):
                     self._begin_scan(entry.answer)
                 elif entry.call == "shows":
                     self._comment(entry)
-                kept = self._pointing(entry)
+                entry = self._pointing(entry)
             elif isinstance(entry, RunBegins):
                 self._wall_ns = entry.wall_ns
                 self._wire = WirePackets(entry.wall_ns)
-            part = value_bytes(kept)
-            self._parts.append(part)
-            self._journal_size += len(part)
-            if self._journal_size >= MOST_OF_A_SCAN:
+            self._block.take(entry)
+            if self._block.size >= MOST_OF_A_SCAN:
                 self.flush()
 
     def _take_call(self, call: WireCall) -> None:
@@ -128,11 +123,7 @@ class RecordingWriter:
         return entry._replace(answer=placed) if answer == data else entry
 
     def _begin_scan(self, now: int) -> None:
-        if (
-            now - self._flushed >= FLUSH_NS
-            or self._journal_size >= MOST_JOURNAL
-            or self._payload_size >= MOST_PAYLOAD
-        ):
+        if now - self._flushed >= FLUSH_NS or self._block.is_full or self._payload_size >= MOST_PAYLOAD:
             self.flush()
             self._flushed = now
         self._now = now
@@ -149,13 +140,13 @@ class RecordingWriter:
         ends = f"{'ERROR' if error else 'DONE'}{size}, job {job}, scan {self._scans}"
         text = f"{shows.owner}: 16#{status:04X} {ends}"
         for number in range(len(self._packets) - 1, self._scan_from - 1, -1):
-            if self._packets[number].owner == connect:
+            if connect in self._packets[number].owners:
                 self._comments.setdefault(number, []).append(text)
                 return
 
     def flush(self) -> None:
         """Write what has come; a block of the journal ends with it."""
-        if not self._parts:
+        if not len(self._block):
             return
         written = []
         for number, packet in enumerate(self._packets):
@@ -166,14 +157,14 @@ class RecordingWriter:
             comments = tuple(self._comments.get(number, ()))
             written.append(pcap.packet_block(interface, packet.ns, packet.data, comments))
         packets = b"".join(written)
-        journal = block_bytes(len(self._index), self._parts)
+        journal = self._block.block()
         row = IndexRow(self.size, self.size + len(packets), self._block_scans, self._block_ns)
         self._write(packets + pcap.packet_block(JOURNAL, self._wall_ns + self._now, journal))
         self._index.append(row)
         self._block_scans, self._block_ns = self._scans, self._now
-        self._packets, self._comments, self._parts = [], {}, []
+        self._packets, self._comments, self._block = [], {}, BlockWriter(len(self._index))
         self._called = Placed(0, 0, 0), b""
-        self._scan_from = self._journal_size = self._payload_size = 0
+        self._scan_from = self._payload_size = 0
 
     def _write(self, data: bytes) -> None:
         """Append all or nothing; raise UserError where the disk does not take it: the file ends there."""
@@ -194,7 +185,8 @@ class RecordingWriter:
             return
         self.flush()
         rows = b"".join(_ROW.pack(*row) for row in self._index)
-        self._write(pcap.custom_block(ENTERPRISE, INDEX + _LENGTH.pack(len(self._index)) + rows))
+        index = INDEX + _LENGTH.pack(len(self._index)) + rows
+        self._write(pcap.packet_block(JOURNAL, self._wall_ns + self._now, index))
         self._file.close()
 
 
@@ -280,7 +272,8 @@ class Recording:
                         expected = f"a block of the journal after {MOST_KEPT} bytes at most"
                         raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
                     continue
-                yield data
+                if not data.startswith(INDEX):
+                    yield data
                 payloads.clear()
                 kept = 0
 
@@ -297,7 +290,7 @@ class Recording:
         for kind, body, at in self._blocks(file, 0):
             if kind == pcap.ENHANCED_PACKET and len(body) >= 20:
                 first = at if first < 0 else first
-                if _PACKET.unpack_from(body)[0] == JOURNAL:
+                if _PACKET.unpack_from(body)[0] == JOURNAL and not body.startswith(INDEX, 20):
                     places.append((first, at))
                     first = -1
         scans = ns = 0
@@ -328,11 +321,12 @@ def _written_index(file: IO[bytes]) -> list[IndexRow]:
         return []
     file.seek(end - size)
     block = file.read(size)
-    head = struct.pack("<III", pcap.CUSTOM, size, ENTERPRISE) + INDEX
-    if not block.startswith(head):
+    head = struct.pack("<III", pcap.ENHANCED_PACKET, size, JOURNAL)
+    if not block.startswith(head) or not block.startswith(INDEX, AT_DATA):
         return []
-    (count,) = _LENGTH.unpack_from(block, len(head))
-    rows = block[len(head) + 4 : len(head) + 4 + count * _ROW.size]
+    at = AT_DATA + len(INDEX) + _LENGTH.size
+    (count,) = _LENGTH.unpack_from(block.ljust(at, b"\0"), at - _LENGTH.size)
+    rows = block[at : at + count * _ROW.size]
     if len(rows) != count * _ROW.size:
         return []
     found = [IndexRow(*row) for row in _ROW.iter_unpack(rows)]

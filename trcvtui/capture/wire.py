@@ -31,9 +31,12 @@ _SERIAL: Final = struct.Struct(">IIBBH").pack
 
 
 class WirePacket(NamedTuple):
-    """One packet; `line` is the ComBuffer of a serial one, "" for IP. `payload`: bytes at its end."""
+    """One packet; `line` is the ComBuffer of a serial one, "" for IP. `payload`: bytes at its end.
 
-    owner: str
+    `owners`: the CONNECT or ComBuffer that it is of; two, where CONNECTs talk with each other.
+    """
+
+    owners: tuple[str, ...]
     line: str
     ns: int
     data: bytes
@@ -108,7 +111,8 @@ def wire_tap(seam: Seam, kernel: Kernel) -> ReadyKernel:
 class _Stream:
     """One TCP connection: its ends and what each has sent."""
 
-    def __init__(self, here: Endpoint, there: Endpoint) -> None:
+    def __init__(self, owner: str, here: Endpoint, there: Endpoint) -> None:
+        self.owners: tuple[str, ...] = (owner,)
         self.ends = here, there
         self.sent = [0, 0]  # sequence numbers of both
         self.has_ended = [False, False]  # FIN or RST
@@ -181,7 +185,11 @@ class WirePackets:
     def _accept(self, call: WireCall) -> Iterator[WirePacket]:
         if isinstance(call.answer, Accepted):
             peer = call.answer.peer
-            stream = _Stream(self._own_end(call.handle, peer), peer)
+            stream = _Stream(call.owner, self._own_end(call.handle, peer), peer)
+            caller = next((each for each in self._streams.values() if each.ends == stream.ends[::-1]), None)
+            if caller is not None:  # a CONNECT of this PLC, whose calls tell the same packets
+                caller.owners += stream.owners
+                return
             self._streams[call.answer.handle] = stream
             yield self._segment(call, stream, 1, SYN)
             yield from self._answered(call, stream, 0)
@@ -189,7 +197,7 @@ class WirePackets:
     def _connect(self, call: WireCall) -> Iterator[WirePacket]:
         there = call.args[0] if call.args else None
         if isinstance(there, Endpoint) and octets(there.address):
-            stream = _Stream(self._own_end(call.handle, there), there)
+            stream = _Stream(call.owner, self._own_end(call.handle, there), there)
             self._streams[call.handle] = stream
             yield self._segment(call, stream, 0, SYN)
             yield from self._refused(call, stream, call.answer)
@@ -281,7 +289,7 @@ class WirePackets:
         head = _TCP(
             source.port, target.port, sequence, seen if flags & ACK else 0, 5 << 4, flags, WINDOW, 0, 0
         )
-        return self._ip(call, TCP, source, target, head, 16, payload)
+        return self._ip(call, stream.owners, TCP, source, target, head, 16, payload)
 
     # -- UDP --------------------------------------------------------------------------------------------
 
@@ -298,11 +306,12 @@ class WirePackets:
     def _datagram(self, call: WireCall, source: Endpoint, target: Endpoint) -> WirePacket:
         payload = call.data[:MOST_DATAGRAM]
         head = _UDP(source.port, target.port, 8 + len(payload), 0)
-        return self._ip(call, UDP, source, target, head, 6, payload)
+        return self._ip(call, (call.owner,), UDP, source, target, head, 6, payload)
 
     def _ip(
         self,
         call: WireCall,
+        owners: tuple[str, ...],
         protocol: int,
         source: Endpoint,
         target: Endpoint,
@@ -321,7 +330,7 @@ class WirePackets:
         fields = 0x45, 0, 20 + size, self._number, 0x4000, 64, protocol
         outer = _checksum(_IP(*fields, 0, ends[:4], ends[4:]))
         data = _IP(*fields, outer, ends[:4], ends[4:]) + head + payload
-        return WirePacket(call.owner, "", self._wall_ns + call.at, data, len(payload))
+        return WirePacket(owners, "", self._wall_ns + call.at, data, len(payload))
 
     # -- serial lines -----------------------------------------------------------------------------------
 
@@ -330,7 +339,7 @@ class WirePackets:
             ns = self._wall_ns + call.at
             event = SERIAL_RECEIVED if call.call == "port read" else SERIAL_SENT
             head = _SERIAL(ns // 10**9 & 0xFFFFFFFF, ns % 10**9 // 1000, event, 0, 0)
-            yield WirePacket(call.owner, call.owner, ns, head + call.data, len(call.data))
+            yield WirePacket((call.owner,), call.owner, ns, head + call.data, len(call.data))
 
 
 def _checksum(data: bytes) -> int:

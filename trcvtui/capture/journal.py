@@ -278,6 +278,7 @@ class SeamRecorder:
 
 _NONE, _FALSE, _TRUE, _INT, _TEXT, _BYTES, _TUPLE, _MAPPING, _SINGLE, _PLACED = range(10)
 _SINGLES: Final = (WOULD_BLOCK, HELD_BACK, OPENING)
+_AT_THE_WIRE: Final = (NOTHING, int, Fault, Accepted, Endpoint, Datagram, KernelLoss, tuple)
 # Each record with the types of its fields in their order. No new field without a new version.
 _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
     (Endpoint, ((str,), (int,))),
@@ -294,6 +295,7 @@ _RECORDS: Final[tuple[tuple[type, tuple[tuple[type, ...], ...]], ...]] = (
         ((str,), (str,), (int,), (int,), (bool,), (str,), (tuple,), (str,), (tuple,), (tuple,)),
     ),
     (EntriesLost, ((int,), (str,))),
+    (WireCall, ((int,), (str,), (str,), (int,), (tuple,), _AT_THE_WIRE, (bytes,))),
 )
 _WORDS: Final = frozenset(map(str, What))
 _FIRST_RECORD: Final = 16  # the tag of the first of them
@@ -438,7 +440,7 @@ class _Cursor:
                 return value
             case WorkWaits(_, what) if what in _WORDS:
                 return value
-            case EntriesLost():
+            case EntriesLost() | WireCall():
                 return value
             case RunBegins() if _is_whole(value):
                 return value

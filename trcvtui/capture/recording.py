@@ -27,12 +27,15 @@ from trcvtui.capture.journal import (
 )
 from trcvtui.capture.packets import TCP
 from trcvtui.capture.wire import WirePacket, WirePackets
-from trcvtui.errors import Problem, mistake
+from trcvtui.errors import Problem, UserError, mistake
 from trcvtui.files import FileName, create, open_to_read, reason_of
 from trcvtui.records import NamedTuple
 
 WIRE, JOURNAL, FIRST_LINE = range(3)  # interfaces; a serial line each from the third on
-JOURNAL_NAME: Final = b"journal"
+READS: Final = frozenset({"recv", "recv_from"})
+JOURNAL_NAME: Final = "trcvtui journal"
+MOST_PIECE: Final = 128 << 10  # bytes of a packet of the journal: Wireshark takes no larger ones
+LAST, MORE = b"\0", b"\1"  # the first byte of such a packet: whether the next one goes on with its block
 FLUSH_NS: Final = 1_000_000_000  # of the run's time, at most, between two blocks of the journal
 MOST_OF_A_SCAN: Final = 8 << 20  # bytes of a block of the journal in the midst of a scan
 MOST_PAYLOAD: Final = 4 << 20  # of the packets of one block
@@ -62,6 +65,8 @@ class RecordingWriter:
     An existing file is refused; `overwrite` replaces a recording, and no other file.
     """
 
+    trouble = ""  # what goes wrong is raised
+
     def __init__(self, path: FileName, overwrite: bool = False) -> None:
         self._path = str(path)
         if overwrite and os.path.lexists(path):
@@ -78,19 +83,23 @@ class RecordingWriter:
         self._comments: dict[int, list[str]] = {}  # by number of the packet
         self._scan_from = 0  # number of the first packet of this scan
         self._called = Placed(0, 0, 0), b""  # the newest call's bytes, and where they stand
+        self._coming: WireCall | None = None  # its bytes stand in the next entry
         self._block = BlockWriter(0)
         self._payload_size = 0
         self._write(
             pcap.section_block(f"trcvtui {__version__}", ("a recording of trcvtui",))
             + pcap.interface_block(pcap.RAW_IP, "wire")
-            + pcap.interface_block(pcap.USER0, JOURNAL_NAME.decode())
+            + pcap.interface_block(pcap.USER0, JOURNAL_NAME)
         )
 
     def take(self, entries: Iterable[Entry]) -> None:
         """Take entries in their order; whole blocks are written."""
         for entry in entries:
             if isinstance(entry, WireCall):
-                self._take_call(entry)
+                if entry.call in READS and not entry.data and entry.answer:
+                    self._coming = entry
+                else:
+                    self._take_call(entry)
                 continue
             if isinstance(entry, Answered):
                 if entry.call == STEP and isinstance(entry.answer, int):
@@ -115,7 +124,11 @@ class RecordingWriter:
 
     def _pointing(self, entry: Answered) -> Answered:
         """Return it with a pointer in place of bytes that the newest packets carry."""
-        answer, (placed, data) = entry.answer, self._called
+        answer = entry.answer
+        if self._coming is not None and isinstance(answer, tuple) and isinstance(answer[-1], bytes):
+            self._take_call(self._coming._replace(data=answer[-1]))
+        self._coming = None
+        placed, data = self._called
         if not data:
             return entry
         if isinstance(answer, tuple) and len(answer) == 2 and answer[1] == data:
@@ -157,14 +170,20 @@ class RecordingWriter:
             comments = tuple(self._comments.get(number, ()))
             written.append(pcap.packet_block(interface, packet.ns, packet.data, comments))
         packets = b"".join(written)
-        journal = self._block.block()
+        journal = self._journal_packets(self._block.block())
         row = IndexRow(self.size, self.size + len(packets), self._block_scans, self._block_ns)
-        self._write(packets + pcap.packet_block(JOURNAL, self._wall_ns + self._now, journal))
+        self._write(packets + journal)
         self._index.append(row)
         self._block_scans, self._block_ns = self._scans, self._now
         self._packets, self._comments, self._block = [], {}, BlockWriter(len(self._index))
         self._called = Placed(0, 0, 0), b""
         self._scan_from = self._payload_size = 0
+
+    def _journal_packets(self, block: bytes) -> bytes:
+        pieces = [block[at : at + MOST_PIECE] for at in range(0, len(block), MOST_PIECE)]
+        marks = [MORE] * (len(pieces) - 1) + [LAST]
+        ns = self._wall_ns + self._now
+        return b"".join([pcap.packet_block(JOURNAL, ns, m + p) for m, p in zip(marks, pieces, strict=True)])
 
     def _write(self, data: bytes) -> None:
         """Append all or nothing; raise UserError where the disk does not take it: the file ends there."""
@@ -185,8 +204,7 @@ class RecordingWriter:
             return
         self.flush()
         rows = b"".join(_ROW.pack(*row) for row in self._index)
-        index = INDEX + _LENGTH.pack(len(self._index)) + rows
-        self._write(pcap.packet_block(JOURNAL, self._wall_ns + self._now, index))
+        self._write(self._journal_packets(INDEX + rows))
         self._file.close()
 
 
@@ -222,7 +240,7 @@ class Recording:
                 break
         self.stopped = ""
         is_ours = len(found) > JOURNAL and found[JOURNAL][:2] == struct.pack("<H", pcap.USER0)
-        if not is_ours or JOURNAL_NAME not in found[JOURNAL]:
+        if not is_ours or JOURNAL_NAME.encode() not in found[JOURNAL]:
             what = f"no recording of trcvtui: try trcvtui watch {self.path}"
             raise mistake(self.path, what, "a journal of trcvtui")
 
@@ -251,57 +269,63 @@ class Recording:
         self.stopped = str(Problem(f"{self.path}: byte {at}", found, expected))
 
     def entries(self, first: int = 0) -> Iterator[Entry]:
-        """Yield the entries of the journal from block number `first` on; raise UserError for what is none."""
+        """Yield the entries of the journal from block number `first` on, as far as they can be read."""
         at = self.index()[first].packets_at if first else 0
         payloads: list[bytes] = []
-        return entries_of(self._journal(at, payloads), self.path, payloads, first)
+        blocks = (block for block, _ in self._journal(at, payloads))
+        try:
+            yield from entries_of(blocks, self.path, payloads, first)
+        except UserError as wrong:
+            self.stopped = str(wrong)
 
-    def _journal(self, at: int, payloads: list[bytes]) -> Iterator[bytes]:
-        """Yield the blocks of the journal; before each, `payloads` are those of its packets."""
-        kept = 0
+    def _journal(self, at: int, payloads: list[bytes]) -> Iterator[tuple[bytes, IndexRow]]:
+        """Yield the blocks of the journal with their places; before each, `payloads` are of its packets."""
+        pieces: list[bytes] = []
+        begun, journal_at, kept = -1, 0, 0
         with self._opened() as file:
             for kind, body, place in self._blocks(file, at):
-                if kind != pcap.ENHANCED_PACKET or len(body) < 20:
+                if kind != pcap.ENHANCED_PACKET or len(body) < AT_DATA - 8:
                     continue
                 interface, _, _, size = _PACKET.unpack_from(body)
-                data = body[20 : 20 + size]
+                data = body[AT_DATA - 8 : AT_DATA - 8 + size]
+                begun = place if begun < 0 else begun
+                kept += len(data)
+                if kept > MOST_KEPT:
+                    expected = f"a block of the journal after {MOST_KEPT} bytes at most"
+                    raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
                 if interface != JOURNAL:
                     payloads.append(_payload(interface, data))
-                    kept += len(payloads[-1])
-                    if kept > MOST_KEPT:
-                        expected = f"a block of the journal after {MOST_KEPT} bytes at most"
-                        raise mistake(f"{self.path}: byte {place}", "packets and no journal", expected)
                     continue
-                if not data.startswith(INDEX):
-                    yield data
-                payloads.clear()
-                kept = 0
+                journal_at = place if not pieces else journal_at
+                pieces.append(data[1:])
+                if data[:1] != MORE:
+                    block = b"".join(pieces)
+                    if not block.startswith(INDEX):
+                        yield block, IndexRow(begun, journal_at, 0, 0)
+                    payloads.clear()
+                    pieces, begun, kept = [], -1, 0
 
     def index(self) -> list[IndexRow]:
         """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
         if self._index is None:
             with self._opened() as file:
-                self._index = _written_index(file) or list(self._found(file))
+                self._index = _written_index(file)
+            try:
+                self._index = self._index or list(self._found())
+            except UserError as wrong:
+                self.stopped, self._index = str(wrong), []
         return self._index
 
-    def _found(self, file: IO[bytes]) -> Iterator[IndexRow]:
-        """Yield the rows that a block at the end would have; scans and times are counted by reading."""
-        places, first = [], -1
-        for kind, body, at in self._blocks(file, 0):
-            if kind == pcap.ENHANCED_PACKET and len(body) >= 20:
-                first = at if first < 0 else first
-                if _PACKET.unpack_from(body)[0] == JOURNAL and not body.startswith(INDEX, 20):
-                    places.append((first, at))
-                    first = -1
+    def _found(self) -> Iterator[IndexRow]:
+        """Yield the rows that the index would have; scans and times are counted by reading."""
         scans = ns = 0
         payloads: list[bytes] = []
-        for number, (block, (packets_at, at)) in enumerate(
-            zip(self._journal(0, payloads), places, strict=False)
-        ):
-            yield IndexRow(packets_at, at, scans, ns)
+        for number, (block, row) in enumerate(self._journal(0, payloads)):
+            before = scans, ns
             for entry in entries_of([block], self.path, payloads, number):
                 if isinstance(entry, Answered) and entry.call == STEP and isinstance(entry.answer, int):
                     scans, ns = scans + 1, entry.answer
+            yield row._replace(scans=before[0], ns=before[1])
 
 
 def _payload(interface: int, data: bytes) -> bytes:
@@ -312,23 +336,25 @@ def _payload(interface: int, data: bytes) -> bytes:
 
 def _written_index(file: IO[bytes]) -> list[IndexRow]:
     """Return the rows of the index at the end of a file; [] where there is none that fits."""
-    end = file.seek(0, os.SEEK_END)
-    if end < 12:
-        return []
-    file.seek(end - 4)
-    (size,) = _LENGTH.unpack(file.read(4))
-    if not 12 <= size <= min(end, pcap.MOST_BLOCK):
-        return []
-    file.seek(end - size)
-    block = file.read(size)
-    head = struct.pack("<III", pcap.ENHANCED_PACKET, size, JOURNAL)
-    if not block.startswith(head) or not block.startswith(INDEX, AT_DATA):
-        return []
-    at = AT_DATA + len(INDEX) + _LENGTH.size
-    (count,) = _LENGTH.unpack_from(block.ljust(at, b"\0"), at - _LENGTH.size)
-    rows = block[at : at + count * _ROW.size]
-    if len(rows) != count * _ROW.size:
+    pieces: list[bytes] = []
+    whole = end = file.seek(0, os.SEEK_END)
+    while not (pieces and pieces[0].startswith(INDEX)):
+        file.seek(max(0, end - _LENGTH.size))
+        (size,) = _LENGTH.unpack(file.read(_LENGTH.size).ljust(_LENGTH.size, b"\0"))
+        if not AT_DATA < size <= min(end, 2 * MOST_PIECE):
+            return []
+        end -= size
+        file.seek(end)
+        block = file.read(size)
+        kind, _, interface, _, _, kept = struct.unpack_from("<IIIIII", block)
+        if kind != pcap.ENHANCED_PACKET or interface != JOURNAL or kept > size - AT_DATA - _LENGTH.size:
+            return []
+        if block[AT_DATA : AT_DATA + 1] != (MORE if pieces else LAST):
+            return []
+        pieces.insert(0, block[AT_DATA + 1 : AT_DATA + kept])
+    rows = b"".join(pieces)[len(INDEX) :]
+    if len(rows) % _ROW.size:
         return []
     found = [IndexRow(*row) for row in _ROW.iter_unpack(rows)]
     places = [place for row in found for place in (row.packets_at, row.journal_at)]
-    return found if places == sorted(places) and (not places or places[-1] < end) else []
+    return found if places == sorted(places) and (not places or places[-1] < whole) else []

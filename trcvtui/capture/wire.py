@@ -14,7 +14,7 @@ from trcvtui.capture.journal import Seam, WireCall
 from trcvtui.capture.packets import TCP, UDP
 from trcvtui.net.kernel import Accepted, Handle, Kernel, KernelLoss, LocalAddress
 from trcvtui.net.layers.layer_kernel import ReadyKernel
-from trcvtui.net.results import ANY_ADDRESS, Datagram, Endpoint, Fault, is_loopback, octets
+from trcvtui.net.results import ANY_ADDRESS, Datagram, Endpoint, Fault, WouldBlock, is_loopback, octets
 from trcvtui.records import NamedTuple
 
 MOST_PAYLOAD: Final = 1460
@@ -52,10 +52,13 @@ WITH_BYTES: Final = frozenset({"recv", "recv_from", "send", "send_to"})
 
 
 class _Tap:
-    """A kernel around another that tells its seam what crosses the wire; all else it hands on."""
+    """A kernel around another that tells its seam what crosses the wire; all else it hands on.
 
-    def __init__(self, seam: Seam, inner: Kernel) -> None:
-        self._seam, self._inner = seam, inner
+    `is_next`: the seam stands next to it, so that what is read stands in the seam's next entry.
+    """
+
+    def __init__(self, seam: Seam, inner: Kernel, is_next: bool) -> None:
+        self._seam, self._inner, self._is_next = seam, inner, is_next
         self._owners: dict[int, str] = {}
         for name in TAPPED:
             setattr(self, name, self._tapped(name))
@@ -85,16 +88,20 @@ class _Tap:
     def _tapped(self, name: str) -> Callable[..., object]:
         call, wire, owners = getattr(self._inner, name), self._seam.wire, self._owners
         has_bytes, is_last = name in WITH_BYTES, name in ("close", "abort")
+        is_told = self._is_next and name in ("recv", "recv_from")
 
         def tapped(handle: Handle, *args: object) -> object:
             answer = call(handle, *args)
+            if isinstance(answer, WouldBlock) or (name == "loss" and answer is None):
+                return answer
             owner = owners.pop(handle, "") if is_last else owners.get(handle, "")
             data = b""
             if has_bytes:
                 size = answer.size if isinstance(answer, Datagram) else answer
                 view, *args_left = args
                 args = (len(view), *args_left)  # type: ignore[arg-type]
-                data = bytes(view[:size]) if isinstance(size, int) else b""  # type: ignore[index]
+                if isinstance(size, int) and not is_told:
+                    data = bytes(view[:size])  # type: ignore[index]
             elif isinstance(answer, Accepted):
                 owners[answer.handle] = owner
             wire(owner, name, handle, args, answer, data)
@@ -103,9 +110,9 @@ class _Tap:
         return tapped
 
 
-def wire_tap(seam: Seam, kernel: Kernel) -> ReadyKernel:
-    """Return the kernel, tapped."""
-    return cast(ReadyKernel, _Tap(seam, kernel))
+def wire_tap(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
+    """Return the kernel, tapped; `is_next`: the seam asks it, no layer is between."""
+    return cast(ReadyKernel, _Tap(seam, kernel, is_next))
 
 
 class _Stream:

@@ -195,7 +195,7 @@ class Bench:
             return self._faulty
         from trcvtui.capture.wire import wire_tap
 
-        return wire_tap(self._seam, self._faulty)
+        return wire_tap(self._seam, self._faulty, is_next=not self._has_sessions)
 
     @staticmethod
     def _on_seam(seam: Seam, label: str, make: Callable[[], Kernel]) -> ReadyKernel:

@@ -459,6 +459,9 @@ def _is_whole(begins: RunBegins) -> bool:
     )
 
 
+_UNEQUAL: Final = (Fault, KernelLoss, dict)  # faults that compare as equal may have other partners
+
+
 class BlockWriter:
     """Entries of one block: each that is unlike the others stands once, then which of them came when."""
 
@@ -481,10 +484,13 @@ class BlockWriter:
     def take(self, entry: Entry) -> None:
         """Append an entry."""
         place = len(self._parts)
-        try:
-            at = self._known.setdefault(entry, place)
-        except TypeError:  # it has a mapping in it
+        if isinstance(entry, Answered) and type(entry.answer) in _UNEQUAL:
             at = place
+        else:
+            try:
+                at = self._known.setdefault(entry, place)
+            except TypeError:  # it has a mapping in it
+                at = place
         if at == place:
             self._parts.append(value_bytes(entry))
             self.size += len(self._parts[-1])

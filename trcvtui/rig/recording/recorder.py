@@ -78,6 +78,8 @@ class RunRecorder:
             tuple(read.digests.items()),
         )
         self._entries.insert(0, begins)
+        if is_live:
+            self.seam.clock = clock.now_ns
         read.told = lambda name, content: self._entries.append(Answered("files", READ, (name,), content))
 
     def gap(self, bench: Bench) -> None:

@@ -324,7 +324,7 @@ def value_bytes(value: object) -> bytes:
         case dict():
             parts = [value_bytes(each) for pair in value.items() for each in pair]
             return struct.pack("<BH", _MAPPING, len(value)) + b"".join(parts)
-    if isinstance(value, Placed):
+    if isinstance(value, InPackets):
         return struct.pack("<BIII", _PLACED, *value)
     if value in _SINGLES:
         return bytes([_SINGLE, _SINGLES.index(value)])
@@ -335,7 +335,7 @@ def value_bytes(value: object) -> bytes:
     return struct.pack("<BH", _TUPLE, len(value)) + b"".join(map(value_bytes, value))
 
 
-class Placed(NamedTuple):
+class InPackets(NamedTuple):
     """Bytes that stand in packets before their block: in `packets` of them, from number `first` on."""
 
     first: int

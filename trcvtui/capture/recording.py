@@ -20,7 +20,7 @@ from trcvtui.capture.journal import (
     Answered,
     BlockWriter,
     Entry,
-    Placed,
+    InPackets,
     RunBegins,
     WireCall,
     entries_of,
@@ -50,7 +50,7 @@ _SERIAL_HEADER: Final = 12
 AT_DATA: Final = 28  # of a block with a packet
 
 
-class IndexRow(NamedTuple):
+class BlockPlace(NamedTuple):
     """Where a block of the journal stands; `scans`: how many have begun before it; `ns` of the run then."""
 
     packets_at: int
@@ -74,7 +74,7 @@ class RecordingWriter:
         self._file: IO[bytes] = create(path, "--record", overwrite)
         self.size = 0  # bytes that the file has
         self._lines: dict[str, int] = {}  # interface of each serial line
-        self._index: list[IndexRow] = []
+        self._index: list[BlockPlace] = []
         self._wire = WirePackets(0)
         self._wall_ns = self._now = self._flushed = 0
         self._scans = self._block_scans = self._block_ns = 0
@@ -82,7 +82,7 @@ class RecordingWriter:
         self._packets: list[WirePacket] = []  # of the block under way
         self._comments: dict[int, list[str]] = {}  # by number of the packet
         self._scan_from = 0  # number of the first packet of this scan
-        self._called = Placed(0, 0, 0), b""  # the newest call's bytes, and where they stand
+        self._called = InPackets(0, 0, 0), b""  # the newest call's bytes, and where they stand
         self._coming: WireCall | None = None  # its bytes stand in the next entry
         self._block = BlockWriter(0)
         self._payload_size = 0
@@ -120,7 +120,7 @@ class RecordingWriter:
         count = len(self._packets) - first
         self._payload_size += len(call.data)
         if call.data and sum(packet.payload for packet in self._packets[first:]) == len(call.data):
-            self._called = Placed(first, count, len(call.data)), call.data
+            self._called = InPackets(first, count, len(call.data)), call.data
 
     def _pointing(self, entry: Answered) -> Answered:
         """Return it with a pointer in place of bytes that the newest packets carry."""
@@ -171,12 +171,12 @@ class RecordingWriter:
             written.append(pcap.packet_block(interface, packet.ns, packet.data, comments))
         packets = b"".join(written)
         journal = self._journal_packets(self._block.block())
-        row = IndexRow(self.size, self.size + len(packets), self._block_scans, self._block_ns)
+        row = BlockPlace(self.size, self.size + len(packets), self._block_scans, self._block_ns)
         self._write(packets + journal)
         self._index.append(row)
         self._block_scans, self._block_ns = self._scans, self._now
         self._packets, self._comments, self._block = [], {}, BlockWriter(len(self._index))
-        self._called = Placed(0, 0, 0), b""
+        self._called = InPackets(0, 0, 0), b""
         self._scan_from = self._payload_size = 0
 
     def _journal_packets(self, block: bytes) -> bytes:
@@ -219,7 +219,7 @@ class Recording:
         self.stopped = ""
         with self._opened() as file:
             self._check_head(file)
-        self._index: list[IndexRow] | None = None
+        self._index: list[BlockPlace] | None = None
 
     def _opened(self) -> IO[bytes]:
         try:
@@ -278,7 +278,7 @@ class Recording:
         except UserError as wrong:
             self.stopped = str(wrong)
 
-    def _journal(self, at: int, payloads: list[bytes]) -> Iterator[tuple[bytes, IndexRow]]:
+    def _journal(self, at: int, payloads: list[bytes]) -> Iterator[tuple[bytes, BlockPlace]]:
         """Yield the blocks of the journal with their places; before each, `payloads` are of its packets."""
         pieces: list[bytes] = []
         begun, journal_at, kept = -1, 0, 0
@@ -301,11 +301,11 @@ class Recording:
                 if data[:1] != MORE:
                     block = b"".join(pieces)
                     if not block.startswith(INDEX):
-                        yield block, IndexRow(begun, journal_at, 0, 0)
+                        yield block, BlockPlace(begun, journal_at, 0, 0)
                     payloads.clear()
                     pieces, begun, kept = [], -1, 0
 
-    def index(self) -> list[IndexRow]:
+    def index(self) -> list[BlockPlace]:
         """Return where the blocks of the journal stand: as the file says, or found by its blocks' heads."""
         if self._index is None:
             with self._opened() as file:
@@ -316,7 +316,7 @@ class Recording:
                 self.stopped, self._index = str(wrong), []
         return self._index
 
-    def _found(self) -> Iterator[IndexRow]:
+    def _found(self) -> Iterator[BlockPlace]:
         """Yield the rows that the index would have; scans and times are counted by reading."""
         scans = ns = 0
         payloads: list[bytes] = []
@@ -334,7 +334,7 @@ def _payload(interface: int, data: bytes) -> bytes:
     return data[_SERIAL_HEADER:]
 
 
-def _written_index(file: IO[bytes]) -> list[IndexRow]:
+def _written_index(file: IO[bytes]) -> list[BlockPlace]:
     """Return the rows of the index at the end of a file; [] where there is none that fits."""
     pieces: list[bytes] = []
     whole = end = file.seek(0, os.SEEK_END)
@@ -355,6 +355,6 @@ def _written_index(file: IO[bytes]) -> list[IndexRow]:
     rows = b"".join(pieces)[len(INDEX) :]
     if len(rows) % _ROW.size:
         return []
-    found = [IndexRow(*row) for row in _ROW.iter_unpack(rows)]
+    found = [BlockPlace(*row) for row in _ROW.iter_unpack(rows)]
     places = [place for row in found for place in (row.packets_at, row.journal_at)]
     return found if places == sorted(places) and (not places or places[-1] < whole) else []

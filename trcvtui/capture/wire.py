@@ -115,7 +115,7 @@ def wire_tap(seam: Seam, kernel: Kernel, is_next: bool) -> ReadyKernel:
     return cast(ReadyKernel, _Tap(seam, kernel, is_next))
 
 
-class _Stream:
+class _TcpStream:
     """One TCP connection: its ends and what each has sent."""
 
     def __init__(self, owner: str, here: Endpoint, there: Endpoint) -> None:
@@ -132,7 +132,7 @@ class WirePackets:
     def __init__(self, wall_ns: int) -> None:
         self._wall_ns = wall_ns
         self._bound: dict[int, Endpoint] = {}
-        self._streams: dict[int, _Stream] = {}
+        self._streams: dict[int, _TcpStream] = {}
         self._address = "127.0.0.1"  # where only 0.0.0.0 was told
         self._port = FIRST_PORT
         self._number = 0  # of IP packets
@@ -192,7 +192,7 @@ class WirePackets:
     def _accept(self, call: WireCall) -> Iterator[WirePacket]:
         if isinstance(call.answer, Accepted):
             peer = call.answer.peer
-            stream = _Stream(call.owner, self._own_end(call.handle, peer), peer)
+            stream = _TcpStream(call.owner, self._own_end(call.handle, peer), peer)
             caller = next((each for each in self._streams.values() if each.ends == stream.ends[::-1]), None)
             if caller is not None:  # a CONNECT of this PLC, whose calls tell the same packets
                 caller.owners += stream.owners
@@ -204,7 +204,7 @@ class WirePackets:
     def _connect(self, call: WireCall) -> Iterator[WirePacket]:
         there = call.args[0] if call.args else None
         if isinstance(there, Endpoint) and octets(there.address):
-            stream = _Stream(call.owner, self._own_end(call.handle, there), there)
+            stream = _TcpStream(call.owner, self._own_end(call.handle, there), there)
             self._streams[call.handle] = stream
             yield self._segment(call, stream, 0, SYN)
             yield from self._refused(call, stream, call.answer)
@@ -216,13 +216,13 @@ class WirePackets:
         elif stream is not None:
             yield from self._refused(call, stream, call.answer)
 
-    def _answered(self, call: WireCall, stream: _Stream, who: int) -> Iterator[WirePacket]:
+    def _answered(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
         """Yield what finishes a handshake: SYN with ACK, then ACK."""
         stream.stands = True
         yield self._segment(call, stream, who, SYN | ACK)
         yield self._segment(call, stream, 1 - who, ACK)
 
-    def _refused(self, call: WireCall, stream: _Stream, answer: object) -> Iterator[WirePacket]:
+    def _refused(self, call: WireCall, stream: _TcpStream, answer: object) -> Iterator[WirePacket]:
         if isinstance(answer, Fault) and not answer.injected and answer.error in RESETS:
             yield from self._end(call, stream, 1, RST | ACK)
 
@@ -243,7 +243,7 @@ class WirePackets:
         if stream is not None and call.data:
             yield from self._data(call, stream, 0)
 
-    def _data(self, call: WireCall, stream: _Stream, who: int) -> Iterator[WirePacket]:
+    def _data(self, call: WireCall, stream: _TcpStream, who: int) -> Iterator[WirePacket]:
         for at in range(0, len(call.data), MOST_PAYLOAD):
             part = call.data[at : at + MOST_PAYLOAD]
             last = PSH if at + MOST_PAYLOAD >= len(call.data) else 0
@@ -275,7 +275,7 @@ class WirePackets:
                 yield from self._end(call, stream, 1, FIN | ACK)
             yield from self._refused(call, stream, loss.fault)
 
-    def _end(self, call: WireCall, stream: _Stream, who: int, flags: int) -> Iterator[WirePacket]:
+    def _end(self, call: WireCall, stream: _TcpStream, who: int, flags: int) -> Iterator[WirePacket]:
         """Yield FIN or RST once: nothing follows an RST, and no second FIN a FIN."""
         if all(stream.has_ended) or (stream.has_ended[who] and not flags & RST):
             return
@@ -287,7 +287,7 @@ class WirePackets:
         )
 
     def _segment(
-        self, call: WireCall, stream: _Stream, who: int, flags: int, payload: bytes = b""
+        self, call: WireCall, stream: _TcpStream, who: int, flags: int, payload: bytes = b""
     ) -> WirePacket:
         """Return one segment of the end number `who`; 0 is the PLC's."""
         source, target = stream.ends[who], stream.ends[1 - who]
